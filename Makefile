@@ -1,0 +1,58 @@
+# flexfem: `make help` lists the targets. Everything runs in .venv, which is made when it is missing.
+
+PYTHON ?= python3
+BIN := .venv/bin
+FLEXFEM := $(BIN)/flexfem
+SETUP := .venv/installed
+
+CASES := $(wildcard cases/fig*.toml)
+RESULTS := $(CASES:cases/%.toml=reports/%.json)
+STAGES := $(wildcard geometry/*.toml)
+PLOT_CODE := $(wildcard flexfem/report/*.py)
+MODEL_CODE := $(filter-out $(PLOT_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
+
+.PHONY: help reproduce-figures test test-slow check baselines regression bench clean
+.DELETE_ON_ERROR:
+
+help: ## list the targets
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 22
+
+reproduce-figures: reports/verification.md ## Figures 5 to 7 and the drawings of the stages, into reports/
+	@echo "figures: reports/fig5.png, reports/fig6.png, reports/fig7.png (and .pdf); all of them: reports/verification.md"
+
+reports/verification.md: $(RESULTS) $(PLOT_CODE)
+	@echo "drawing"
+	@$(FLEXFEM) plot $(RESULTS) --output reports >/dev/null
+
+reports/%.json: cases/%.toml $(STAGES) $(MODEL_CODE) $(SETUP)
+	@$(FLEXFEM) verify $< --output reports
+
+test: $(SETUP) ## the tests but the slow ones
+	@$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-slow: $(SETUP) ## the slow tests only
+	@$(BIN)/python -m pytest -m slow
+
+check: $(SETUP) ## ruff and mypy
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
+
+regression: $(SETUP) ## compare every case with its baseline
+	@$(FLEXFEM) verify --check $(CASES) --output reports
+
+baselines: $(SETUP) ## accept the present numbers: make baselines REASON="why"
+	@$(FLEXFEM) baseline $(CASES) --reason "$(REASON)"
+
+bench: $(SETUP) ## measure, as ratios in one run
+	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+clean: ## remove results, figures and caches; .venv stays
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+	find reports -mindepth 1 ! -name README.md -delete
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+$(SETUP): pyproject.toml
+	@echo "installing flexfem and what it needs into .venv (a minute or two)"
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@$(BIN)/python -c "from flexfem.fem.mesher import require_gmsh; require_gmsh()"
+	@touch $@

@@ -1,0 +1,5 @@
+"""`python -m flexfem`."""
+
+from flexfem.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""The analytic model: joint springs, influence coefficients, platform stiffness, exact equilibrium."""

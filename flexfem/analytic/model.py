@@ -1,0 +1,90 @@
+"""One stage through the analytic model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.analytic import notch
+from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
+from flexfem.analytic.mobility import mobility as mobility_of
+from flexfem.analytic.notch import Compliance
+from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
+from flexfem.arrays import Array
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.layout.frames import stage_frames
+
+if TYPE_CHECKING:
+    from flexfem.design import Stage
+
+DEFAULT_FORMULA = "paros-weisbord"
+
+
+class AnalyticResult(NamedTuple):
+    """The analytic model of one stage at rest.
+
+    stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.
+    mobility : by (1).   freedoms : of each hinge, 3 chains by 3 hinges.   formula : name of the hinge formula.
+    hinges : Compliance of the nine hinges, fields (3, 3).
+    in_range : (3, 3), whether t/R is within the range of the formula.
+    """
+
+    stiffness: Array
+    compliance: Array
+    mobility: int
+    freedoms: Freedoms
+    formula: str
+    hinges: Compliance
+    in_range: NDArray[np.bool_]
+
+
+def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
+    """Compliances of the nine hinges, fields (3 chains, 3 hinges).
+
+    Raises BadInput for an unknown formula, and for one that is not even positive at some hinge's t/R.
+    """
+    material, radius, neck = stage.material, stage.array("radius"), stage.array("neck")
+    found = notch.formula(formula).compliance(
+        radius, neck, stage.thickness, material.youngs_modulus, material.poissons_ratio
+    )
+    senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)
+    if np.any(senseless):
+        ratio = (neck / radius)[senseless][0]
+        raise BadInput(
+            f"hinge formula {formula!r} has no positive compliance at t/R = {ratio:.3g}, expected another one"
+        )
+    return found
+
+
+def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
+    """The stage as springs and joints, for loaded and displaced configurations; arguments as for `analyse`."""
+    return mechanism(stage_frames(stage), hinge_compliance(stage, formula), _freedoms(stage, mobility))
+
+
+def analyse(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> AnalyticResult:
+    """Platform stiffness of a stage at rest.
+
+    Parameters
+    ----------
+    mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself.
+    formula : a name in `notch.FORMULAS`.
+
+    Raises
+    ------
+    BadInput: mobility or formula not known.
+    ComputationFailed: the stage is at a singular configuration.
+    """
+    freedoms = _freedoms(stage, mobility)
+    hinges = hinge_compliance(stage, formula)
+    at_rest = stiffness(mechanism(stage_frames(stage), hinges, freedoms))
+    if np.isnan(at_rest.K_uu).any():
+        what = "its loops do not fix the dependent joints" if np.isnan(at_rest.influence.G_u).any() else "K_uu"
+        raise ComputationFailed(f"stage {stage.name!r} is at a singular configuration at rest: {what}")
+    in_range = notch.formula(formula).in_range(stage.array("radius"), stage.array("neck"))
+    return AnalyticResult(at_rest.K_uu, at_rest.C_uu, mobility_of(freedoms), freedoms, formula, hinges, in_range)
+
+
+def _freedoms(stage: Stage, mobility: int | None) -> Freedoms:
+    return stage_freedoms(stage.array("prismatic")) if mobility is None else freedoms_of(mobility)

@@ -1,0 +1,197 @@
+"""The command line. Exit 0 done, 1 a check or a computation failed, 2 bad input."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexfem.errors import BadInput, ComputationFailed
+
+app = typer.Typer(
+    help="Verification and design of planar flexure-hinge stages.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Stage = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
+Cases = Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
+Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default tests/baselines beside the cases.")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written.")]
+
+
+@app.command()
+def check(stage: Stage, json: Json = False) -> None:
+    """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
+    from flexfem import console
+    from flexfem.layout.feasibility import load_feasible
+
+    console.show(console.stage_facts(stage, load_feasible(stage)), json, console.print_stage)
+
+
+@app.command()
+def stiffness(
+    stage: Stage,
+    mobility: Annotated[int | None, typer.Option(help="3, 6, 12 or 21; default: the file's prismatic hinges.")] = None,
+    formula: Annotated[str, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = "paros-weisbord",
+    json: Json = False,
+) -> None:
+    """Platform stiffness by the analytic model, (16) to (18)."""
+    from flexfem import console
+    from flexfem.analytic.model import analyse
+    from flexfem.layout.feasibility import load_feasible
+
+    loaded = load_feasible(stage)
+    console.show(
+        console.analytic_facts(stage, loaded, analyse(loaded, mobility, formula)), json, console.print_analytic
+    )
+
+
+@app.command()
+def mesh(
+    stage: Stage,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .msh or .vtu.")],
+    resolution: Resolution = None,
+    json: Json = False,
+) -> None:
+    """Mesh a stage and write it with the groups stage, ground and hub."""
+    from flexfem import console
+    from flexfem.fem.export import check_format, write_mesh
+    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.layout.feasibility import load_feasible
+
+    loaded = load_feasible(stage)
+    check_format(output)
+    made = build_mesh(loaded, resolution or RESOLUTION)
+    write_mesh(made, output)
+    console.show(console.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, console.print_facts)
+
+
+@app.command()
+def solve(
+    stage: Stage,
+    force: Annotated[
+        tuple[float, float, float], typer.Option(metavar="FX FY M", help="Load at the platform centre: N, N, N mm.")
+    ] = (0.0, 0.0, 0.0),
+    vtu: Annotated[Path | None, typer.Option(help="Write displacement and stress under the load to this file.")] = None,
+    resolution: Resolution = None,
+    json: Json = False,
+) -> None:
+    """Platform compliance, displacement and neck stresses by plane-stress finite elements."""
+    import numpy as np
+
+    from flexfem import console
+    from flexfem.fem.export import write_vtu
+    from flexfem.fem.mesh import RESOLUTION
+    from flexfem.fem.response import load_case
+    from flexfem.layout.feasibility import load_feasible
+    from flexfem.verify.protocol import solve_stage
+
+    loaded = load_feasible(stage)
+    if not np.all(np.isfinite(force)):
+        raise BadInput(f"--force {' '.join(map(str, force))}, expected three finite numbers")
+    if vtu is not None and vtu.suffix != ".vtu":
+        raise BadInput(f"--vtu {vtu}, expected a file name that ends in .vtu")
+    solved = solve_stage(loaded, resolution or RESOLUTION)
+    case = load_case(loaded, solved.mesh, solved.response, np.array(force))
+    if vtu is not None:
+        write_vtu(solved.mesh, vtu, {"displacement": case.field, "von_mises": case.stress})
+    facts = console.solution_facts(stage, loaded, solved, case, resolution or RESOLUTION)
+    console.show(facts, json, console.print_solution)
+
+
+@app.command()
+def verify(
+    cases: Cases,
+    output: Output = Path("reports"),
+    check: Annotated[
+        bool, typer.Option("--check", help="Compare with the baselines; exit 1 if a number moved.")
+    ] = False,
+    baselines: Baselines = None,
+    json: Json = False,
+) -> None:
+    """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
+    from flexfem import console
+    from flexfem.verify import baseline
+    from flexfem.verify.result import write_result
+
+    loaded = console.load_cases(cases)
+    folders = [baselines or baseline.baseline_folder(case) for case in loaded]
+    if check:
+        for case, folder in zip(loaded, folders, strict=True):
+            baseline.read_baseline(folder / f"{case.stem}.json")
+    results, moves = [], []
+    for case, folder, (result, fields) in zip(loaded, folders, console.run_cases(loaded), strict=True):
+        write_result(result, fields, output)
+        results.append(result)
+        if check:
+            moves += baseline.check(case, result, folder)
+    if check:
+        console.show(console.move_facts(results, moves), json, console.print_moves)
+        raise typer.Exit(1 if moves else 0)
+    console.show(console.result_facts(results), json, lambda _: console.print_results(results, output))
+
+
+@app.command()
+def plot(
+    results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
+    output: Output = Path("reports"),
+    json: Json = False,
+) -> None:
+    """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem import console
+    from flexfem.report.write import write_figures
+    from flexfem.verify.result import read_fields, read_result
+
+    read = [(path, read_result(path)) for path in results]
+    written = write_figures([(result, read_fields(path, result)) for path, result in read], output)
+    console.show({"written": [str(path) for path in written]}, json, console.print_written)
+
+
+@app.command("baseline")
+def accept_baseline(
+    cases: Cases,
+    reason: Annotated[str, typer.Option(help="Why the numbers may move; kept in the baseline's history.")],
+    baselines: Baselines = None,
+    json: Json = False,
+) -> None:
+    """Accept the present numbers of cases as their baselines."""
+    from flexfem import console
+    from flexfem.verify.baseline import accept, baseline_folder
+
+    if not reason.strip():
+        raise BadInput("--reason is empty, expected why the numbers may move")
+    loaded = console.load_cases(cases)
+    runs = list(console.run_cases(loaded))
+    written = [
+        accept(case, result, baselines or baseline_folder(case), reason)
+        for case, (result, _) in zip(loaded, runs, strict=True)
+    ]
+    console.show({"written": [str(path) for path in written]}, json, console.print_written)
+
+
+def main() -> None:
+    """Run the command line; refusals are one line on standard error."""
+    try:
+        app(prog_name="flexfem")
+    except BadInput as refusal:
+        sys.exit(_say(refusal, 2))
+    except ComputationFailed as failure:
+        sys.exit(_say(failure, 1))
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # the reader, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+
+
+def _say(error: Exception, code: int) -> int:
+    print(f"flexfem: {error}", file=sys.stderr)
+    return code

@@ -1,0 +1,271 @@
+"""What commands print: facts as JSON for machines, as tables for people; progress on a terminal only."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.notch import FORMULAS
+from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, Stage, key_paths, provenance_of
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.response import LoadCase
+from flexfem.layout.frames import stage_frames
+from flexfem.verify.baseline import Move
+from flexfem.verify.case import DIRECTIONS, LoadedCase
+from flexfem.verify.protocol import Solved, run_case, solve_stage
+from flexfem.verify.result import Fields, Result
+
+Facts = dict[str, Any]
+UNITS = "N, mm, rad; order x, y, theta"
+
+
+def show(facts: Any, as_json: bool, people: Callable[[Any], None]) -> None:
+    """Print facts as JSON, or hand them to the function that prints them for people."""
+    if as_json:
+        print(json.dumps(facts, indent=1, allow_nan=False))
+    else:
+        people(facts)
+
+
+def load_cases(paths: Sequence[Path]) -> list[LoadedCase]:
+    """Read all cases before any is run. Raises BadInput, also when two would write the same result."""
+    loaded = [LoadedCase(path) for path in paths]
+    seen: dict[str, Path] = {}
+    for case in loaded:
+        if case.stem in seen:
+            raise BadInput(
+                f"{case.path}: its results would overwrite those of {seen[case.stem]}, expected another name"
+            )
+        seen[case.stem] = case.path
+    return loaded
+
+
+def run_cases(loaded: Sequence[LoadedCase]) -> Iterator[tuple[Result, dict[str, Fields]]]:
+    """Run cases one by one, each stage solved once; says on standard error how far it is."""
+    solved: dict[tuple[str, int], Solved] = {}
+
+    def solve(stage: Stage, resolution: int) -> Solved:
+        key = (stage.hash, resolution)
+        if key not in solved:
+            solved[key] = solve_stage(stage, resolution)
+        return solved[key]
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        for case in progress.track(loaded, description="verifying"):
+            result, fields = run_case(case, solve)
+            if not console.is_terminal:
+                print(f"{case.stem}: {len(result.curves)} curves in {result.seconds:.1f} s", file=sys.stderr)
+            yield result, fields
+
+
+def stage_facts(path: Path, stage: Stage) -> Facts:
+    """What `check` says of a stage."""
+    placed = stage_frames(stage)
+    hinges = []
+    for chain, position in np.ndindex(3, 3):
+        hinge = stage.hinge(chain + 1, HINGE_NAMES[position])
+        hinges.append(
+            {
+                "chain": chain + 1,
+                "hinge": HINGE_NAMES[position],
+                "centre_mm": placed.centres[chain, position].tolist(),
+                "axis_deg": float(np.rad2deg(placed.axes[chain, position]) % 360.0),
+                "radius_mm": hinge.radius,
+                "neck_mm": hinge.neck,
+                "prismatic": hinge.prismatic,
+            }
+        )
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage)}
+    return {
+        "file": str(path),
+        "name": stage.name,
+        "mobility": stage.mobility,
+        "chains_alike": stage.chains_alike,
+        "hash": stage.hash,
+        "dimensions": stage.model_dump(mode="json", exclude={"name", "hinges", "override", "provenance"}),
+        "hinges": hinges,
+        "provenance": {key: source for key, source in sources.items() if source},
+        "assumed": list(stage.assumed),
+    }
+
+
+def analytic_facts(path: Path, stage: Stage, result: AnalyticResult) -> Facts:
+    """What `stiffness` says."""
+    return {
+        "file": str(path),
+        "name": stage.name,
+        "units": UNITS,
+        "mobility": result.mobility,
+        "formula": result.formula,
+        "formula_source": FORMULAS[result.formula].source,
+        "formula_in_range": bool(np.all(result.in_range)),
+        "stiffness": result.stiffness.tolist(),
+        "compliance": result.compliance.tolist(),
+        "hinge_compliance": {name: values.tolist() for name, values in result.hinges._asdict().items()},
+        "assumed": list(stage.assumed),
+    }
+
+
+def mesh_facts(path: Path, stage: Stage, mesh: StageMesh, resolution: int, output: Path) -> Facts:
+    """What `mesh` says."""
+    return {
+        "file": str(path),
+        "name": stage.name,
+        "written": str(output),
+        "resolution": resolution,
+        "nodes": len(mesh.nodes),
+        "triangles": len(mesh.triangles),
+        "assumed": list(stage.assumed),
+    }
+
+
+def solution_facts(path: Path, stage: Stage, solved: Solved, case: LoadCase, resolution: int) -> Facts:
+    """What `solve` says."""
+    return {
+        "file": str(path),
+        "name": stage.name,
+        "units": f"{UNITS}; stress MPa",
+        "resolution": resolution,
+        "triangles": len(solved.mesh.triangles),
+        "unknowns": solved.response.unknowns,
+        "stiffness": np.linalg.inv(solved.response.compliance).tolist(),
+        "compliance": solved.response.compliance.tolist(),
+        "force": case.force.tolist(),
+        "displacement": case.pose.tolist(),
+        "reaction": case.reaction.tolist(),
+        "energy": case.energy,
+        "neck_stress": case.neck_stress.tolist(),
+        "assumed": list(stage.assumed),
+    }
+
+
+def result_facts(results: Sequence[Result]) -> Any:
+    """What `verify` says: one result as it is stored, several as a list."""
+    stored = [result.model_dump(mode="json") for result in results]
+    return stored[0] if len(stored) == 1 else stored
+
+
+def move_facts(results: Sequence[Result], moves: Sequence[Move]) -> Facts:
+    """What `verify --check` says."""
+    moved = [
+        {
+            "case": move.case,
+            "metric": move.metric,
+            "was": move.was and move.was.value,
+            "is": move.now and move.now.value,
+            "allowed": move.was and move.was.allowed,
+            "unit": (move.was or move.now).unit,  # type: ignore[union-attr]
+            "line": str(move),
+        }
+        for move in moves
+    ]
+    return {"checked": [result.case for result in results], "moved": moved}
+
+
+def print_stage(facts: Facts) -> None:
+    """Print what `check` found."""
+    out = Console(soft_wrap=True, highlight=False)
+    out.print(f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}")
+    table = Table(
+        "chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms", box=None, padding=(0, 2, 0, 0)
+    )
+    for h in facts["hinges"]:
+        x, y = h["centre_mm"]
+        freedoms = "rotation, axial" if h["prismatic"] else "rotation"
+        numbers = (f"{x:z.4f}", f"{y:z.4f}", f"{h['axis_deg']:.2f}", f"{h['radius_mm']:g}", f"{h['neck_mm']:g}")
+        table.add_row(str(h["chain"]), h["hinge"], *numbers, freedoms)
+    out.print(table)
+    out.print("where the numbers come from:")
+    for key, source in facts["provenance"].items():
+        out.print(f"  {key}: {source}", markup=False)
+    if facts["assumed"]:
+        out.print(f"assumed, not the paper's: {', '.join(facts['assumed'])}", markup=False)
+
+
+def print_analytic(facts: Facts) -> None:
+    """Print what `stiffness` found."""
+    out = Console(soft_wrap=True, highlight=False)
+    outside = "" if facts["formula_in_range"] else " (outside its range of t/R at some hinge)"
+    out.print(
+        f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}", markup=False
+    )
+    _print_matrix(out, "stiffness K_uu, N/mm and N mm/rad", np.array(facts["stiffness"]))
+    _print_matrix(out, "compliance C_uu, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    _print_assumed(out, facts)
+
+
+def print_solution(facts: Facts) -> None:
+    """Print what `solve` found."""
+    out = Console(soft_wrap=True, highlight=False)
+    out.print(f"{facts['name']}: finite elements, {facts['triangles']} triangles, {facts['unknowns']} unknowns")
+    _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
+    _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    if any(facts["force"]):
+        out.print("force        " + "  ".join(f"{v: .6e}" for v in facts["force"]) + "  N, N, N mm")
+        out.print("displacement " + "  ".join(f"{v: .6e}" for v in facts["displacement"]) + "  mm, mm, rad")
+        out.print("largest von Mises stress at the necks, MPa, chain by chain (base, elbow, platform):")
+        for chain, row in enumerate(facts["neck_stress"], start=1):
+            out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
+    _print_assumed(out, facts)
+
+
+def print_facts(facts: Facts) -> None:
+    """Print plain facts, one a line."""
+    out = Console(soft_wrap=True, highlight=False)
+    for key, value in facts.items():
+        if key != "assumed":
+            out.print(f"{key}: {value}", markup=False)
+    _print_assumed(out, facts)
+
+
+def print_results(results: Sequence[Result], output: Path) -> None:
+    """Print the error percentages of every case."""
+    out = Console(soft_wrap=True, highlight=False)
+    table = Table("case", "commanded", "model", "X %", "Y %", "theta %", box=None, padding=(0, 2, 0, 0))
+    for result in results:
+        for label, percent in result.error_percent.items():
+            table.add_row(
+                result.case, result.direction, label, *(f"{getattr(percent, axis):z.3f}" for axis in DIRECTIONS)
+            )
+    out.print("error of the finite-element displacement, in per cent of the command")
+    out.print("(rotations against translations by the lever l3)")
+    out.print(table)
+    out.print(f"stored in {output}/", markup=False)
+    _print_assumed(out, {"assumed": {key for result in results for key in result.assumed}})
+
+
+def print_moves(facts: Facts) -> None:
+    """Print one line for every number that moved."""
+    for move in facts["moved"]:
+        print(move["line"])
+    count = len(facts["moved"])
+    print(f"checked {', '.join(facts['checked'])}: " + (f"{count} numbers moved" if count else "no number moved"))
+
+
+def print_written(facts: Facts) -> None:
+    """Print the files written."""
+    for path in facts["written"]:
+        print(path)
+
+
+def _print_matrix(out: Console, title: str, matrix: Array) -> None:
+    out.print(f"{title} (x, y, theta)")
+    for row in matrix:
+        out.print("  " + "  ".join(f"{value: .9e}" for value in row))
+
+
+def _print_assumed(out: Console, facts: Facts) -> None:
+    if facts["assumed"]:
+        out.print(f"{len(facts['assumed'])} of these numbers are assumed, not the paper's: flexfem check lists them")

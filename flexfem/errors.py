@@ -1,0 +1,11 @@
+"""The two ways flexfem refuses: what the user gave is wrong, or the computation cannot be trusted."""
+
+from __future__ import annotations
+
+
+class BadInput(Exception):  # noqa: N818  the exit code says error, the name says whose
+    """A file, key or option that cannot be used; its text is one line, shown as it is, and the exit code is 2."""
+
+
+class ComputationFailed(Exception):  # noqa: N818
+    """A mesh or a solution that fails its own checks; its text is one line, shown as it is, and the exit code is 1."""

@@ -1,0 +1,50 @@
+"""Meshes and fields for other programs: .msh through gmsh, .vtu through meshio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import StageMesh, run_mesher
+from flexfem.fem.mesher import Export
+from flexfem.files import replacing
+
+FORMATS = (".msh", ".vtu")
+
+
+def write_mesh(mesh: StageMesh, path: Path) -> None:
+    """Write a mesh by its file's extension, with the groups `stage`, `ground` and `hub`.
+
+    Raises BadInput for an extension that is not in `FORMATS`.
+    """
+    check_format(path)
+    if path.suffix == ".vtu":
+        write_vtu(mesh, path, {})
+        return
+    groups = {"ground": mesh.edges["ground"], "hub": mesh.edges["hub"]}
+    with replacing(path) as temporary:
+        run_mesher(Export(str(temporary), mesh.nodes, mesh.triangles, groups), time_limit=600.0)
+
+
+def check_format(path: Path) -> None:
+    """Raise BadInput when no format is known by the file's extension."""
+    if path.suffix not in FORMATS:
+        raise BadInput(f"{path}: extension {path.suffix or 'missing'!r}, expected one of {', '.join(FORMATS)}")
+
+
+def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array]) -> None:
+    """Write the mesh with nodal fields (n, ...) as VTK's unstructured grid; 1 marks the nodes of `ground` and `hub`."""
+    import meshio
+
+    data: dict[str, Array] = {}
+    for name, field in fields.items():
+        data[name] = np.pad(field, [(0, 0), (0, 1)]) if field.shape[1:] == (2,) else field
+    for group in ("ground", "hub"):
+        data[group] = np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float)
+    points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
+    grid = meshio.Mesh(points, [("triangle6", mesh.triangles)], point_data=data, cell_data={"body": [mesh.bodies]})
+    with replacing(path) as temporary:
+        meshio.write(temporary, grid, file_format="vtu")

@@ -1,0 +1,227 @@
+"""From stage to mesh: how fine, one third at a time, welded into the whole, checked. The gmsh calls are in `mesher`."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import subprocess
+import sys
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from flexfem.arrays import AnyArray, Array, Index
+from flexfem.design import HINGE_NAMES, Hinge, Stage
+from flexfem.errors import ComputationFailed
+from flexfem.fem.mesher import Export, Job
+from flexfem.layout.bodies import draw_sector, necks
+from flexfem.layout.frames import CHAIN_TURN, turned
+from flexfem.layout.outline import area
+
+RESOLUTION = 8  # triangles across every neck
+TIME_LIMIT = 60.0  # s, for meshing one third
+MOST_TRIANGLES = 1_000_000
+SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
+COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
+ARC_DIVISIONS = 3  # triangles per full turn of an arc, per triangle across a neck
+TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
+LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
+AREA_ERROR = 1e-3
+
+
+class StageMesh(NamedTuple):
+    """Curved quadratic triangles of the whole stage.
+
+    nodes : (n, 2), mm.
+    triangles : (m, 6), corners counter-clockwise, then the middles of the sides 01, 12, 20.
+    bodies : (m,), 4 * chain + body, chains from 0, bodies in the order pad, link 1, link 2, platform.
+    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and, for chain 1 to 3
+        and hinge, `neck 1 base` and so on: the narrowest sections.
+    """
+
+    nodes: Array
+    triangles: Index
+    bodies: Index
+    edges: dict[str, Index]
+
+
+def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = TIME_LIMIT) -> StageMesh:
+    """Mesh a feasible stage. Chains that are alike share one mesh, turned: the whole is then exactly symmetric.
+
+    Parameters
+    ----------
+    resolution : quadratic triangles across every neck; all sizes scale with its inverse.
+    time_limit : s, for each third; gmsh is stopped after it.
+
+    Raises ComputationFailed when the mesh would be too large, is not made in time or fails its checks.
+    """
+    estimate = estimate_triangles(stage, resolution)
+    if estimate > MOST_TRIANGLES:
+        raise ComputationFailed(
+            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
+            "a coarser resolution or thicker necks are needed"
+        )
+    made: dict[tuple[Hinge, ...], dict[str, AnyArray]] = {}
+    thirds = []
+    for chain in (1, 2, 3):
+        hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
+        if hinges not in made:
+            made[hinges] = run_mesher(sector_job(stage, chain, resolution), time_limit)
+        thirds.append(made[hinges])
+    mesh = _welded(thirds)
+    check_mesh(mesh, stage)
+    return mesh
+
+
+def local_thickness(distance: Array, hinge: Hinge) -> Array:
+    """Thickness (...) that triangles follow at a distance (...) from the neck's centre, mm.
+
+    Notes
+    -----
+    A hyperbola: the notch's own `t + d^2 / R` near the neck, a straight growth of `SLOPE` far from it.
+    """
+    bend = SLOPE * hinge.radius / 2
+    return np.asarray(hinge.neck + SLOPE * (np.sqrt(distance**2 + bend**2) - bend))
+
+
+def estimate_triangles(stage: Stage, resolution: float) -> float:
+    """About how many triangles the mesh of the whole stage will have (within a factor of two)."""
+    width, count = stage.chain.link_width, 0.0
+    coarse = COARSEST * width
+    for chain in (1, 2, 3):
+        faces = draw_sector(stage, chain)
+        count += sum(area(face.loop) for face in faces.values()) / coarse**2
+        for name in HINGE_NAMES:
+            hinge = stage.hinge(chain, name)
+            x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
+            drop = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
+            high = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * drop, width)
+            size = np.minimum(local_thickness(x, hinge), coarse)
+            count += 2.0 * float(np.trapezoid(high / size**2, x))
+    return float(count * resolution**2 / TRIANGLE)
+
+
+def sector_job(stage: Stage, chain: int, resolution: int) -> Job:
+    """Drawing and sizes of the third that holds one chain."""
+    sizes = [f"{COARSEST * stage.chain.link_width / resolution!r}"]
+    hinges = [stage.hinge(chain, name) for name in HINGE_NAMES]
+    for neck, hinge in zip(necks(stage, chain), hinges, strict=True):
+        bend = SLOPE * hinge.radius / 2
+        square = f"(x-({neck.point.real!r}))^2+(y-({neck.point.imag!r}))^2+{bend**2!r}"
+        sizes.append(f"({hinge.neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt({square}))/{float(resolution)!r}")
+    rim = stage.platform.radius - stage.platform.hub_radius
+    cuts = int(np.ceil(rim * resolution / (COARSEST * stage.chain.link_width))) + 1
+    divisions = {f"neck {name}": resolution for name in HINGE_NAMES} | {"cut behind": cuts, "cut ahead": cuts}
+    return Job(list(draw_sector(stage, chain).values()), sizes, float(ARC_DIVISIONS * resolution), divisions)
+
+
+def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
+    """Mesh, or write a mesh, in a child process.
+
+    Raises ComputationFailed when it fails or is still busy after `time_limit` s.
+    """
+    command = [sys.executable, "-c", "from flexfem.fem.mesher import main; main()"]
+    try:
+        child = subprocess.run(command, input=pickle.dumps(job), capture_output=True, timeout=time_limit, check=False)
+    except subprocess.TimeoutExpired:
+        raise ComputationFailed(f"gmsh was stopped: not done within {time_limit:g} s") from None
+    if child.returncode != 0:
+        said = child.stderr.decode(errors="replace").strip().splitlines()
+        raise ComputationFailed(said[-1] if said else f"gmsh ended with exit code {child.returncode}")
+    with np.load(io.BytesIO(child.stdout)) as arrays:
+        return dict(arrays)
+
+
+def _welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
+    """The whole stage from three meshed thirds: `cut ahead` of each is `cut behind` of the next."""
+    thirds = [{**third, "nodes": _straightened(third)} for third in thirds]
+    counts = [len(third["nodes"]) for third in thirds]
+    first = np.concatenate([[0], np.cumsum(counts)])
+    number = np.arange(first[-1])
+    for chain, third in enumerate(thirds):
+        following = thirds[(chain + 1) % 3]
+        number[first[chain] + _cut(third, "cut ahead")] = first[(chain + 1) % 3] + _cut(following, "cut behind")
+    kept, number = np.unique(number, return_inverse=True)
+    nodes = np.concatenate([turned(third["nodes"], chain * CHAIN_TURN) for chain, third in enumerate(thirds)])[kept]
+    edges: dict[str, list[Index]] = {}
+    for chain, third in enumerate(thirds):
+        for label in np.unique(third["edge_labels"]):
+            name = str(label).replace("neck", f"neck {chain + 1}")
+            edges.setdefault(name, []).append(number[first[chain] + third["edges"][third["edge_labels"] == label]])
+    triangles = np.concatenate([number[first[chain] + third["triangles"]] for chain, third in enumerate(thirds)])
+    bodies = np.concatenate([4 * chain + third["faces"] for chain, third in enumerate(thirds)])
+    kept_edges = {name: np.concatenate(found) for name, found in edges.items() if not name.startswith(("cut", "free"))}
+    return _ordered(StageMesh(nodes, triangles, bodies, kept_edges))
+
+
+def _ordered(mesh: StageMesh) -> StageMesh:
+    """The mesh with its nodes in scikit-fem's order: corners, then middles in the order of its facets."""
+    from skfem import MeshTri1
+
+    corners, where = np.unique(mesh.triangles[:, :3], return_inverse=True)
+    at, t = np.ascontiguousarray(mesh.nodes[corners].T), np.ascontiguousarray(where.reshape(-1, 3).T)
+    skeleton = MeshTri1(at, t, sort_t=False)
+    middles = np.empty(skeleton.facets.shape[1], dtype=np.int64)
+    middles[skeleton.t2f] = mesh.triangles[:, 3:].T
+    order = np.concatenate([corners, middles])
+    back = np.empty(len(order), dtype=np.int64)
+    back[order] = np.arange(len(order))
+    edges = {name: back[edge] for name, edge in mesh.edges.items()}
+    return StageMesh(mesh.nodes[order], back[mesh.triangles], mesh.bodies, edges)
+
+
+def _cut(third: dict[str, AnyArray], label: str) -> Index:
+    """Nodes of a third on one of its cuts, from the hub outwards."""
+    found = np.unique(third["edges"][third["edge_labels"] == label])
+    return np.asarray(found[np.argsort(np.hypot(*third["nodes"][found].T))])
+
+
+def _straightened(third: dict[str, AnyArray]) -> Array:
+    """Nodes of a third with those on its two cuts made equal to round-off, seen from the platform's centre."""
+    nodes = third["nodes"].copy()
+    behind, ahead = _cut(third, "cut behind"), _cut(third, "cut ahead")
+    if len(behind) != len(ahead):
+        raise ComputationFailed(f"mesh of a third has {len(behind)} and {len(ahead)} nodes on its two cuts")
+    nodes[ahead] = turned(nodes[behind], CHAIN_TURN)
+    return nodes
+
+
+def check_mesh(mesh: StageMesh, stage: Stage) -> None:
+    """Refuse a mesh that is not the stage. Raises ComputationFailed and says what is wrong."""
+    n = len(mesh.nodes)
+    if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
+        raise ComputationFailed("mesh has nodes that belong to no triangle")
+    corners = mesh.triangles[:, [0, 1, 2, 0]]
+    links = sp.coo_array((np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n))
+    pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
+    if pieces != 1:
+        raise ComputationFailed(f"mesh falls into {pieces} pieces, expected 1: a neck is severed")
+    drawn = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+    meshed = float(np.sum(jacobians(mesh)[:, -1]) / 2)
+    if abs(meshed / drawn - 1) > AREA_ERROR:
+        raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} to {AREA_ERROR:g}")
+    quality = least_scaled_jacobian(mesh)
+    if quality < LEAST_JACOBIAN:
+        raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")
+
+
+def jacobians(mesh: StageMesh) -> Array:
+    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, and their mean over it."""
+    xi = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+    at = mesh.nodes[mesh.triangles]
+    a, b = xi.T
+    zero = np.zeros(6)
+    by_a = np.array([4 * a + 4 * b - 3, 4 * a - 1, zero, 4 - 8 * a - 4 * b, 4 * b, -4 * b])
+    by_b = np.array([4 * a + 4 * b - 3, zero, 4 * b - 1, -4 * a, 4 * a, 4 - 4 * a - 8 * b])
+    da, db = np.einsum("mkd,kq->mqd", at, by_a), np.einsum("mkd,kq->mqd", at, by_b)
+    found = da[..., 0] * db[..., 1] - da[..., 1] * db[..., 0]
+    mean = found[:, 3:].mean(axis=1)  # exact: the determinant is quadratic, and so is this rule
+    return np.column_stack([found, mean])
+
+
+def least_scaled_jacobian(mesh: StageMesh) -> float:
+    """Smallest Jacobian determinant over the mean one of its triangle: 1 where straight, 0 where folded."""
+    found = jacobians(mesh)
+    return float(np.min(found[:, :6] / found[:, 6:]))

@@ -1,0 +1,143 @@
+"""Plane stress on curved quadratic triangles: stiffness and stresses, on scikit-fem's mesh, element and mapping."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.mesh import StageMesh
+
+if TYPE_CHECKING:
+    import skfem
+
+QUADRATURE = 4  # polynomial degree integrated exactly on straight triangles; stresses are quadratic there
+CHUNK = 20_000  # triangles assembled at once
+
+
+class Plate(NamedTuple):
+    """A homogeneous isotropic plate: Young's modulus (MPa), Poisson's ratio, thickness (mm)."""
+
+    youngs_modulus: float
+    poissons_ratio: float
+    thickness: float
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame constants of plane stress, MPa: `lambda* = E nu / (1 - nu^2)` and `mu = E / (2 (1 + nu))`."""
+        e, nu = self.youngs_modulus, self.poissons_ratio
+        return e * nu / (1 - nu**2), e / (2 * (1 + nu))
+
+
+def skfem_mesh(mesh: StageMesh) -> skfem.MeshTri2:
+    """The mesh for scikit-fem: same nodes, same order, so that node k carries the degrees of freedom 2k and 2k + 1."""
+    from skfem import MeshTri2
+
+    return MeshTri2(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.triangles[:, :3].T))
+
+
+class Strip(NamedTuple):
+    """Some of the triangles with what integration over them needs.
+
+    triangles : (e, 6) nodes.
+    gradients : (e, 6 nodes, 2, q points), 1/mm, of the shape functions.
+    weights : (e, q), mm^2, quadrature weights times Jacobian determinant.
+    """
+
+    triangles: Index
+    gradients: Array
+    weights: Array
+
+
+def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[Strip]:
+    """Gradients and weights of all triangles in strips of `CHUNK`, from scikit-fem's mapping and quadrature."""
+    from skfem import Basis, ElementTriP2
+
+    whole, strips = skfem_mesh(mesh), []
+    for start in range(0, len(mesh.triangles), CHUNK):
+        part = np.arange(start, min(start + CHUNK, len(mesh.triangles)))
+        basis = Basis(whole, ElementTriP2(), intorder=degree, elements=part)
+        gradients = np.array([field[0].grad for field in basis.basis]).transpose(2, 0, 1, 3)
+        strips.append(Strip(mesh.triangles[part], np.ascontiguousarray(gradients), basis.dx))
+    return strips
+
+
+def stiffness_matrix(strips: list[Strip], plate: Plate, nodes: int) -> sp.csc_array:
+    """Assemble the stiffness matrix (2n, 2n), N/mm, of degrees of freedom x, y node by node.
+
+    Notes
+    -----
+    With `M[ia, jb] = b int d_a phi_i d_b phi_j dA`, the weak form `b int sigma(u) : eps(v) dA` has the element matrix
+    `K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu delta_ab sum_c M[ic, jc]`.
+    """
+    lame, mu = plate.lame
+    total = sp.csc_array((2 * nodes, 2 * nodes))
+    for triangles, gradients, weights in strips:
+        root = (gradients * np.sqrt(plate.thickness * weights)[:, None, None]).reshape(len(triangles), 12, -1)
+        m = (root @ root.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
+        k = lame * m + mu * m.transpose(0, 1, 4, 3, 2)
+        k += mu * np.einsum("eicjc->eij", m)[:, :, None, :, None] * np.eye(2)[None, None, :, None, :]
+        dofs = (2 * triangles[:, :, None] + np.arange(2)).reshape(-1, 12)
+        entries = np.repeat(dofs, 12, axis=1).ravel(), np.tile(dofs, 12).ravel()
+        total = total + sp.coo_array((k.ravel(), entries), shape=total.shape).tocsc()
+    return total
+
+
+def internal_forces(strips: list[Strip], plate: Plate, fields: Array) -> Array:
+    """Nodal forces (k, n, 2), N, that hold the displacements (k, n, 2), mm: the stiffness matrix times them.
+
+    Notes
+    -----
+    Formed from differences of displacements within a triangle, so the stage's large rigid motions cancel before they
+    are multiplied by Young's modulus: far more accurate than the matrix product, which is what refinement needs.
+    """
+    forces = np.zeros_like(fields)
+    for triangles, gradients, weights in strips:
+        relative = fields[:, triangles] - fields[:, triangles[:, :1]]
+        slopes = np.einsum("keia,eibq->keabq", relative, gradients, optimize=True)
+        stress = stress_tensor(plate, slopes) * (plate.thickness * weights)[:, None, None]
+        nodal = np.einsum("keabq,eibq->keia", stress, gradients, optimize=True)
+        for force, values in zip(forces, nodal, strict=True):
+            for axis in (0, 1):
+                force[:, axis] += np.bincount(triangles.ravel(), values[..., axis].ravel(), minlength=len(force))
+    return forces
+
+
+def stress_tensor(plate: Plate, slopes: Array) -> Array:
+    """Stress (..., 2, 2, q), MPa, of displacement gradients `d_b u_a` (..., 2, 2, q)."""
+    lame, mu = plate.lame
+    trace = lame * (slopes[..., 0, 0, :] + slopes[..., 1, 1, :])
+    stress = mu * (slopes + np.swapaxes(slopes, -3, -2))
+    stress[..., 0, 0, :] += trace
+    stress[..., 1, 1, :] += trace
+    return np.asarray(stress)
+
+
+def nodal_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
+    """Stress (n, 3), MPa, as xx, yy, xy at the nodes, averaged over the triangles around each.
+
+    field : (n, 2) displacements, mm.
+    """
+    relative = field[mesh.triangles] - field[mesh.triangles[:, :1]]
+    stress = stress_tensor(plate, np.einsum("eia,eibq->eabq", relative, _gradients_at_nodes(mesh), optimize=True))
+    around = np.bincount(mesh.triangles.ravel())
+    parts = (stress[:, 0, 0], stress[:, 1, 1], stress[:, 0, 1])
+    return np.stack([np.bincount(mesh.triangles.ravel(), part.ravel()) / around for part in parts], axis=-1)
+
+
+def von_mises(stress: Array) -> Array:
+    """Von Mises stress (...) in plane stress from xx, yy, xy (..., 3), MPa."""
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return np.asarray(np.sqrt(xx**2 - xx * yy + yy**2 + 3 * xy**2))
+
+
+def _gradients_at_nodes(mesh: StageMesh) -> Array:
+    """Shape function gradients (e, 6 nodes, 2, 6 points), 1/mm, at the nodes of every triangle."""
+    from skfem import Basis, ElementTriP2
+
+    nodes = np.array([[0.0, 1.0, 0.0, 0.5, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0, 0.5, 0.5]])
+    rule: Any = (nodes, np.full(6, 1 / 12))
+    basis = Basis(skfem_mesh(mesh), ElementTriP2(), quadrature=rule)
+    return np.asarray(np.array([field[0].grad for field in basis.basis]).transpose(2, 0, 1, 3))

@@ -1,0 +1,140 @@
+"""TOML files read with suspicion: every refusal is one line that names file, line, key, value and expectation.
+
+Stage, case and study files all come through here. A model of such a file is built from `Table`; `validate` reads and
+checks in one step. The text is scanned once before `tomllib` sees it: that gives the line of every key, and refuses
+nesting and dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import tomllib
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
+from flexfem.errors import BadInput
+from flexfem.refusals import SHOWN, merged, one_line, place_of, problem_of, sentence
+from flexfem.tomllines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
+
+MAX_BYTES = 2**20
+
+Path: TypeAlias = str | os.PathLike[str]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Table(BaseModel):
+    """A table of a file: strict, frozen, no unknown keys, no nan or inf; its arrays are tuples.
+
+    Field aliases are the keys of the file, with the unit as suffix; attributes carry no suffix and hold N-mm-MPa-rad.
+    `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _arrays_are_tuples(cls, data: Any) -> Any:
+        return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
+
+
+class TomlFile(NamedTuple):
+    """What a TOML file says, and on which lines."""
+
+    data: dict[str, Any]
+    lines: LineIndex
+
+
+def read_toml(path: Path) -> TomlFile:
+    """Read a TOML file of at most `MAX_BYTES`.
+
+    Raises
+    ------
+    BadInput
+        The file is missing, not a regular file (a directory, pipe or device is never read), unreadable, too large, not
+        UTF-8 without a byte order mark, nested deeper than `MAX_DEPTH`, or not TOML.
+    """
+    text = _text(path)
+    try:
+        lines = LineIndex(text, Scan().read(text))
+        return TomlFile(tomllib.loads(text), lines)
+    except DepthError as error:
+        place = place_of(path, line_of(text, error.offset))
+        raise BadInput(f"{place}: nested deeper than {MAX_DEPTH} levels") from None
+    except tomllib.TOMLDecodeError as error:
+        reason, _, at = str(error).rpartition(" (at ")
+        found = re.match(r"line (\d+)", at)
+        place = place_of(path, int(found[1]) if found else text.count("\n", 0, len(text.rstrip())) + 1)
+        raise BadInput(f"{place}: not TOML: {one_line(reason, 2 * SHOWN)}") from None
+    except ValueError:  # tomllib passes on what int() says of more than 4300 digits, without a line
+        digits = re.search(r"[0-9_]{4000}", text)
+        place = place_of(path, line_of(text, digits.start()) if digits else None)
+        raise BadInput(f"{place}: not TOML: a number of too many digits") from None
+    except RecursionError:
+        raise BadInput(f"{place_of(path)}: nested too deeply") from None
+
+
+def validate(model_class: type[Model], path: Path) -> Model:
+    """Read a TOML file into a model of it.
+
+    Raises
+    ------
+    BadInput
+        As `read_toml`, or a key is missing, unknown or has a value the model refuses: the first in the file is named,
+        the others are counted.
+    """
+    data, lines = read_toml(path)
+    try:
+        return model_class.model_validate(data)
+    except ValidationError as error:
+        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
+        first = min(problems, key=lambda problem: lines.offset(problem.path))
+        others = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        said = sentence(first, model_class, data)
+        raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {said}{others}")) from None
+
+
+def _text(path: Path) -> str:
+    data = _bytes(path)
+    if data.startswith(b"\xef\xbb\xbf"):
+        raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")
+    if b"\0" in data:
+        place = place_of(path, data.count(b"\n", 0, data.index(0)) + 1)
+        raise BadInput(f"{place}: a NUL byte, expected UTF-8 text")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        place = place_of(path, data.count(b"\n", 0, error.start) + 1)
+        raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        _require_small_regular(path, os.stat(path))
+        # never wait, should a pipe have taken the file's place since
+        with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            _require_small_regular(path, os.fstat(file.fileno()))
+            data = file.read(MAX_BYTES + 1) or b""
+    except FileNotFoundError:
+        raise BadInput(f"{place_of(path)}: no such file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}") from None
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"{place_of(path)}: more than {MAX_BYTES} bytes, expected at most 1 MiB")
+    return data
+
+
+def _require_small_regular(path: Path, status: os.stat_result) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise BadInput(f"{place_of(path)}: a directory, expected a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise BadInput(f"{place_of(path)}: a pipe, socket or device, expected a regular file")
+    if status.st_size > MAX_BYTES:
+        raise BadInput(f"{place_of(path)}: {status.st_size} bytes, expected at most 1 MiB")
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

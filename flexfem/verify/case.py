@@ -1,0 +1,111 @@
+"""A case: which platform displacement is commanded, over which range, to which stages and models."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.analytic.notch import formula
+from flexfem.arrays import Array
+from flexfem.design import Label, Stage
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import RESOLUTION
+from flexfem.layout.feasibility import load_feasible
+from flexfem.refusals import refusal
+from flexfem.tomlfile import Table, validate
+
+Direction: TypeAlias = Literal["x", "y", "theta"]
+DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
+
+
+def _known_formula(name: str) -> str:
+    try:
+        formula(name)
+    except BadInput as error:
+        raise refusal(str(error).partition("expected ")[2] or str(error)) from None
+    return name
+
+
+class Curve(Table):
+    """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
+
+    label: Label
+    stage: Label
+    mobility: Literal[3, 6, 12, 21] | None = None
+    formula: Annotated[str, AfterValidator(_known_formula)] = DEFAULT_FORMULA
+
+
+class Case(Table):
+    """A comparison as in Figs. 5 to 7.
+
+    Attributes
+    ----------
+    amplitude_um, amplitude_mrad : the largest commanded displacement, in um for x and y, in mrad for theta.
+    points : odd number of commanded displacements between minus and plus the amplitude.
+    resolution : triangles across every neck.
+    """
+
+    name: Label
+    direction: Direction
+    amplitude_um: float | None = Field(default=None, gt=0, le=1e6)
+    amplitude_mrad: float | None = Field(default=None, gt=0, le=1e3)
+    points: int = Field(ge=3, le=10_001)
+    resolution: int = Field(default=RESOLUTION, ge=2, le=64)
+    curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
+    provenance: dict[str, Label] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_amplitude_of_the_right_unit(self) -> Case:
+        given = [unit for unit in ("um", "mrad") if getattr(self, f"amplitude_{unit}") is not None]
+        wanted = "mrad" if self.direction == "theta" else "um"
+        if given != [wanted]:
+            raise refusal(f"amplitude_{wanted} and no other amplitude for direction {self.direction}", "direction")
+        return self
+
+    @model_validator(mode="after")
+    def _labels_differ(self) -> Case:
+        labels = [curve.label for curve in self.curve]
+        for index, label in enumerate(labels):
+            if label in labels[:index]:
+                raise refusal("a label that no other curve has", "curve", index, "label")
+        return self
+
+    @model_validator(mode="after")
+    def _provenance_names_keys(self) -> Case:
+        for key in self.provenance:
+            if key not in type(self).model_fields:
+                raise refusal("a key of this file", "provenance", key)
+        return self
+
+    @property
+    def commanded(self) -> Array:
+        """Commanded displacements (points,), mm or rad."""
+        largest = (self.amplitude_um if self.amplitude_mrad is None else self.amplitude_mrad) or 0.0
+        return np.linspace(-largest, largest, self.points) * 1e-3
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Keys of the case whose provenance says they are assumed."""
+        return tuple(key for key, source in self.provenance.items() if source.lower().startswith("assumed"))
+
+
+class LoadedCase:
+    """A case with its stages read and found feasible; `stem` names its results."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Read case and stages. Raises BadInput naming the file that cannot be used."""
+        self.path = Path(path)
+        self.stem = self.path.stem
+        self.case = validate(Case, path)
+        self.stages: dict[str, Stage] = {}
+        for curve in self.case.curve:
+            self.stages[curve.label] = load_feasible(self.stage_path(curve))
+
+    def stage_path(self, curve: Curve) -> Path:
+        """Where the stage file of a curve is."""
+        return Path(os.path.normpath(self.path.parent / curve.stage))

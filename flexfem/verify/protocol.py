@@ -1,0 +1,148 @@
+"""The protocol of Section V: the force that (18) predicts for a command is applied to the finite elements."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.model import AnalyticResult, analyse
+from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, Stage
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
+from flexfem.layout.frames import stage_frames
+from flexfem.verify.case import DIRECTIONS, Curve, Direction, LoadedCase
+from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, stamp, versions
+
+
+class Solved(NamedTuple):
+    """The finite-element answer of one stage."""
+
+    mesh: StageMesh
+    response: Response
+
+
+class Comparison(NamedTuple):
+    """Analytic forces and the finite elements' answer.
+
+    force : (points, 3), N, N, N mm, by (18).  error : (points, 3), mm, mm, rad, finite-element pose minus commanded.
+    percent : (3,), at the largest command.
+    """
+
+    force: Array
+    error: Array
+    percent: Array
+
+
+def solve_stage(stage: Stage, resolution: int) -> Solved:
+    """Mesh and solve a feasible stage. Raises ComputationFailed."""
+    mesh = build_mesh(stage, resolution)
+    return Solved(mesh, platform_response(mesh, plate_of(stage)))
+
+
+def compare(stiffness: Array, compliance: Array, direction: Direction, commanded: Array, lever: float) -> Comparison:
+    """Apply the force that an analytic stiffness predicts to a finite-element compliance.
+
+    Parameters
+    ----------
+    stiffness, compliance : (3, 3), order x, y, theta.
+    commanded : (points,), mm or rad.
+    lever : l3, mm, by which rotations become comparable with translations.
+    """
+    axis = DIRECTIONS.index(direction)
+    command = np.zeros((len(commanded), 3))
+    command[:, axis] = commanded
+    force = command @ stiffness.T  # (18)
+    error = force @ compliance.T - command
+    scale = np.array([1.0, 1.0, lever])
+    largest = int(np.argmax(commanded))
+    percent = 100.0 * error[largest] * scale / (command[largest, axis] * scale[axis])
+    return Comparison(force, error, percent)
+
+
+def run_case(
+    loaded: LoadedCase, solve: Callable[[Stage, int], Solved] = solve_stage
+) -> tuple[Result, dict[str, Fields]]:
+    """Run every curve of a case; `solve` may remember stages that several cases share."""
+    started = time.perf_counter()
+    case = loaded.case
+    curves, percents, models, fields = {}, {}, {}, {}
+    assumed = {f"case: {key}" for key in case.assumed}
+    for curve in case.curve:
+        stage = loaded.stages[curve.label]
+        analytic, solved = analyse(stage, curve.mobility, curve.formula), solve(stage, case.resolution)
+        lever = stage.chain.link_lengths[2]
+        found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
+        full = load_case(stage, solved.mesh, solved.response, found.force[-1])
+        curves[curve.label] = Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True)))
+        percents[curve.label] = Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True)))
+        models[curve.label] = _model(loaded, curve, analytic, solved, found, full)
+        fields[curve.label] = _fields(solved.mesh, full)
+        assumed |= set(stage.assumed)
+    result = Result(
+        case=loaded.stem,
+        name=case.name,
+        direction=case.direction,
+        commanded=case.commanded.tolist(),
+        curves=curves,
+        error_percent=percents,
+        models=models,
+        assumed=sorted(assumed),
+        versions=versions(),
+        written=stamp(),
+        seconds=round(time.perf_counter() - started, 3),
+    )
+    return result, fields
+
+
+def _model(
+    loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solved: Solved, found: Comparison, full: LoadCase
+) -> Model:
+    stage = loaded.stages[curve.label]
+    return Model(
+        stage=stage.name,
+        file=curve.stage,
+        hash=stage.hash,
+        mobility=analytic.mobility,
+        formula=analytic.formula,
+        formula_in_range=bool(np.all(analytic.in_range)),
+        assumed=list(stage.assumed),
+        stiffness=analytic.stiffness.tolist(),
+        compliance=solved.response.compliance.tolist(),
+        force=found.force.tolist(),
+        neck_stress=full.neck_stress.tolist(),
+        lever=stage.chain.link_lengths[2],
+        link_width=stage.chain.link_width,
+        platform_radius=stage.platform.radius,
+        hub_radius=stage.platform.hub_radius,
+        hinges=_hinges(stage, analytic),
+        resolution=loaded.case.resolution,
+        triangles=len(solved.mesh.triangles),
+        unknowns=solved.response.unknowns,
+    )
+
+
+def _hinges(stage: Stage, analytic: AnalyticResult) -> list[HingeDrawing]:
+    placed = stage_frames(stage)
+    return [
+        HingeDrawing(
+            chain=chain + 1,
+            hinge=name,
+            centre=(float(placed.centres[chain, position, 0]), float(placed.centres[chain, position, 1])),
+            axis=float(placed.axes[chain, position]),
+            radius=stage.hinge(chain + 1, name).radius,
+            neck=stage.hinge(chain + 1, name).neck,
+            freedoms=list(analytic.freedoms[chain][position]),
+        )
+        for chain in range(3)
+        for position, name in enumerate(HINGE_NAMES)
+    ]
+
+
+def _fields(mesh: StageMesh, full: LoadCase) -> Fields:
+    return Fields(
+        nodes=mesh.nodes, triangles=mesh.triangles, bodies=mesh.bodies, displacement=full.field, stress=full.stress
+    )

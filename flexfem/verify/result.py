@@ -1,0 +1,170 @@
+"""What a verification found, as it is stored: numbers as JSON, fields beside it as .npz. N, mm, rad throughout."""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from flexfem.arrays import AnyArray
+from flexfem.errors import BadInput
+from flexfem.files import read_arrays, write_atomically
+from flexfem.verify.case import Direction
+
+PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
+Matrix = list[list[float]]
+
+
+class Record(BaseModel):
+    """Stored data: frozen, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Triple(Record):
+    """One number for each of the platform's freedoms."""
+
+    x: float
+    y: float
+    theta: float
+
+
+class Series(Record):
+    """One list of numbers for each of the platform's freedoms."""
+
+    x: list[float]
+    y: list[float]
+    theta: list[float]
+
+
+class HingeDrawing(Record):
+    """One hinge as modelled: centre (mm), direction of the neck (rad), radius and neck (mm), freedoms."""
+
+    chain: int
+    hinge: str
+    centre: tuple[float, float]
+    axis: float
+    radius: float
+    neck: float
+    freedoms: list[str]
+
+
+class Model(Record):
+    """The two models behind a curve.
+
+    stiffness : (3, 3) analytic, order x, y, theta; compliance : (3, 3) of the finite elements.
+    force : (points, 3) applied loads by (18).  lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
+    """
+
+    stage: str
+    file: str
+    hash: str
+    mobility: int
+    formula: str
+    formula_in_range: bool
+    assumed: list[str]
+    stiffness: Matrix
+    compliance: Matrix
+    force: Matrix
+    neck_stress: Matrix
+    lever: float
+    link_width: float
+    platform_radius: float
+    hub_radius: float
+    hinges: list[HingeDrawing]
+    resolution: int
+    triangles: int
+    unknowns: int
+
+
+class Result(Record):
+    """A verification: `curves` holds finite-element displacement minus commanded, `error_percent` as theory.md defines.
+
+    commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
+    directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).
+    """
+
+    case: str
+    name: str
+    direction: Direction
+    commanded: list[float]
+    curves: dict[str, Series]
+    error_percent: dict[str, Triple]
+    models: dict[str, Model]
+    assumed: list[str]
+    versions: dict[str, str]
+    written: str
+    seconds: float
+
+
+class Fields(Record):
+    """Finite-element fields of one curve at full command: nodes (n, 2) mm, triangles (m, 6), bodies (m,),
+    displacement (n, 2) mm, von Mises stress (n,) MPa."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    nodes: AnyArray
+    triangles: AnyArray
+    bodies: AnyArray
+    displacement: AnyArray
+    stress: AnyArray
+
+
+def stamp() -> str:
+    """The time, UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that move numbers."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed as a package"
+    return found
+
+
+def write_result(result: Result, fields: dict[str, Fields], folder: Path) -> Path:
+    """Store a result as `<case>.json`, its fields as `<case>.npz`; returns the path of the former."""
+    arrays = {
+        f"{index}.{key}": value
+        for index, label in enumerate(result.curves)
+        for key, value in fields[label].model_dump().items()
+    }
+    write_atomically(
+        folder / f"{result.case}.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
+    )
+    path = folder / f"{result.case}.json"
+    write_atomically(path, lambda file: file.write((result.model_dump_json(indent=1) + "\n").encode()))
+    return path
+
+
+def read_result(path: str | os.PathLike[str]) -> Result:
+    """Read a stored result. Raises BadInput when it is none."""
+    try:
+        return Result.model_validate_json(Path(path).read_bytes())
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"])) or "the file"
+        raise BadInput(f"{path}: not a result of flexfem verify: {where}: {first['msg']}") from None
+
+
+def read_fields(path: str | os.PathLike[str], result: Result) -> dict[str, Fields]:
+    """Read the fields stored beside a result. Raises BadInput when they are missing or of another result."""
+    beside = Path(path).with_suffix(".npz")
+    arrays = read_arrays(beside, f"the fields of {path}")
+    try:
+        return {
+            label: Fields(**{key: arrays[f"{index}.{key}"] for key in Fields.model_fields})
+            for index, label in enumerate(result.curves)
+        }
+    except KeyError as error:
+        raise BadInput(f"{beside}: expected the fields of {path}: it has no {error}") from None

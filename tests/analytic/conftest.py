@@ -1,0 +1,81 @@
+"""Generic stages: unequal links, all nine hinges different, no symmetry, necks not along the links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY, Freedoms
+from flexfem.analytic.notch import Compliance, formula
+from flexfem.arrays import Array
+from flexfem.layout.frames import Frames, frames
+
+R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")
+TABLES: dict[str, Freedoms] = {
+    **{f"mobility {m}": table for m, table in FREEDOMS_BY_MOBILITY.items()},
+    "mixed, one slide": ((R, R, RA), (R, R, R), (R, R, R)),
+    "mixed, chains unlike": ((RA, R, RAS), (R, RS, R), (RAS, RA, R)),
+    "mixed, one chain full": ((R, R, R), (RAS, RAS, RAS), (R, R, R)),
+}
+
+
+class Sample(NamedTuple):
+    """A generic stage or a batch of them."""
+
+    frames: Frames
+    compliance: Compliance
+
+
+def sample(seed: int, *designs: int) -> Sample:
+    """Stage number `seed`, or that many of them along leading axes."""
+    rng = np.random.default_rng(seed)
+    lengths = np.array([30.0, 32.0, 24.0]) * rng.uniform(0.85, 1.15, (*designs, 3))
+    angles = np.radians([180.0, -90.0, 90.0]) + rng.uniform(-0.3, 0.3, (*designs, 3))
+    regular = frames(lengths, angles)
+    centres = regular.centres + rng.uniform(-3.0, 3.0, regular.centres.shape)
+    skew = Frames(centres, rng.uniform(-np.pi, np.pi, regular.axes.shape))
+    radius, neck = rng.uniform(1.3, 4.1, skew.axes.shape), rng.uniform(0.3, 0.7, skew.axes.shape)
+    return Sample(skew, formula("paros-weisbord").compliance(radius, neck, 9.3, 68.9e3, 0.29))
+
+
+def symmetric(seed: int) -> Sample:
+    """Three equal chains 120 degrees apart, the neck axes still not along the links."""
+    rng = np.random.default_rng(seed)
+    axes = np.broadcast_to(rng.uniform(-np.pi, np.pi, 3), (3, 3))
+    lengths, angles = rng.uniform(20.0, 40.0, 3), np.radians([180.0, -90.0, 90.0]) + rng.uniform(-0.3, 0.3, 3)
+    radius, neck = rng.uniform(1.3, 4.1, 3), rng.uniform(0.3, 0.7, 3)
+    hinges = formula("paros-weisbord").compliance(radius, neck, 9.3, 68.9e3, 0.29)
+    return Sample(frames(lengths, angles, axes), Compliance(*(np.broadcast_to(c, (3, 3)) for c in hinges)))
+
+
+def scaled_error(K: Array, reference: Array) -> float:
+    """Largest entry of K - reference over the diagonal of the reference: free of mm against rad."""
+    size = np.sqrt(np.abs(np.diagonal(reference, axis1=-2, axis2=-1)))
+    return float(np.max(np.abs(K - reference) / (size[..., :, None] * size[..., None, :])))
+
+
+@pytest.fixture(scope="session")
+def generic() -> Callable[..., Sample]:
+    """`sample`."""
+    return sample
+
+
+@pytest.fixture(scope="session")
+def threefold() -> Callable[[int], Sample]:
+    """`symmetric`."""
+    return symmetric
+
+
+@pytest.fixture(scope="session")
+def error() -> Callable[[Array, Array], float]:
+    """`scaled_error`."""
+    return scaled_error
+
+
+@pytest.fixture(params=TABLES, scope="session")
+def table(request: pytest.FixtureRequest) -> Freedoms:
+    """Every table of joint freedoms, uniform and mixed."""
+    return TABLES[request.param]

@@ -1,0 +1,148 @@
+"""Exact equilibrium at finite displacements, and (16) as its tangent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from flexfem.analytic.equilibrium import at_pose, close_loops, under_load
+from flexfem.analytic.kinematics import chain_poses
+from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.errors import ComputationFailed
+from flexfem.layout.frames import frames
+
+TANGENT = 1e-6  # truncation of the central difference is below 1e-7 for a step of 1e-4 of the load
+COMMAND = np.array([0.31, -0.24, 0.012])  # mm, mm, rad: ten times the strokes of the paper
+
+
+def loaded(stage, table):
+    """A mechanism and a load that moves its platform by about COMMAND."""
+    of = mechanism(*stage, table)
+    return of, stiffness(of).K_uu @ COMMAND
+
+
+def slope(of, load):
+    """Central-difference compliance of the exact equilibrium."""
+    h = 1e-4 * np.abs(load).max() * np.array([1.0, 1.0, 30.0])
+    pose = under_load(of, load + np.stack([np.diag(h), -np.diag(h)])).pose
+    return ((pose[0] - pose[1]) / (2 * h[:, None])).T
+
+
+def test_loaded_stiffness_is_the_tangent_of_exact_equilibrium(generic, table, error) -> None:
+    of, load = loaded(generic(61), table)
+    at = under_load(of, load)
+    tangent = stiffness(of, at.displacement, load)
+    assert error(slope(of, load), tangent.C_uu) < TANGENT
+    assert error(stiffness(of).C_uu, tangent.C_uu) > 1e-3  # the load matters: the test is not one of the rest stiffness
+
+
+def test_tangent_is_exact_also_where_only_the_moment_or_the_force_acts(generic, error) -> None:
+    of = mechanism(*generic(62), FREEDOMS_BY_MOBILITY[6])
+    K = stiffness(of).K_uu
+    for command in np.diag(COMMAND):
+        at = under_load(of, K @ command)
+        assert error(slope(of, K @ command), stiffness(of, at.displacement, K @ command).C_uu) < TANGENT
+
+
+def test_equilibrium_closes_the_loops_and_reports_a_small_residual(generic, table) -> None:
+    of, load = loaded(generic(63), table)
+    at = under_load(of, load)
+    pose = chain_poses(of.frames, of.joints, at.displacement).pose
+    np.testing.assert_allclose(pose, np.broadcast_to(at.pose, (3, 3)), rtol=0, atol=1e-12)
+    assert at.residual < 1e-11 and at.iterations < 30
+
+
+@pytest.mark.parametrize("number", [3, 12])
+def test_equilibrium_is_a_minimum_of_the_potential_energy(generic, number) -> None:
+    """Another route: springs minus work of the load, minimised over closed loops without any tangent."""
+    of, load = loaded(generic(64), FREEDOMS_BY_MOBILITY[number])
+    at = under_load(of, load)
+    independent = of.choice.independent
+
+    def potential(change):
+        phi = at.displacement.copy()
+        phi[independent] += change / np.sqrt(of.springs[independent])
+        phi = close_loops(of, phi)
+        return 0.5 * np.sum(of.springs * phi**2) - load @ chain_poses(of.frames, of.joints, phi).pose[0]
+
+    lowest = potential(np.zeros(number))
+    stored = 0.5 * np.sum(of.springs * at.displacement**2)
+    rng = np.random.default_rng(3)
+    for direction in rng.normal(size=(10, number)):
+        step = 0.01 * np.sqrt(stored) * direction / np.linalg.norm(direction)
+        assert potential(step) > lowest and potential(-step) > lowest
+    if number == 3:
+        found = minimize(potential, 0.2 * np.sqrt(stored) * rng.normal(size=3), method="BFGS")
+        assert np.max(np.abs(found.x)) < 1e-3 * np.sqrt(stored)  # differences of the potential end there
+
+
+def test_small_loads_give_the_linear_answer(generic, table) -> None:
+    of, load = loaded(generic(65), table)
+    tiny = 1e-6 * load
+    np.testing.assert_allclose(under_load(of, tiny).pose, 1e-6 * COMMAND, rtol=1e-6)
+
+
+def test_opposite_loads_differ_by_second_order(generic) -> None:
+    of, load = loaded(generic(66), FREEDOMS_BY_MOBILITY[6])
+    uneven = [np.max(np.abs(under_load(of, f * load).pose + under_load(of, -f * load).pose)) for f in (0.1, 0.2)]
+    assert uneven[1] / uneven[0] == pytest.approx(4.0, rel=0.02)
+
+
+def test_no_load_no_motion(generic, table) -> None:
+    at = under_load(mechanism(*generic(67), table), np.zeros(3))
+    assert not at.displacement.any() and not at.pose.any() and at.residual == 0.0
+
+
+def test_holding_a_pose_takes_the_load_that_leads_there(generic, table) -> None:
+    of, load = loaded(generic(68), table)
+    at = under_load(of, load)
+    held = at_pose(of, at.pose)
+    np.testing.assert_allclose(held.load, load, rtol=1e-8)
+    np.testing.assert_allclose(held.pose, at.pose, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(held.displacement, at.displacement, rtol=0, atol=1e-9)
+
+
+def test_a_batch_of_designs_and_loads_is_its_members_one_by_one(generic, table) -> None:
+    stage = generic(69, 4)
+    of = mechanism(*stage, table)
+    loads = np.einsum("dij,lj->ldi", stiffness(of).K_uu, np.array([COMMAND, -0.3 * COMMAND]))
+    together = under_load(of, loads)
+    assert together.pose.shape == (2, 4, 3)
+    for d in range(4):
+        one = mechanism(*(type(part)(*(a[d] for a in part)) for part in stage), table)
+        for k in range(2):
+            np.testing.assert_allclose(together.pose[k, d], under_load(one, loads[k, d]).pose, rtol=1e-9)
+
+
+def test_large_loads_are_reached_in_steps(generic) -> None:
+    of = mechanism(*generic(70), FREEDOMS_BY_MOBILITY[3])
+    load = stiffness(of).K_uu @ np.array([0.0, 0.0, 0.6])
+    at = under_load(of, load)
+    assert at.residual < 1e-9 and abs(at.pose[2]) > 0.2
+
+
+def test_a_load_beyond_every_equilibrium_is_an_error(generic) -> None:
+    of = mechanism(*generic(71), FREEDOMS_BY_MOBILITY[3])
+    with pytest.raises(ComputationFailed, match=r"holding the pose.*did not converge"):
+        at_pose(of, np.array([500.0, 0.0, 0.0]))
+    with pytest.raises(ComputationFailed, match=r"holding the pose, design \(1,\) the first of 1"):
+        at_pose(of, np.array([[0.1, 0.0, 0.0], [500.0, 0.0, 0.0]]))
+
+
+def test_a_singular_design_is_nan_and_spares_the_others(generic) -> None:
+    stage = generic(72, 2)
+    centres = stage.frames.centres.copy()
+    centres[0, :, 1] = 2.0 * centres[0, :, 2]
+    of = mechanism(stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3])
+    at = under_load(of, np.array([1.0, 0.5, 3.0]))
+    assert np.isnan(at.pose[0]).all() and np.isfinite(at.pose[1]).all()
+
+
+def test_independent_joints_out_of_reach_cannot_close_the_loops() -> None:
+    skeleton = frames(np.array([30.0, 32.0, 24.0]), np.radians([180.0, -90.0, 90.0]))
+    hinges = tuple(np.full((3, 3), c) for c in (1e-3, 1e-5, 1e-4))
+    of = mechanism(skeleton, type("C", (tuple,), {})(hinges), FREEDOMS_BY_MOBILITY[3])
+    spread = np.where(of.joints.hinge == 0, 2.5, 0.0) * np.array([1, 1, 1, -1, 1, 1, 0.3, 1, 1])
+    assert np.isnan(close_loops(of, spread)).all()

@@ -1,0 +1,92 @@
+"""Finite poses of the chains, and their influence coefficients against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexfem.analytic.kinematics import chain_poses, first_order, joints_of, second_order
+from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.layout.frames import frames
+
+H = 1e-5  # step of the central differences, rad and mm: truncation and rounding are both near 1e-9 for 30 mm links
+DIFFERENCE = 1e-7  # relative to the link length, two orders above H's own error
+seeds = st.integers(0, 10**6)
+
+
+def displaced(count, seed):
+    """Joint displacements of a tenth of a radian and of a millimetre: far from rest."""
+    return np.random.default_rng(seed).uniform(-0.1, 0.1, count) * 3.0
+
+
+def steps(phi):
+    return phi + H * np.eye(len(phi)), phi - H * np.eye(len(phi))
+
+
+def test_first_order_coefficients_are_the_slopes_of_the_pose(generic, table) -> None:
+    joints, stage = joints_of(table), generic(11)
+    phi = displaced(len(joints.kind), 3)
+    iG = first_order(joints, chain_poses(stage.frames, joints, phi))
+    ahead, back = (chain_poses(stage.frames, joints, p).pose for p in steps(phi))
+    for i, (G, columns) in enumerate(zip(iG, joints.chains, strict=True)):
+        slope = ((ahead - back) / (2 * H))[columns, i].T
+        np.testing.assert_allclose(G, slope, rtol=0, atol=30.0 * DIFFERENCE)
+
+
+def test_second_order_coefficients_are_the_slopes_of_the_first(generic, table) -> None:
+    joints, stage = joints_of(table), generic(12)
+    phi = displaced(len(joints.kind), 4)
+    iH = second_order(joints, first_order(joints, chain_poses(stage.frames, joints, phi)))
+    ahead, back = (first_order(joints, chain_poses(stage.frames, joints, p)) for p in steps(phi))
+    for H_i, a, b, columns in zip(iH, ahead, back, joints.chains, strict=True):
+        slope = np.moveaxis((a - b)[columns] / (2 * H), 0, -1)  # row, joint, joint moved
+        np.testing.assert_allclose(H_i, slope, rtol=0, atol=30.0 * DIFFERENCE)
+        assert np.array_equal(H_i, np.swapaxes(H_i, -1, -2))
+
+
+def test_pose_is_the_papers_sum_of_links(generic) -> None:
+    """(19)-(21) with the prismatic joint along link 1, l1 = l10 + s."""
+    lengths, angles = np.array([29.0, 33.5, 22.7]), np.radians([171.0, -83.0, 97.0])
+    joints = joints_of(FREEDOMS_BY_MOBILITY[6])
+    phi = displaced(12, 5)
+    found = chain_poses(frames(lengths, angles), joints, phi).pose[0]
+    before, after = np.cumsum(angles), np.cumsum(angles + phi[[0, 2, 3]])
+    stretched = lengths + np.array([phi[1], 0.0, 0.0])
+    x = np.sum(stretched * np.cos(after)) - np.sum(lengths * np.cos(before))
+    y = np.sum(stretched * np.sin(after)) - np.sum(lengths * np.sin(before))
+    np.testing.assert_allclose(found, [x, y, phi[[0, 2, 3]].sum()], rtol=0, atol=1e-13)  # rounding of 30 mm
+
+
+@given(seed=seeds)
+def test_a_rigid_turn_about_the_base_turns_everything_behind_it(generic, seed) -> None:
+    joints, stage = joints_of(FREEDOMS_BY_MOBILITY[21]), generic(seed)
+    angle = np.random.default_rng(seed).uniform(-3.0, 3.0)
+    at = chain_poses(stage.frames, joints, np.where((joints.hinge == 0) & (joints.kind == 0), angle, 0.0))
+    c, s = np.cos(angle), np.sin(angle)
+    arm = stage.frames.centres - stage.frames.centres[:, :1]
+    turned = np.stack([c * arm[..., 0] - s * arm[..., 1], s * arm[..., 0] + c * arm[..., 1]], axis=-1)
+    np.testing.assert_allclose(at.pivots, stage.frames.centres[:, :1] + turned, atol=1e-13 * 100)
+    np.testing.assert_allclose(at.axes, stage.frames.axes + angle, atol=1e-14 * 10)
+
+
+def test_a_hinge_slides_along_its_own_turned_axis(generic) -> None:
+    joints, stage = joints_of(FREEDOMS_BY_MOBILITY[21]), generic(8)
+    phi = displaced(27, 8)
+    for n in np.flatnonzero(joints.kind > 0):
+        i, j = joints.chain[n], joints.hinge[n]
+        before = (joints.chain == i) & (joints.hinge <= j) & (joints.kind == 0)
+        angle = stage.frames.axes[i, j] + phi[before].sum() + 0.5 * np.pi * (joints.kind[n] == 2)
+        moved = chain_poses(stage.frames, joints, phi + 0.5 * (np.arange(27) == n)).pose[i]
+        still = chain_poses(stage.frames, joints, phi).pose[i]
+        np.testing.assert_allclose(moved - still, [0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.0], atol=1e-13)
+
+
+def test_small_motions_keep_their_digits(generic) -> None:
+    """A nanoradian gives the same relative pose as its Jacobian: no 1 - cos cancellation."""
+    joints, stage = joints_of(FREEDOMS_BY_MOBILITY[21]), generic(9)
+    phi = 1e-9 * displaced(27, 9)
+    at = chain_poses(stage.frames, joints, phi)
+    iG = first_order(joints, chain_poses(stage.frames, joints, np.zeros(27)))
+    linear = np.stack([G @ phi[c] for G, c in zip(iG, joints.chains, strict=True)])
+    np.testing.assert_allclose(at.pose, linear, rtol=1e-7)  # second order is 1e-9 of the first

@@ -1,0 +1,135 @@
+"""The closed loops: influence coefficients of the stage and the choice of dependent joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.equilibrium import close_loops
+from flexfem.analytic.kinematics import chain_poses, first_order, joints_of
+from flexfem.analytic.linear import inverse
+from flexfem.analytic.loops import choose, chosen, influence, rank_revealing
+from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.layout.frames import Frames
+
+H = 1e-4  # step of the five-point differences, rad and mm
+DIFFERENCE = 1e-7  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
+ROUNDING = 1e-10  # one 6 by 6 solve with a well-chosen set of dependent joints
+
+
+def moved(stage, table, seed, size=0.03):
+    """A mechanism and joint displacements away from rest that close its loops."""
+    of = mechanism(stage.frames, stage.compliance, table)
+    phi = np.random.default_rng(seed).uniform(-size, size, of.springs.shape)
+    return of, close_loops(of, phi)
+
+
+def test_loops_close_at_finite_displacements(generic, table) -> None:
+    of, phi = moved(generic(21), table, 1)
+    pose = chain_poses(of.frames, of.joints, phi).pose
+    np.testing.assert_allclose(pose, pose[:1] + np.zeros((3, 1)), rtol=0, atol=1e-12)  # rounding of a few mm
+    assert np.max(np.abs(pose)) > 0.01
+
+
+def test_closing_the_loops_leaves_the_independent_joints_alone(generic, table) -> None:
+    of = mechanism(*generic(22), table)
+    given = np.random.default_rng(5).uniform(-0.02, 0.02, of.springs.shape)
+    closed = close_loops(of, given)
+    independent = of.choice.independent
+    assert np.array_equal(closed[independent], given[independent])
+
+
+def test_every_chain_gives_the_same_platform_coefficients(generic, table) -> None:
+    of, phi = moved(generic(23), table, 2)
+    at = influence(of.frames, of.joints, of.choice, phi)
+    iG = first_order(of.joints, chain_poses(of.frames, of.joints, phi))
+    scale = np.max(np.abs(at.G_u))
+    for G, columns in zip(iG, of.joints.chains, strict=True):
+        np.testing.assert_allclose(G @ at.G_a[columns], at.G_u, rtol=0, atol=ROUNDING * scale)
+
+
+def slope(of, phi, function):
+    """Five-point derivative of `function` of closed configurations, over each independent joint (last axis)."""
+    shift = H * np.eye(len(phi))[of.choice.independent]
+    near, far = (
+        function(close_loops(of, phi + k * shift)) - function(close_loops(of, phi - k * shift)) for k in (1, 2)
+    )
+    return np.moveaxis((8.0 * near - far) / (12.0 * H), 0, -1)
+
+
+def test_first_order_coefficients_are_the_slopes_of_closed_loops(generic, table) -> None:
+    of, phi = moved(generic(24), table, 3)
+    at = influence(of.frames, of.joints, of.choice, phi)
+    G_a = slope(of, phi, lambda closed: closed)
+    np.testing.assert_allclose(at.G_a, G_a, rtol=0, atol=DIFFERENCE * np.max(np.abs(at.G_a)))
+    G_u = slope(of, phi, lambda closed: chain_poses(of.frames, of.joints, closed).pose[:, 0])
+    np.testing.assert_allclose(at.G_u, G_u, rtol=0, atol=DIFFERENCE * np.max(np.abs(at.G_u)))
+
+
+def test_second_order_coefficients_are_the_slopes_of_the_first_along_closed_loops(generic, table) -> None:
+    of, phi = moved(generic(25), table, 4)
+    at = influence(of.frames, of.joints, of.choice, phi)
+    for name, G in (("H_p", "G_p"), ("H_u", "G_u")):
+        expected = slope(of, phi, lambda closed, G=G: getattr(influence(of.frames, of.joints, of.choice, closed), G))
+        found = getattr(at, name)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=DIFFERENCE * np.max(np.abs(found)))
+        np.testing.assert_allclose(found, np.swapaxes(found, -1, -2), rtol=0, atol=ROUNDING * np.max(np.abs(found)))
+
+
+def test_the_papers_independent_joints_are_taken_where_it_names_them(generic) -> None:
+    stage = generic(26)
+    for number, hinges in ((3, {0}), (6, {0, 1})):
+        joints = joints_of(FREEDOMS_BY_MOBILITY[number])
+        independent = choose(stage.frames, joints, np.ones(len(joints.kind))).independent
+        assert len(independent) == number and set(joints.kind[independent]) == {0}
+        assert set(joints.hinge[independent]) == hinges
+
+
+def test_each_design_of_a_batch_gets_its_own_dependent_joints(generic) -> None:
+    stage, table = generic(27, 40), FREEDOMS_BY_MOBILITY[21]
+    of = mechanism(*stage, table)
+    assert of.choice.dependent.shape == (40, 6) and of.choice.independent.shape == (40, 21)
+    assert len({tuple(row) for row in of.choice.dependent}) > 1
+    together = np.sort(np.concatenate(of.choice, axis=-1), axis=-1)
+    assert np.array_equal(together, np.broadcast_to(np.arange(27), (40, 27)))
+
+
+@pytest.mark.parametrize("number", [12, 21])
+def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> None:
+    stage = generic(28)
+    parallel = Frames(stage.frames.centres, np.full((3, 3), 0.4))
+    of = mechanism(parallel, stage.compliance, FREEDOMS_BY_MOBILITY[number])
+    assert np.all(np.isfinite(stiffness(of).K_uu))
+    slides = chosen(of.joints, ~np.isin(np.arange(len(of.joints.kind)), np.flatnonzero(of.joints.kind == 1)[:6]))
+    assert np.isnan(stiffness(of._replace(choice=slides)).K_uu).all()
+
+
+def test_elimination_does_not_depend_on_units(generic) -> None:
+    stage, joints = generic(29), joints_of(FREEDOMS_BY_MOBILITY[21])
+    springs = np.random.default_rng(1).uniform(1.0, 2.0, 27) * np.where(joints.kind == 0, 1e3, 1e5)
+    metres = np.where(joints.kind == 0, 1e-3, 1e3)  # N mm to N m, N/mm to N/m
+    small = stage.frames._replace(centres=stage.frames.centres * 1e-3)
+    one, other = (rank_revealing(f, joints, k) for f, k in ((stage.frames, springs), (small, springs * metres)))
+    assert np.array_equal(one.dependent, other.dependent)
+
+
+def test_singular_loops_give_nan_in_their_design_alone(generic) -> None:
+    """Elbow, platform hinge and platform centre of every chain in one line: the dependent joints cannot be solved."""
+    stage = generic(30, 3)
+    centres = stage.frames.centres.copy()
+    centres[1, :, 1] = 2.0 * centres[1, :, 2]
+    of = mechanism(stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3])
+    K = stiffness(of).K_uu
+    assert np.isnan(K[1]).all() and np.isfinite(K[[0, 2]]).all()
+
+
+def test_inverse_refuses_what_it_cannot_resolve() -> None:
+    good = np.array([[2.0, 1.0], [1.0, 3.0]])
+    units = np.diag([1e9, 1e-9])
+    nearly = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-12]])
+    batch = np.stack([good, np.ones((2, 2)), nearly, np.zeros((2, 2)), np.full((2, 2), np.nan), units @ good @ units])
+    found = inverse(batch)
+    assert np.isnan(found[1:5]).all()
+    np.testing.assert_allclose(found[0] @ good, np.eye(2), atol=1e-15)
+    np.testing.assert_allclose(units @ found[5] @ units @ good, np.eye(2), atol=1e-15)

@@ -1,0 +1,106 @@
+"""One stage file through the analytic model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.model import analyse, assemble
+from flexfem.analytic.notch import FORMULAS, formula
+from flexfem.analytic.serial import serial_stiffness
+from flexfem.design import load_stage
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.layout.frames import stage_frames
+
+STAGE = """
+name = "generic"
+thickness_mm = 9.3
+[material]
+name = "generic"
+youngs_modulus_gpa = 68.9
+poissons_ratio = 0.29
+density_kg_m3 = 2700.0
+yield_strength_mpa = 480.0
+[chain]
+link_lengths_mm = [29.0, 33.5, {l3}]
+joint_angles_deg = [176.0, -85.0, {phi3}]
+link_width_mm = 9.0
+[hinges.base]
+radius_mm = 3.9
+neck_mm = 0.52
+prismatic = true
+[hinges.elbow]
+radius_mm = 1.6
+neck_mm = 0.47
+[hinges.platform]
+radius_mm = 1.4
+neck_mm = 0.55
+[platform]
+radius_mm = 17.0
+hub_radius_mm = 8.0
+[[override]]
+chain = 2
+hinge = "elbow"
+neck_mm = 0.61
+axis_deg = 20.0
+"""
+
+
+@pytest.fixture
+def stage(tmp_path):
+    path = tmp_path / "stage.toml"
+    path.write_text(STAGE.format(l3=22.7, phi3=97.0))
+    return load_stage(path)
+
+
+def test_the_stages_own_hinges_decide_without_a_given_mobility(stage) -> None:
+    found = analyse(stage)
+    assert found.mobility == stage.mobility == 6 and found.freedoms == analyse(stage, 6).freedoms
+    np.testing.assert_array_equal(found.stiffness, analyse(stage, 6).stiffness)
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize("mobility", [3, 6, 12, 21])
+def test_stiffness_is_that_of_the_stages_hinges_in_series(stage, mobility, name, error) -> None:
+    found = analyse(stage, mobility, name)
+    hinges = formula(name).compliance(stage.array("radius"), stage.array("neck"), 9.3, 68.9e3, 0.29)
+    expected = serial_stiffness(stage_frames(stage), hinges, found.freedoms)
+    assert found.mobility == mobility and found.formula == name
+    assert error(found.stiffness, expected) < 1e-10  # rounding, as in test_stiffness
+    np.testing.assert_allclose(found.compliance @ found.stiffness, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(found.hinges.rotation, hinges.rotation, rtol=1e-14)
+
+
+def test_hinges_outside_the_range_of_the_formula_are_flagged_not_refused(stage) -> None:
+    found = analyse(stage, formula="smith-chetwynd")  # t/R 0.13 at the base hinges, its range begins at 0.2
+    assert found.in_range.tolist() == [[False, True, True]] * 3
+    assert np.isfinite(found.stiffness).all() and analyse(stage).in_range.all()
+
+
+def test_an_override_softens_or_stiffens_only_its_hinge(stage) -> None:
+    rotation = analyse(stage).hinges.rotation
+    assert rotation[1, 1] < rotation[0, 1] == rotation[2, 1]
+
+
+def test_mechanism_of_a_stage_has_one_spring_for_each_joint(stage) -> None:
+    for mobility in (3, 6, 12, 21):
+        assert assemble(stage, mobility).springs.shape == (mobility + 6,)
+
+
+@pytest.mark.parametrize("mobility", [0, 4, 9, 27])
+def test_an_invalid_mobility_is_refused(stage, mobility) -> None:
+    with pytest.raises(BadInput, match=f"mobility = {mobility}"):
+        analyse(stage, mobility)
+
+
+def test_an_unknown_formula_is_refused(stage) -> None:
+    with pytest.raises(BadInput, match="nonsense"):
+        analyse(stage, formula="nonsense")
+
+
+def test_a_singular_stage_is_an_error_that_names_it(tmp_path) -> None:
+    """Elbow, platform hinge and platform centre in line: mobility three cannot resist along the line."""
+    path = tmp_path / "singular.toml"
+    path.write_text(STAGE.format(l3=22.7, phi3=0.0))
+    with pytest.raises(ComputationFailed, match="stage 'generic' is at a singular configuration"):
+        analyse(load_stage(path), 3)
