@@ -53,6 +53,6 @@ clean: ## remove results, figures and caches; .venv stays
 $(SETUP): pyproject.toml
 	@echo "installing flexfem and what it needs into .venv (a minute or two)"
 	@$(PYTHON) -m venv .venv
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,test]'
 	@$(BIN)/python -c "from flexfem.fem.mesher import require_gmsh; require_gmsh()"
 	@touch $@

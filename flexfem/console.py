@@ -30,6 +30,11 @@ Facts = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
 
 
+def _people() -> Console:
+    """Standard output; wide when it is no terminal, so that no table is folded in a file."""
+    return Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else 200)
+
+
 def show(facts: Any, as_json: bool, people: Callable[[Any], None]) -> None:
     """Print facts as JSON, or hand them to the function that prints them for people."""
     if as_json:
@@ -176,7 +181,7 @@ def move_facts(results: Sequence[Result], moves: Sequence[Move]) -> Facts:
 
 def print_stage(facts: Facts) -> None:
     """Print what `check` found."""
-    out = Console(soft_wrap=True, highlight=False)
+    out = _people()
     out.print(f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}")
     table = Table(
         "chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms", box=None, padding=(0, 2, 0, 0)
@@ -196,7 +201,7 @@ def print_stage(facts: Facts) -> None:
 
 def print_analytic(facts: Facts) -> None:
     """Print what `stiffness` found."""
-    out = Console(soft_wrap=True, highlight=False)
+    out = _people()
     outside = "" if facts["formula_in_range"] else " (outside its range of t/R at some hinge)"
     out.print(
         f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}", markup=False
@@ -208,7 +213,7 @@ def print_analytic(facts: Facts) -> None:
 
 def print_solution(facts: Facts) -> None:
     """Print what `solve` found."""
-    out = Console(soft_wrap=True, highlight=False)
+    out = _people()
     out.print(f"{facts['name']}: finite elements, {facts['triangles']} triangles, {facts['unknowns']} unknowns")
     _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
     _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
@@ -223,7 +228,7 @@ def print_solution(facts: Facts) -> None:
 
 def print_facts(facts: Facts) -> None:
     """Print plain facts, one a line."""
-    out = Console(soft_wrap=True, highlight=False)
+    out = _people()
     for key, value in facts.items():
         if key != "assumed":
             out.print(f"{key}: {value}", markup=False)
@@ -232,15 +237,15 @@ def print_facts(facts: Facts) -> None:
 
 def print_results(results: Sequence[Result], output: Path) -> None:
     """Print the error percentages of every case."""
-    out = Console(soft_wrap=True, highlight=False)
+    out = _people()
     table = Table("case", "commanded", "model", "X %", "Y %", "theta %", box=None, padding=(0, 2, 0, 0))
     for result in results:
         for label, percent in result.error_percent.items():
-            table.add_row(
-                result.case, result.direction, label, *(f"{getattr(percent, axis):z.3f}" for axis in DIRECTIONS)
-            )
+            bands = result.uncertainty[label]
+            numbers = (f"{getattr(percent, axis):z.3f} ± {bands[axis].band:.3f}" for axis in DIRECTIONS)
+            table.add_row(result.case, result.direction, label, *numbers)
     out.print("error of the finite-element displacement, in per cent of the command")
-    out.print("(rotations against translations by the lever l3)")
+    out.print("(rotations against translations by the lever l3; ± is the mesh, by grid convergence)")
     out.print(table)
     out.print(f"stored in {output}/", markup=False)
     _print_assumed(out, {"assumed": {key for result in results for key in result.assumed}})

@@ -131,6 +131,8 @@ def _draw(occ: Any, faces: list[Face]) -> tuple[dict[int, str], list[int]]:
         loop = []
         for segment, label in zip(face.loop, face.labels, strict=True):
             start, end = point(segment.start), point(segment.end)
+            if start == end:  # an arc of a bend too slight to draw
+                continue
             if (end, start) in curves:
                 loop.append(-curves[end, start])
                 continue

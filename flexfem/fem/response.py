@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
+from flexfem.fem.assembly import blocks, with_rigid_part
+from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress, stiffness_matrix, von_mises
+from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
 from flexfem.layout.frames import stage_frames
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
 MOST_SOLVES = 12  # with iterative refinement; three do for necks of some um and more
 ROUND_OFF = 1e-13  # of the displacement: a step of refinement that changes nothing
-SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 
 
 class Response(NamedTuple):
@@ -56,8 +56,8 @@ def plate_of(stage: Stage) -> Plate:
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
-def platform_response(mesh: StageMesh, plate: Plate) -> Response:
-    """Solve for unit loads on the rigid hub with the ground clamped.
+def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Response:
+    """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature.
 
     Raises ComputationFailed when reactions do not balance the loads, or energy and work differ, beyond `BALANCE`.
 
@@ -66,46 +66,70 @@ def platform_response(mesh: StageMesh, plate: Plate) -> Response:
     The hub's nodes follow the platform, `u = U + theta x r`, so `u = T q` with the pose as the last three of `q`; the
     compliance is the pose block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
     """
-    strips, rigid = integration(mesh), rigid_hub(mesh)
-    reduced = (rigid.T @ stiffness_matrix(strips, plate, len(mesh.nodes)) @ rigid).tocsc()
-    factor = splu(reduced, **SYMMETRIC)
-    loads = np.zeros((reduced.shape[0], 3))
+    strips, tied = integration(mesh, degree), tie_hub(mesh)
+    solve = factorise(with_rigid_part(blocks(strips, plate, tied.number), len(tied.free), tied.rigid))
+    loads = np.zeros((2 * len(tied.free) + 3, 3))
     loads[-3:] = np.eye(3)
-    motion = np.zeros_like(loads)
-    residual = loads
+    motion, residual, last = np.zeros_like(loads), loads, np.ones(3)
     for _ in range(MOST_SOLVES):
-        step = factor.solve(residual)
+        step = solve(residual)
         motion = motion + step
-        fields = np.ascontiguousarray((rigid @ motion).T.reshape(3, -1, 2))
+        fields = tied.fields(motion)
         forces = internal_forces(strips, plate, fields)
-        residual = loads - rigid.T @ forces.reshape(3, -1).T
-        if np.all(np.linalg.norm(step, axis=0) <= ROUND_OFF * np.linalg.norm(motion, axis=0)):
+        residual = loads - tied.loads(forces)
+        size = np.linalg.norm(step, axis=0) / np.linalg.norm(motion, axis=0)
+        if np.all(size * np.minimum(size / last, 1.0) <= ROUND_OFF):  # what the next step would change
             break
+        last = size
     response = Response(
         compliance=motion[-3:],
         fields=fields,
         reactions=_resultants(mesh, forces),
         energy=np.einsum("ind,jnd->ij", fields, forces),
-        unknowns=reduced.shape[0],
+        unknowns=len(loads),
     )
     check_balance(response, float(np.max(np.abs(mesh.nodes))))
     return response
 
 
-def rigid_hub(mesh: StageMesh) -> sp.csc_array:
-    """The matrix T (2n, free + 3) from free degrees of freedom and the pose (x, y, theta) to all nodes."""
+class Tied(NamedTuple):
+    """Unknowns of the stage: free nodes (f,), then the pose of the hub, whose nodes (h,) follow it.
+
+    number : (n,), free nodes counted first, then hub nodes; -1 where clamped.
+    rigid : (2h, 3), displacement of the hub's nodes per pose, `u = U + theta x r`.
+    """
+
+    number: Index
+    free: Index
+    hub: Index
+    rigid: sp.csr_array
+
+    def fields(self, motion: Array) -> Array:
+        """Displacements (k, n, 2) of all nodes from unknowns (2f + 3, k)."""
+        fields = np.zeros((motion.shape[1], len(self.number), 2))
+        fields[:, self.free] = motion[:-3].T.reshape(-1, len(self.free), 2)
+        fields[:, self.hub] = (self.rigid @ motion[-3:]).T.reshape(-1, len(self.hub), 2)
+        return fields
+
+    def loads(self, forces: Array) -> Array:
+        """Loads (2f + 3, k) on the unknowns from nodal forces (k, n, 2)."""
+        free = forces[:, self.free].reshape(len(forces), -1)
+        hub = forces[:, self.hub].reshape(len(forces), -1) @ self.rigid
+        return np.concatenate([free, hub], axis=1).T
+
+
+def tie_hub(mesh: StageMesh) -> Tied:
+    """Number the unknowns: ground clamped, hub rigid."""
     n = len(mesh.nodes)
     hub, ground = np.unique(mesh.edges["hub"]), np.unique(mesh.edges["ground"])
     free = np.setdiff1d(np.arange(n), np.union1d(hub, ground))
-    free = (2 * free[:, None] + np.arange(2)).ravel()
+    number = np.full(n, -1)
+    number[free] = np.arange(len(free))
+    number[hub] = len(free) + np.arange(len(hub))
     x, y = mesh.nodes[hub].T
-    last = len(free) + np.arange(3)
-    one = np.ones(len(hub))
-    rows = [free, 2 * hub, 2 * hub, 2 * hub + 1, 2 * hub + 1]
-    columns = [np.arange(len(free)), last[0] * one, last[2] * one, last[1] * one, last[2] * one]
-    values = [np.ones(len(free)), one, -y, one, x]
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns).astype(int))
-    return sp.coo_array(entries, shape=(2 * n, len(free) + 3)).tocsc()
+    one, zero = np.ones(len(hub)), np.zeros(len(hub))
+    rigid = np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3)
+    return Tied(number, free, hub, sp.csr_array(rigid))
 
 
 def check_balance(response: Response, size: float) -> None:

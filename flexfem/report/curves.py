@@ -144,7 +144,7 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 
 def _draw_legend(axes: Axes, result: Result, freedom: Direction, height: float) -> None:
     """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
-    width = WIDTH - AXES_LEFT - AXES_WIDTH - 0.8
+    width = WIDTH - AXES_LEFT - AXES_WIDTH - 0.9
     entries = {label: percent(getattr(result.error_percent[label], freedom)) for label in result.curves}
     for size in np.arange(9.0, 4.0, -0.5):
         texts = [wrapped(f"{label}: {value}", width, size) for label, value in entries.items()]
@@ -158,6 +158,6 @@ def _draw_legend(axes: Axes, result: Result, freedom: Direction, height: float) 
         borderaxespad=0.0,
         frameon=False,
         fontsize=size,
-        handlelength=3.6,
+        handlelength=4.4,
         labelspacing=0.6,
     )

@@ -14,7 +14,7 @@ from matplotlib.tri import Triangulation
 from flexfem.arrays import Array
 from flexfem.layout.bodies import BODIES
 from flexfem.report.curves import NAMES
-from flexfem.report.marks import clear_spot
+from flexfem.report.marks import clear_spot, show_window
 from flexfem.report.style import INK, add_axes, header, in_house_style, new_figure, wrapped
 from flexfem.report.triangles import edges_of, loops_of, polygon, quarters
 from flexfem.report.units import round_factor, significant, unit_for
@@ -23,7 +23,7 @@ from flexfem.verify.result import Fields, Model, Result
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
 COLOURS = "viridis"
-PANEL, COLUMNS, TITLE = 5.0, 4, 0.75  # in, panels side by side, in for a panel's title
+PANEL, TITLE = 5.0, 0.75  # in, width of a panel and height of its title
 
 
 @in_house_style
@@ -34,7 +34,7 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
     ----------
     result, fields : a stored verification; mm and MPa. All panels share one exaggeration and one scale of stress.
     """
-    columns = min(COLUMNS, max(2, len(result.curves)))
+    columns = max(2, len(result.curves) if len(result.curves) < 4 else int(np.ceil(np.sqrt(len(result.curves)))))
     rows = -(-len(result.curves) // columns)
     tall = panel_height(fields)
     width, height = columns * PANEL + 0.3, rows * (tall + TITLE) + 2.0
@@ -44,13 +44,13 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
     value = significant(result.commanded[-1] * command.factor, 3)
     lines = [
         f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command.name}, displacements "
-        f"× {factor:g}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
+        f"× {significant(factor, 1)}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
     ]
     top = height - header(figure, result.name, lines, result.assumed)
     for index, label in enumerate(result.curves):
         row, column = divmod(index, columns)
         axes = add_axes(figure, 0.15 + column * PANEL, top - (row + 1) * (tall + TITLE) + 0.2, PANEL, tall)
-        axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11, y=1.0)
+        axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
         _draw_deformed(axes, result.models[label], fields[label], factor, norm)
     _draw_scale(figure, norm, width)
     return figure
@@ -105,11 +105,8 @@ def _draw_deformed(axes: Axes, model: Model, fields: Fields, factor: float, norm
     )
     both = np.concatenate([fields.nodes, moved])
     size = float(np.ptp(both, axis=0).max())
-    middle = (both.min(axis=0) + both.max(axis=0)) / 2
-    half = 0.53 * np.ptp(both, axis=0)
-    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
-    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-    axes.set_aspect("equal")
+    pad = 0.03 * np.ptp(both, axis=0)
+    show_window(axes, both.min(axis=0) - pad, both.max(axis=0) + pad)
     axes.set_axis_off()
     _name_largest(axes, model, fields, moved, size)
 
@@ -123,12 +120,12 @@ def _name_largest(axes: Axes, model: Model, fields: Fields, moved: Array, size: 
     node = int(np.argmax(fields.stress))
     text = f"largest {significant(float(fields.stress[node]), 3)} MPa at {name_of_place(model, fields, node)}"
     axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
-    spot = clear_spot(moved[node], 0.09 * size, np.concatenate([moved, fields.nodes]), 0.05 * size)
+    spot = clear_spot(moved[node], 0.09 * size, np.concatenate([moved[::4], fields.nodes[::4]]), 0.05 * size)
     arrow = {"arrowstyle": "-|>", "color": "#B00000", "linewidth": 1.2, "shrinkA": 2.0, "shrinkB": 4.0}
     axes.annotate(
         "max",
-        moved[node],
-        spot,
+        (float(moved[node, 0]), float(moved[node, 1])),
+        (float(spot[0]), float(spot[1])),
         size=9,
         weight="bold",
         color="#B00000",
@@ -144,8 +141,8 @@ def _draw_scale(figure: Figure, norm: LogNorm, width: float) -> None:
     """Colour bar below the panels."""
     axes = add_axes(figure, width / 2 - 3.0, 0.55, 6.0, 0.16)
     bar = figure.colorbar(ScalarMappable(norm, COLOURS), cax=axes, orientation="horizontal", extend="min")
-    ticks = [step * 10.0**power for power in range(-12, 12) for step in (1, 2, 5)]
-    bar.set_ticks([tick for tick in ticks if norm.vmin <= tick <= norm.vmax])
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ticks = [10.0**power for power in range(-15, 12)]
+    bar.set_ticks([tick for tick in ticks if 0.0 <= norm(tick) <= 1.0])
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     bar.set_label("von Mises stress (MPa)")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
@@ -17,6 +18,7 @@ from flexfem.verify.result import Model
 NECK = 0.42  # t/R of the drawing, whatever the stage's
 BLOCK = 1.5  # length of the blocks beside the notch, per R
 DEPTH = np.array([0.95, 0.62])  # the direction out of plane, as drawn, per R
+SHARP = np.cos(np.deg2rad(20.0))  # of the angle at which two sides meet in a visible edge
 ACTION, MOTION = "#B00000", "#0072B2"
 SHADES = ("#CDD4DC", "#EEF1F4")  # darkest and lightest of the sides
 
@@ -31,13 +33,13 @@ def hinge_sketch(model: Model) -> Figure:
     """
     rows = hinge_rows(model)
     table = 0.42 + 0.26 * len(rows)
-    height = 6.3 + table
+    height = 5.3 + table
     figure = new_figure(8.27, height)
     lines = ["Circular hinge of (2) and (3), not to scale. Red: load; blue: what it causes."]
     used = header(figure, f"{model.stage}: circular hinge", lines, model.assumed)
     axes = add_axes(figure, 0.3, table + 0.25, 7.67, height - used - table - 0.3)
-    axes.set_xlim(-3.9, 5.1)
-    axes.set_ylim(-2.6, 3.0)
+    axes.set_xlim(-4.3, 4.9)
+    axes.set_ylim(-1.75, 2.65)
     axes.set_aspect("equal")
     axes.set_axis_off()
     _draw_solid(axes)
@@ -57,10 +59,10 @@ def outline() -> Array:
 
 
 def hinge_rows(model: Model) -> list[tuple[str, ...]]:
-    """Rows of the table of hinges: which, R, t, h in mm, t/R, freedoms; hinges that are alike in one row."""
-    groups: dict[tuple[float, float, tuple[str, ...]], list[str]] = {}
+    """Rows of the table of hinges: which, R, t, h in mm, t/R; hinges that are alike in one row."""
+    groups: dict[tuple[float, float], list[str]] = {}
     for number, hinge in enumerate(model.hinges, start=1):
-        groups.setdefault((hinge.radius, hinge.neck, tuple(hinge.freedoms)), []).append(str(number))
+        groups.setdefault((hinge.radius, hinge.neck), []).append(str(number))
     return [
         (
             ", ".join(numbers),
@@ -68,30 +70,29 @@ def hinge_rows(model: Model) -> list[tuple[str, ...]]:
             f"{neck:g}",
             f"{2 * radius + neck:g}",
             significant(neck / radius, 3),
-            " + ".join(freedoms),
         )
-        for (radius, neck, freedoms), numbers in groups.items()
+        for (radius, neck), numbers in groups.items()
     ]
 
 
 def _draw_solid(axes: Axes) -> None:
-    """Back, visible sides from the farthest to the nearest, front."""
+    """Sides that are seen, from the farthest to the nearest, then the front."""
     front = outline()
     ends = np.roll(front, -1, axis=0)
-    along = ends - front
-    outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    facing = outward @ DEPTH
-    order = [k for k in np.argsort((front + ends) @ DEPTH) if facing[k] > 0]
-    sides = [[front[k], ends[k], ends[k] + DEPTH, front[k] + DEPTH] for k in order]
-    mix = (facing[order] / np.linalg.norm(DEPTH))[:, None]
-    colours = (1 - mix) * _rgb(SHADES[0]) + mix * _rgb(SHADES[1])
-    axes.add_collection(PolyCollection(sides, facecolors=colours, edgecolors=colours, linewidths=0.6, zorder=1))
-    for corner in np.array([[1, 1], [1, -1], [-1, 1]]) * [1 + BLOCK, 1 + NECK / 2]:
-        axes.plot(*np.transpose([corner, corner + DEPTH]), color=INK, linewidth=1.0, zorder=1.5)
-    top = 1 + NECK / 2
-    for a, b in (((-1 - BLOCK, top), (-1, top)), ((1, top), (1 + BLOCK, top)), ((1 + BLOCK, top), (1 + BLOCK, -top))):
-        axes.plot(*np.transpose([a + DEPTH, b + DEPTH]), color=INK, linewidth=1.0, zorder=1.5)
-    axes.fill(*front.T, facecolor="#DDE3EA", edgecolor=INK, linewidth=1.4, zorder=2)
+    along = (ends - front) / np.linalg.norm(ends - front, axis=1)[:, None]
+    facing = np.column_stack([along[:, 1], -along[:, 0]]) @ DEPTH / np.linalg.norm(DEPTH)
+    seen = facing > 0
+    for rank, k in enumerate(np.argsort((front + ends) @ DEPTH)):
+        if not seen[k]:
+            continue
+        order, shade = 1 + rank / 1000, (1 - facing[k]) * _rgb(SHADES[0]) + facing[k] * _rgb(SHADES[1])
+        side = np.array([front[k], ends[k], ends[k] + DEPTH, front[k] + DEPTH])
+        axes.fill(*side.T, facecolor=shade, edgecolor=shade, linewidth=0.6, zorder=order)
+        axes.plot(*side[2:].T, color=INK, linewidth=1.0, zorder=order)
+        for end, neighbour in ((0, k - 1), (1, (k + 1) % len(front))):
+            if not seen[neighbour] or along[k] @ along[neighbour] < SHARP:
+                axes.plot(*side[[end, 3 - end]].T, color=INK, linewidth=1.0, zorder=order + 1e-4)
+    axes.fill(*front.T, facecolor="#DDE3EA", edgecolor=INK, linewidth=1.4, zorder=3)
 
 
 def _rgb(colour: str) -> Array:
@@ -103,49 +104,51 @@ def _draw_dimensions(axes: Axes) -> None:
     _extent(axes, (left - 0.45, -top), (left - 0.45, top), "$h = 2R + t$", (-0.12, 0.0), "right")
     for y in (-top, top):
         axes.plot([left - 0.6, left - 0.05], [y, y], color=GREY, linewidth=0.7)
-    corner = np.array([1 + BLOCK, -top])
-    _extent(axes, corner + [0.12, -0.2], corner + DEPTH + [0.12, -0.2], "$b$", (0.14, -0.12), "left")
+    corner, below = np.array([1 + BLOCK, -top]), np.array([0.12, -0.2])
+    _extent(axes, corner + below, corner + DEPTH + below, "$b$", (0.14, -0.12), "left")
     for end in (corner, corner + DEPTH):
-        axes.plot(*np.transpose([end + [0.03, -0.05], end + [0.16, -0.26]]), color=GREY, linewidth=0.7)
+        axes.plot(*np.transpose([end + 0.25 * below, end + 1.3 * below]), color=GREY, linewidth=0.7)
     middle = np.array([0.0, -top])
     axes.plot(*middle, "+", color=INK, markersize=9, zorder=5)
     arrow(axes, middle, middle + np.array([-np.sqrt(0.5), np.sqrt(0.5)]))
-    _label(axes, middle + [-0.3, 0.08], "$R$", "right")
+    _label(axes, (-0.3, 0.08 - top), "$R$", "right")
     arrow(axes, (0.0, NECK / 2 + 0.45), (0.0, NECK / 2))
     arrow(axes, (0.0, -NECK / 2 - 0.45), (0.0, -NECK / 2))
     _label(axes, (0.12, -NECK / 2 - 0.33), "$t$", "left")
 
 
 def _draw_loads(axes: Axes) -> None:
-    """Axes at the neck's centre, force and moment at the right end, and the motions they cause."""
-    for tip, name, at in (((0.85, 0.0), "$x$", (0.98, 0.13)), ((0.0, 1.75), "$y$", (0.16, 1.72))):
-        arrow(axes, (0.0, 0.0), tip, width=0.8)
-        _label(axes, at, name, "center", 11)
-    axes.plot(0, 0, "o", color=INK, markersize=4, zorder=6)
-    axes.plot(0, 0, "o", color=INK, markersize=10, markerfacecolor="none", zorder=6)
-    _label(axes, (-0.25, 0.02), "$z$", "center", 11)
-    right = 1 + BLOCK
+    """Axes, force and moment at the right end, and the motions they cause."""
+    corner, out = np.array([-3.0, 1.75]), -0.55 * DEPTH
+    for tip, shift, name in (
+        ((0.7, 0.0), (0.13, 0.0), "$x$"),
+        ((0.0, 0.7), (0.14, 0.0), "$y$"),
+        (out, (-0.1, -0.1), "$z$"),
+    ):
+        arrow(axes, corner, corner + tip, width=1.0)
+        _label(axes, corner + tip + shift, name, "center", 11)
+    right, centreline = 1 + BLOCK, (0, (9, 2, 1.5, 2))
+    axes.plot([-0.3, right + 1.2], [0, 0], color=INK, linewidth=0.7, linestyle=centreline, zorder=4)
+    axes.plot(0, 0, "o", color=INK, markersize=3.5, zorder=6)
     arrow(axes, (right, 0.0), (right + 1.75, 0.0), colour=ACTION, width=2.0)
-    _label(axes, (right + 1.8, -0.22), "$F_x$", "right", 13, ACTION)
-    arrow(axes, (right + 1.05, -0.85), (right + 1.65, -0.85), colour=MOTION, width=2.0)
-    _label(axes, (right + 1.35, -1.08), r"$\Delta x$", "center", 13, MOTION)
-    _turning(axes, (1.75, 0.0), 0.62, ACTION, "$M_z$", (1.75, 0.3))
+    _label(axes, (right + 1.85, 0.0), "$F_x$", "left", 13, ACTION)
+    arrow(axes, (right + 1.1, -0.45), (right + 1.75, -0.45), colour=MOTION, width=2.0)
+    _label(axes, (right + 1.85, -0.45), r"$\Delta x$", "left", 13, MOTION)
     tilt = np.deg2rad(14)
     reach = np.array([np.cos(tilt), np.sin(tilt)]) * (right + 1.5)
-    axes.plot([0, reach[0]], [0, reach[1]], color=MOTION, linewidth=1.0, linestyle=(0, (7, 2, 1.2, 2)), zorder=4)
-    bow = {"arrowstyle": "-|>", "mutation_scale": 10.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
-    start, end = (right + 1.2, 0.0), tuple(reach * (right + 1.2) / (right + 1.5))
-    axes.add_patch(FancyArrowPatch(start, end, connectionstyle="arc3,rad=0.1", color=MOTION, linewidth=1.6, **bow))
-    _label(axes, (right + 1.32, 0.42), r"$\alpha_z$", "left", 13, MOTION)
+    axes.plot([0, reach[0]], [0, reach[1]], color=MOTION, linewidth=1.0, linestyle=centreline, zorder=4)
+    _bow(axes, (right + 1.2, 0.0), reach * (right + 1.2) / (right + 1.5), 0.1, MOTION)
+    _label(axes, (right + 1.33, 0.48), r"$\alpha_z$", "left", 13, MOTION)
+    _bow(axes, (1.55, -0.62), (1.55, 0.62), 0.55, ACTION)
+    _label(axes, (1.5, -0.82), "$M_z$", "center", 13, ACTION)
 
 
-def _turning(axes: Axes, middle: Point, radius: float, colour: str, name: str, at: Point) -> None:
-    """A moment, counter-clockwise about the axis towards the viewer."""
-    angle = np.deg2rad(np.linspace(-60, 60, 40))
-    x, y = middle[0] - 0.3 + radius * np.cos(angle), middle[1] + radius * np.sin(angle)
-    axes.plot(x, y, color=colour, linewidth=2.0, zorder=5)
-    arrow(axes, (x[-3], y[-3]), (x[-1] - 0.07, y[-1] + 0.06), colour=colour, width=2.0)
-    _label(axes, at, name, "center", 13, colour)
+def _bow(axes: Axes, start: Point, end: Point, curvature: float, colour: str) -> None:
+    """A bent arrow, counter-clockwise."""
+    ends: Any = [(float(point[0]), float(point[1])) for point in (start, end)]
+    shape: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
+    style = f"arc3,rad={curvature}"
+    axes.add_patch(FancyArrowPatch(*ends, connectionstyle=style, color=colour, linewidth=1.8, **shape))
 
 
 def _extent(axes: Axes, start: Point, end: Point, name: str, shift: Point, side: str) -> None:
@@ -159,8 +162,8 @@ def _label(axes: Axes, at: Point, name: str, side: str, size: float = 13, colour
 
 def _draw_table(axes: Axes, rows: list[tuple[str, ...]]) -> None:
     axes.set_axis_off()
-    head = ("hinge", "R (mm)", "t (mm)", "h (mm)", "t/R", "freedoms of the model")
-    across = (0.0, 0.3, 0.41, 0.52, 0.63, 0.74)
+    head = ("hinge", "R (mm)", "t (mm)", "h (mm)", "t/R")
+    across = (0.0, 0.4, 0.55, 0.7, 0.85)
     for line, row in enumerate([head, *rows]):
         y = 1 - (line + 0.5) / (len(rows) + 1)
         for x, cell in zip(across, row, strict=True):

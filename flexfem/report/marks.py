@@ -19,16 +19,32 @@ Point = Sequence[float] | Array
 def arrow(axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0) -> None:
     """A slim arrow from `tail` to `head`, in data coordinates."""
     points: Any = [(float(p[0]), float(p[1])) for p in (tail, head)]
-    shape = {"arrowstyle": style, "mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
+    shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
     axes.add_patch(FancyArrowPatch(*points, color=colour, linewidth=width, **shape))
+
+
+def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any) -> None:
+    """A text centred at a place, in data coordinates."""
+    axes.text(float(at[0]), float(at[1]), text, ha="center", va="center", size=size, color=colour, zorder=8, **style)
 
 
 def frame_cross(axes: Axes, length: float) -> None:
     """The platform's frame at the origin: X, Y."""
-    for direction, name in (((1.0, 0.0), "X"), ((0.0, 1.0), "Y")):
-        head = length * np.array(direction)
-        arrow(axes, (0.0, 0.0), head, colour="#B00000", width=1.2)
-        axes.text(*(1.14 * head), name, color="#B00000", size=9, ha="center", va="center", zorder=7)
+    for head, beside, name in (((1.0, 0.0), (0.9, -0.3), "X"), ((0.0, 1.0), (-0.3, 0.9), "Y")):
+        arrow(axes, (0.0, 0.0), length * np.array(head), colour="#B00000", width=1.2)
+        write(axes, length * np.array(beside), name, "#B00000")
+
+
+def show_window(axes: Axes, low: Array, high: Array) -> None:
+    """Show at least the window from corner `low` to `high`, with equal scales, in the whole of the axes."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    inches = np.array(axes.get_position().size) * figure.get_size_inches()
+    half = float(np.max((high - low) / inches)) * inches / 2
+    middle = (low + high) / 2
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    axes.set_aspect("equal")
 
 
 def hatch_ground(axes: Axes, nodes: Array, edges: Index, depth: float) -> None:

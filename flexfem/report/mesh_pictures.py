@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from flexfem.arrays import Array, Index
-from flexfem.report.marks import arrow, clear_spot, frame_cross, hatch_ground
+from flexfem.report.marks import arrow, clear_spot, frame_cross, hatch_ground, write
 from flexfem.report.style import GREY, INK, PALE, add_axes, header, in_house_style, new_figure
 from flexfem.report.triangles import Edges, clamped_edges, drawn_edges, edges_of, loops_of, polygon
 from flexfem.report.units import SPACE
@@ -17,6 +17,7 @@ from flexfem.verify.result import Fields, HingeDrawing, Model
 
 MESH_COLOUR = "#5B7FA6"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
+KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
 MOST_VECTORS = 6000  # sides of triangles; more are rasterised in a PDF
 
 
@@ -31,7 +32,7 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
     height = 7.2 * min(max(up / across, 0.5), 1.5) + 1.85
     figure = new_figure(8.27, height)
-    lines = [mesh_size(model), "Hinges 1 to 9 are base, elbow and platform hinge of chain 1, then of chains 2 and 3."]
+    lines = [mesh_size(model), KEY]
     used = header(figure, model.stage, lines, model.assumed)
     axes = add_axes(figure, 0.75, 0.6, 7.2, height - used - 0.75)
     edges = edges_of(fields.triangles)
@@ -39,7 +40,7 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     size = _fit(axes, fields.nodes)
     hatch_ground(axes, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
     axes.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
-    frame_cross(axes, 0.6 * model.hub_radius)
+    frame_cross(axes, max(0.6 * model.hub_radius, 0.04 * size))
     _number_hinges(axes, model, fields.nodes, size)
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("y (mm)")
@@ -77,7 +78,7 @@ def _fit(axes: Axes, nodes: Array) -> float:
 
 def _number_hinges(axes: Axes, model: Model, nodes: Array, size: float) -> None:
     """Write the hinges' numbers and the chains' names where there is room."""
-    taken = [nodes, *(np.array([hinge.centre]) for hinge in model.hinges)]
+    taken = [nodes[::4], *(np.array([hinge.centre]) for hinge in model.hinges)]
     for number, hinge in enumerate(model.hinges, start=1):
         colour = CHAIN_COLOURS[hinge.chain - 1]
         at = np.array(hinge.centre)
@@ -86,14 +87,13 @@ def _number_hinges(axes: Axes, model: Model, nodes: Array, size: float) -> None:
         axes.plot(*np.transpose([at, spot]), color=colour, linewidth=0.9, zorder=5)
         axes.plot(*at, "o", color=colour, markersize=3.5, zorder=6)
         box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
-        axes.text(*spot, str(number), ha="center", va="center", size=9, weight="bold", color=colour, bbox=box, zorder=7)
+        write(axes, spot, str(number), colour, weight="bold", bbox=box)
     for chain in (1, 2, 3):
         elbow, platform = (np.array(hinge.centre) for hinge in model.hinges[3 * chain - 2 : 3 * chain])
         spot = clear_spot((elbow + platform) / 2, 0.09 * size, np.concatenate(taken), 0.05 * size, 0.05 * size)
         taken.append(spot + size * np.array([[-0.05, 0.0], [0.0, 0.0], [0.05, 0.0]]))
         colour = CHAIN_COLOURS[chain - 1]
-        axes.text(*spot, f"chain {chain}", ha="center", va="center", size=10, weight="bold", color=colour, zorder=7)
-    axes.text(0, -0.55 * model.hub_radius, "rigid hub", ha="center", va="center", size=8, zorder=7)
+        write(axes, spot, f"chain {chain}", colour, size=10, weight="bold")
 
 
 @in_house_style
@@ -151,7 +151,8 @@ def _draw_neck(axes: Axes, local: Array, edges: Edges, half: float, ratio: float
 
 
 def _inside(local: Array, edges: Index, reach: float) -> Index:
-    return edges[(np.abs(local[edges]) < reach).all(axis=2).any(axis=1)]
+    seen = np.asarray((np.abs(local[edges]) < reach).all(axis=2))
+    return np.asarray(edges[seen.any(axis=1)])
 
 
 def _dimension_notch(axes: Axes, hinge: HingeDrawing) -> None:
@@ -160,7 +161,7 @@ def _dimension_notch(axes: Axes, hinge: HingeDrawing) -> None:
     tip = middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)])
     axes.plot(*middle, "+", color=INK, markersize=8, zorder=5)
     arrow(axes, middle, tip)
-    _value(axes, middle + [0.0, -0.1 * hinge.radius], f"R = {hinge.radius:g} mm", "top")
+    axes.text(middle[0], middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} mm", size=10, ha="center", va="top")
 
 
 def _dimension_neck(axes: Axes, hinge: HingeDrawing) -> None:
@@ -168,7 +169,3 @@ def _dimension_neck(axes: Axes, hinge: HingeDrawing) -> None:
     arrow(axes, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
     box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
     axes.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} mm", size=10, va="center", zorder=6, bbox=box)
-
-
-def _value(axes: Axes, at: Array, text: str, vertical: str) -> None:
-    axes.text(*at, text, size=10, ha="center", va=vertical, zorder=6)

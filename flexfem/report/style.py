@@ -15,9 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
+from flexfem.report.table import assumed_note
+
 P = ParamSpec("P")
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": ["DejaVu Sans"],
     "font.size": 9.0,
     "axes.titlesize": 10.0,
@@ -28,14 +30,14 @@ STYLE: dict[str, Any] = {
     "legend.fontsize": 8.5,
     "hatch.linewidth": 0.7,
     "path.simplify": False,
-    "pdf.fonttype": 42,
+    "pdf.fonttype": 3,
     "text.parse_math": False,  # a label of the user may hold a dollar
     "agg.path.chunksize": 0,
 }
 NOTE_COLOUR = "#B00000"
 INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
 MARGIN = 0.3  # in, left and right of the header
-RESOLUTION = {"png": 150, "pdf": 300}  # dots per inch, in a PDF of the rasterised meshes only
+RESOLUTION = {"png": 150, "pdf": 200}  # dots per inch, in a PDF of the rasterised meshes only
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": "flexfem", "Producer": "matplotlib"},
@@ -98,16 +100,6 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
                 lines.append("")
             lines[-1] += letter
     return "\n".join(lines)
-
-
-def assumed_note(assumed: Sequence[str]) -> str:
-    """What a figure must say about keys that are assumed: nothing when there are none.
-
-    Keys of a case file begin with `case: `; alone they leave the dimensions of the stage undoubted.
-    """
-    if not assumed:
-        return ""
-    return "assumed commands" if all(key.startswith("case: ") for key in assumed) else "assumed dimensions"
 
 
 def header(figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str]) -> float:

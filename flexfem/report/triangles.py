@@ -52,14 +52,13 @@ def curves(nodes: Array, edges: Index, pieces: int) -> Array:
     """Points (k, pieces + 1, 2) along quadratic edges (k, 3)."""
     s = np.linspace(0.0, 1.0, pieces + 1)
     shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-    return np.einsum("sp,ksi->kpi", shapes, nodes[edges])
+    return np.asarray(np.einsum("sp,ksi->kpi", shapes, nodes[edges]))
 
 
 def drawn_edges(nodes: Array, edges: Index, pieces: int) -> list[Array]:
     """Polylines along the edges (k, 3), straight ones with two points."""
-    bow, bent = bending(nodes, edges), []
-    bent = list(curves(nodes, edges[bow], pieces))
-    return [*nodes[edges[~bow][:, :2]], *bent]
+    bent = bending(nodes, edges)
+    return [*nodes[edges[~bent][:, :2]], *curves(nodes, edges[bent], pieces)]
 
 
 def bending(nodes: Array, edges: Index) -> AnyArray:
@@ -84,4 +83,4 @@ def quarters(triangles: AnyArray) -> Index:
 def clamped_edges(boundary: Index, displacement: Array) -> Index:
     """Boundary edges (k, 3) whose nodes do not move at all under load: those held by the ground."""
     held = ~np.any(displacement != 0.0, axis=1)
-    return boundary[held[boundary].all(axis=1)]
+    return np.asarray(boundary[held[boundary].all(axis=1)])

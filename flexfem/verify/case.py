@@ -55,7 +55,7 @@ class Case(Table):
     amplitude_um: float | None = Field(default=None, gt=0, le=1e6)
     amplitude_mrad: float | None = Field(default=None, gt=0, le=1e3)
     points: int = Field(ge=3, le=10_001)
-    resolution: int = Field(default=RESOLUTION, ge=2, le=64)
+    resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
     provenance: dict[str, Label] = Field(default_factory=dict)
 

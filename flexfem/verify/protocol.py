@@ -14,8 +14,9 @@ from flexfem.design import HINGE_NAMES, Stage
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
 from flexfem.layout.frames import stage_frames
-from flexfem.verify.case import DIRECTIONS, Curve, Direction, LoadedCase
-from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, stamp, versions
+from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
+from flexfem.verify.convergence import Convergence, grid_convergence, levels
+from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
 
 
 class Solved(NamedTuple):
@@ -69,13 +70,15 @@ def run_case(
     """Run every curve of a case; `solve` may remember stages that several cases share."""
     started = time.perf_counter()
     case = loaded.case
-    curves, percents, models, fields = {}, {}, {}, {}
+    curves, percents, uncertainties, models, fields = {}, {}, {}, {}, {}
     assumed = {f"case: {key}" for key in case.assumed}
     for curve in case.curve:
         stage = loaded.stages[curve.label]
         analytic, solved = analyse(stage, curve.mobility, curve.formula), solve(stage, case.resolution)
         lever = stage.chain.link_lengths[2]
         found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
+        meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
+        uncertainties[curve.label] = _uncertainty(case, analytic.stiffness, meshes, lever)
         full = load_case(stage, solved.mesh, solved.response, found.force[-1])
         curves[curve.label] = Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True)))
         percents[curve.label] = Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True)))
@@ -89,6 +92,7 @@ def run_case(
         commanded=case.commanded.tolist(),
         curves=curves,
         error_percent=percents,
+        uncertainty=uncertainties,
         models=models,
         assumed=sorted(assumed),
         versions=versions(),
@@ -96,6 +100,30 @@ def run_case(
         seconds=round(time.perf_counter() - started, 3),
     )
     return result, fields
+
+
+def _uncertainty(case: Case, stiffness: Array, compliances: list[Array], lever: float) -> dict[Direction, Uncertainty]:
+    """Mesh uncertainty of the three percentages from the compliances on all levels, coarse to fine."""
+    resolutions = levels(case.resolution)
+    percents = [compare(stiffness, found, case.direction, case.commanded, lever).percent for found in compliances]
+    return {
+        axis: stored(grid_convergence(np.array(resolutions), np.array(values)))
+        for axis, values in zip(DIRECTIONS, np.transpose(percents), strict=True)
+    }
+
+
+def stored(found: Convergence) -> Uncertainty:
+    """A convergence as it is stored: without nan."""
+    observed = None if np.isnan(found.observed) else found.observed
+    return Uncertainty(
+        resolutions=[int(n) for n in found.resolutions],
+        values=found.values.tolist(),
+        verdict=found.verdict,
+        order=found.order,
+        observed=observed,
+        extrapolated=found.extrapolated,
+        band=found.band,
+    )
 
 
 def _model(

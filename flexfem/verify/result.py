@@ -14,6 +14,7 @@ from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
 from flexfem.files import read_arrays, write_atomically
 from flexfem.verify.case import Direction
+from flexfem.verify.convergence import Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 Matrix = list[list[float]]
@@ -39,6 +40,18 @@ class Series(Record):
     x: list[float]
     y: list[float]
     theta: list[float]
+
+
+class Uncertainty(Record):
+    """Mesh uncertainty of one error percentage, see `convergence.Convergence`; percentages on every resolution."""
+
+    resolutions: list[int]
+    values: list[float]
+    verdict: Verdict
+    order: float
+    observed: float | None
+    extrapolated: float
+    band: float
 
 
 class HingeDrawing(Record):
@@ -86,6 +99,7 @@ class Result(Record):
 
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).
+    uncertainty : for each percentage the band of the mesh, in percentage points.
     """
 
     case: str
@@ -94,6 +108,7 @@ class Result(Record):
     commanded: list[float]
     curves: dict[str, Series]
     error_percent: dict[str, Triple]
+    uncertainty: dict[str, dict[Direction, Uncertainty]]
     models: dict[str, Model]
     assumed: list[str]
     versions: dict[str, str]

@@ -1,4 +1,4 @@
-"""The skeleton against (19) to (21) walked link by link: both models stand on it, so no comparison would see it wrong."""
+"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would see it wrong."""
 
 from __future__ import annotations
 

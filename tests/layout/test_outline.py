@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ PLACE = 3.7 - 11.3j  # shapes away from the origin, so that no term of Green's t
 
 def circle(radius: float, pieces: int = 3, centre: complex = PLACE) -> list[Segment]:
     ends = [centre + radius * cmath.exp(2j * np.pi * k / pieces) for k in range(pieces + 1)]
-    return [Segment(a, b, centre) for a, b in zip(ends, ends[1:], strict=False)]
+    return [Segment(a, b, centre) for a, b in pairwise(ends)]
 
 
 def rounded_rectangle(a: float, b: float, r: float) -> list[Segment]:

@@ -1,0 +1,169 @@
+"""Boundary value problems of plane stress on flexfem's own kernels: loads, supports, solution and error norms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix, stress_tensor
+
+DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
+EDGE_POINTS = 3  # of Gauss, on a curved edge
+
+Function: TypeAlias = Callable[[Array], Array]
+"""Points (..., 2), mm, to vectors (..., 2) or tensors (..., 2, 2)."""
+Traction: TypeAlias = Callable[[Array, Array], Array]
+"""Points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
+
+
+class Support(NamedTuple):
+    """Nodes whose displacement along one axis (0 is x, 1 is y) is prescribed: values () or (k,), mm."""
+
+    nodes: Index
+    axis: int
+    values: Array | float = 0.0
+
+
+class Solution(NamedTuple):
+    """Displacements (n, 2), mm, the forces of the supports (n, 2), N, and the number of equations solved."""
+
+    field: Array
+    reactions: Array
+    unknowns: int
+
+
+def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
+    """Solve for nodal forces (n, 2), N, and prescribed displacements."""
+    K = stiffness_matrix(integration(mesh), plate, len(mesh.nodes)).tocsr()
+    u, held = np.zeros(K.shape[0]), np.zeros(K.shape[0], dtype=bool)
+    for nodes, axis, values in supports:
+        u[2 * nodes + axis] = values
+        held[2 * nodes + axis] = True
+    free = np.flatnonzero(~held)
+    factor = splu(
+        K[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    u[free] = factor.solve((force.ravel() - K @ u)[free])
+    u[free] += factor.solve((force.ravel() - K @ u)[free])
+    reactions = np.where(held, K @ u - force.ravel(), 0.0)
+    return Solution(u.reshape(-1, 2), reactions.reshape(-1, 2), len(free))
+
+
+def clamp(nodes: Index, displacement: Array | None = None) -> list[Support]:
+    """Both components held on the nodes (k,): at the displacement (k, 2), mm, or at zero."""
+    values = np.zeros((len(nodes), 2)) if displacement is None else displacement
+    return [Support(nodes, axis, values[:, axis]) for axis in (0, 1)]
+
+
+def nodes_on(mesh: StageMesh, label: str) -> Index:
+    """Nodes of the edges with this label."""
+    return np.unique(mesh.edges[label])
+
+
+def outward(mesh: StageMesh, edges: Index) -> Index:
+    """Boundary edges (k, 3) turned so that their triangle is to the left: the outward normal is to the right."""
+    t = mesh.triangles
+    sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
+    order = np.argsort(sides[:, 2], kind="stable")
+    found = order[np.searchsorted(sides[order, 2], edges[:, 2])]
+    return np.asarray(sides[found])
+
+
+def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
+    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3).
+
+    Notes
+    -----
+    `f_i = b int N_i t ds` with the edge's own map; normals are those of the curved edge.
+    """
+    s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
+    N = np.array([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s**2])
+    slope = np.array([s - 0.5, s + 0.5, -2 * s])
+    edges = outward(mesh, edges)
+    at = mesh.nodes[edges]
+    points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
+    length = np.hypot(tangents[..., 0], tangents[..., 1])
+    normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) / length[..., None]
+    found = np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N)
+    return _gathered(mesh, edges, found)
+
+
+def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
+    """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
+    N, total = shape_values(degree), np.zeros_like(mesh.nodes)
+    for triangles, _, weights in integration(mesh, degree):
+        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
+        nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
+        total += _gathered(mesh, triangles, nodal)
+    return total
+
+
+def shape_values(degree: int) -> Array:
+    """Shape functions (6 nodes, q points) at the quadrature points of `plane_stress.integration`."""
+    from skfem.quadrature import get_quadrature
+    from skfem.refdom import RefTri
+
+    a, b = get_quadrature(RefTri, degree)[0]
+    c = 1 - a - b
+    return np.array([c * (2 * c - 1), a * (2 * a - 1), b * (2 * b - 1), 4 * a * c, 4 * a * b, 4 * b * c])
+
+
+class Errors(NamedTuple):
+    """Errors relative to the exact solution: displacement in L2, its gradient in L2 (H1 seminorm), stress in L2."""
+
+    displacement: float
+    gradient: float
+    stress: float
+
+
+def errors(
+    mesh: StageMesh,
+    plate: Plate,
+    field: Array,
+    exact: Function,
+    gradient: Function | None,
+    stress: Function,
+    degree: int = DEGREE,
+) -> Errors:
+    """Errors of a displacement field (n, 2) against the exact displacement, gradient `d_b u_a` and stress.
+
+    `gradient` None leaves its error nan.
+    """
+    N = shape_values(degree)
+    found, scale = np.zeros(3), np.zeros(3)
+    for triangles, gradients, weights in integration(mesh, degree):
+        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
+        slopes = np.einsum("eia,eibq->eabq", field[triangles], gradients, optimize=True)
+        ours = [np.einsum("eia,iq->eqa", field[triangles], N), slopes, stress_tensor(plate, slopes)]
+        ours[1:] = [np.moveaxis(tensor, -1, 1) for tensor in ours[1:]]
+        for k, (value, function) in enumerate(zip(ours, (exact, gradient, stress), strict=True)):
+            if function is not None:
+                wanted = function(points)
+                found[k] += np.sum((value - wanted) ** 2 * _like(weights, wanted))
+                scale[k] += np.sum(wanted**2 * _like(weights, wanted))
+    with np.errstate(invalid="ignore"):
+        return Errors(*map(float, np.sqrt(found / scale)))
+
+
+def nearest_node(mesh: StageMesh, x: float, y: float) -> int:
+    """The node at a point, mm; an error when there is none."""
+    distance = np.hypot(*(mesh.nodes - [x, y]).T)
+    node = int(np.argmin(distance))
+    if distance[node] > 1e-9 * np.ptp(mesh.nodes):
+        raise ValueError(f"no node at ({x:g}, {y:g})")
+    return node
+
+
+def _like(weights: Array, values: Array) -> Array:
+    return weights.reshape(weights.shape + (1,) * (values.ndim - weights.ndim))
+
+
+def _gathered(mesh: StageMesh, where: Index, nodal: Array) -> Array:
+    """Sum of nodal values (k, i, 2) that belong to the nodes (k, i)."""
+    columns = [np.bincount(where.ravel(), nodal[..., axis].ravel(), minlength=len(mesh.nodes)) for axis in (0, 1)]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,68 @@
+"""Sparse Cholesky: CHOLMOD from the cvxopt wheel when it is there, else SuperLU in symmetric mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.arrays import Array
+from flexfem.errors import ComputationFailed
+
+Solve: TypeAlias = Callable[[Array], Array]
+
+
+def factorise(lower: sp.coo_array) -> Solve:
+    """Factorise a symmetric positive definite matrix given by its lower triangle (m, m); returns b (m, k) -> x (m, k).
+
+    Raises ComputationFailed when the matrix is singular.
+    """
+    try:
+        import cvxopt  # noqa: F401
+    except ImportError:
+        return superlu(lower)
+    return cholmod(lower)
+
+
+def cholmod(lower: sp.coo_array) -> Solve:
+    """As `factorise`, by CHOLMOD's supernodal Cholesky factorisation."""
+    from cvxopt import cholmod, matrix, spmatrix
+
+    cholmod.options["supernodal"] = 2
+    values, rows, columns = (matrix(part) for part in (lower.data, *(c.astype(np.int64) for c in lower.coords)))
+    matrix_in = spmatrix(values, rows, columns, lower.shape)
+    factor = cholmod.symbolic(matrix_in)
+    try:
+        cholmod.numeric(matrix_in, factor)
+    except ArithmeticError:
+        raise _singular() from None
+
+    def solve(b: Array) -> Array:
+        x = matrix(np.asfortranarray(b))
+        cholmod.solve(factor, x)
+        return np.array(x)
+
+    return solve
+
+
+def superlu(lower: sp.coo_array) -> Solve:
+    """As `factorise`, by SuperLU without pivoting, which the symmetric ordering needs."""
+    from scipy.sparse.linalg import splu
+
+    half = lower.tocsc()
+    try:
+        factor = splu(
+            (half + sp.tril(half, -1).T).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError:
+        raise _singular() from None
+    return lambda b: np.asarray(factor.solve(b))
+
+
+def _singular() -> ComputationFailed:
+    return ComputationFailed("the finite-element equations are singular: some part of the stage is not held")

@@ -1,0 +1,93 @@
+"""How far a number on one mesh may be from the number on no mesh at all: Richardson extrapolation and its band."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem.arrays import Array
+
+COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
+ORDER = 4.0  # theoretical order of the platform compliance with quadratic triangles: twice that of the strain
+SAFETY, CAUTIOUS = 1.25, 3.0  # safety factors of Roache: with the observed order, and with the theoretical one
+TRUSTED = (1.0, 6.0)  # observed orders outside are no sign that the asymptotic range is reached
+ROUND_OFF = 1e-8  # per cent, and of a value: differences below come from the arithmetic, not from the mesh
+
+Verdict: TypeAlias = Literal["converging", "oscillatory", "divergent", "out of range", "round-off"]
+
+
+class Convergence(NamedTuple):
+    """A number on meshes of growing resolution.
+
+    resolutions, values : (levels,), coarse to fine.
+    verdict : `converging` when the finest three levels approach a limit with an order within `TRUSTED`; otherwise the
+        theoretical order and the safety factor `CAUTIOUS` are used.
+    order : the order used.  observed : the one observed on the finest three levels, nan where there is none.
+    extrapolated : value at vanishing triangle size.  band : half-width about the finest value.
+    """
+
+    resolutions: Array
+    values: Array
+    verdict: Verdict
+    order: float
+    observed: float
+    extrapolated: float
+    band: float
+
+
+def levels(resolution: int) -> tuple[int, int, int]:
+    """Three resolutions, coarse to fine, `COARSER` or more apart, that end with the one given (at least 4)."""
+    middle = int(resolution / COARSER)
+    return int(middle / COARSER), middle, resolution
+
+
+def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND_OFF) -> Convergence:
+    """Grid convergence index of a number on three or more re-meshed levels, coarse to fine.
+
+    Notes
+    -----
+    With triangle sizes h1 < h2 < h3, r21 = h2 / h1, r32 = h3 / h2, e21 = f2 - f1, e32 = f3 - f2, the observed order
+    solves `p = |ln |e32 / e21| + ln((r21^p - s) / (r32^p - s))| / ln r21`, s = sign(e32 / e21); the extrapolated value
+    is `f1 - e21 / (r21^p - 1)`, the band `F |e21| / (r21^p - 1)`: I. B. Celik, U. Ghia, P. J. Roache, C. J. Freitas,
+    H. Coleman, P. E. Raad, J. Fluids Eng. 130 (2008) 078001; P. J. Roache, J. Fluids Eng. 116 (1994) 405.
+    """
+    resolutions, values = np.asarray(resolutions, dtype=float), np.asarray(values, dtype=float)
+    f3, f2, f1 = values[-3:]
+    n3, n2, n1 = resolutions[-3:]
+    r21, r32 = n1 / n2, n2 / n3
+    e21, e32 = f2 - f1, f3 - f2
+    noise = round_off * max(1.0, float(np.max(np.abs(values))))
+    if max(abs(e21), abs(e32)) <= noise:
+        return Convergence(resolutions, values, "round-off", ORDER, np.nan, float(f1), noise)
+    observed = _observed_order(e21, e32, r21, r32)
+    verdict = _verdict(e21, e32, observed)
+    order, safety = (observed, SAFETY) if verdict == "converging" else (ORDER, CAUTIOUS)
+    correction = e21 / (r21**order - 1)
+    reach = max(abs(e21), abs(e32)) / (r21**order - 1) if verdict == "oscillatory" else abs(correction)
+    band = max(safety * reach, noise)
+    return Convergence(resolutions, values, verdict, order, observed, float(f1 - correction), float(band))
+
+
+def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
+    """Order by fixed-point iteration; nan when there is none."""
+    if e21 == 0 or e32 == 0:
+        return float("nan")
+    sign = float(np.sign(e32 / e21))
+    order = abs(np.log(abs(e32 / e21))) / np.log(r21)
+    for _ in range(100):
+        if not 1e-6 < order < 50:
+            return float("nan")
+        shift = np.log((r21**order - sign) / (r32**order - sign))
+        order, last = abs(np.log(abs(e32 / e21)) + shift) / np.log(r21), order
+        if abs(order - last) < 1e-12 * order:
+            break
+    return float(order)
+
+
+def _verdict(e21: float, e32: float, observed: float) -> Verdict:
+    if e21 * e32 < 0:
+        return "oscillatory"
+    if abs(e21) >= abs(e32):
+        return "divergent"
+    return "converging" if TRUSTED[0] <= observed <= TRUSTED[1] else "out of range"

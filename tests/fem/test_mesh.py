@@ -1,0 +1,375 @@
+"""The mesh is the drawn stage: all of it, in one piece, conforming, curved, exactly symmetric, or else refused."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+import flexfem.fem.mesh
+from flexfem.design import HINGE_NAMES, Stage
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.fem.mesh import (
+    RESOLUTION,
+    StageMesh,
+    build_mesh,
+    check_mesh,
+    estimate_triangles,
+    jacobians,
+    least_scaled_jacobian,
+    local_thickness,
+    run_mesher,
+    sector_job,
+)
+from flexfem.fem.mesher import Job
+from flexfem.layout.bodies import BODIES, draw_sector
+from flexfem.layout.feasibility import check_feasible
+from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.layout.outline import area
+
+ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm: a few roundings
+ON_ARC = 1e-8  # mm; OpenCASCADE draws to its own tolerance
+COARSE = 3  # resolution of the fixtures
+
+
+def sides(mesh: StageMesh) -> np.ndarray:
+    """All sides (3m, 3) of the triangles: ends, then middle."""
+    t = mesh.triangles
+    return np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
+
+
+def rims(mesh: StageMesh) -> np.ndarray:
+    """Sides (k, 3) that belong to one triangle only."""
+    found = sides(mesh)
+    count = Counter(tuple(sorted(ends)) for ends in found[:, :2].tolist())
+    return np.array([side for side in found if count[tuple(sorted(side[:2].tolist()))] == 1])
+
+
+def length(mesh: StageMesh, edges: np.ndarray) -> float:
+    """Length of straight edges, mm."""
+    return float(np.sum(np.linalg.norm(mesh.nodes[edges[:, 0]] - mesh.nodes[edges[:, 1]], axis=1)))
+
+
+def test_interior_sides_are_shared_by_two_triangles_and_outer_sides_belong_to_one(each) -> None:
+    found = sides(each.mesh)
+    ends = np.sort(found[:, :2], axis=1)
+    for side, sharing in Counter(map(tuple, ends.tolist())).items():
+        assert sharing in (1, 2), side
+    middles: dict[tuple[int, int], set[int]] = {}
+    for (a, b), middle in zip(ends.tolist(), found[:, 2].tolist(), strict=True):
+        middles.setdefault((a, b), set()).add(middle)
+    assert all(len(at) == 1 for at in middles.values())  # else the two triangles could part between their corners
+    assert len(set().union(*middles.values())) == len(middles)
+
+
+def test_mesh_has_exactly_an_outer_and_a_hub_boundary(each) -> None:
+    """A hanging node or a crack would be a third boundary; Euler's formula counts a ring as zero."""
+    mesh = each.mesh
+    corners, edges = len(np.unique(mesh.triangles[:, :3])), len({tuple(sorted(s)) for s in sides(mesh)[:, :2].tolist()})
+    assert corners - edges + len(mesh.triangles) == 0
+    following = {int(a): int(b) for a, b, _ in rims(mesh)}
+    loops = 0
+    while following:
+        loops += 1
+        _, at = following.popitem()
+        while at in following:
+            at = following.pop(at)
+    assert loops == 2
+
+
+def test_no_two_nodes_in_one_place(each) -> None:
+    nearest = KDTree(each.mesh.nodes).query(each.mesh.nodes, k=2)[0][:, 1]
+    assert nearest.min() > 1e-3  # mm; halves of the shortest drawn curves are ten times longer, welding is to 1e-9
+
+
+def test_area_of_every_body_is_the_drawn_one(each) -> None:
+    found = np.bincount(each.mesh.bodies, jacobians(each.mesh)[:, -1] / 2, minlength=12)
+    faces = [draw_sector(each.stage, chain)[body] for chain in (1, 2, 3) for body in BODIES]
+    ARCS = 1e-4  # parabolas instead of arcs of 40 degrees
+    np.testing.assert_allclose(found, [area(face.loop) for face in faces], rtol=ARCS)
+
+
+def test_bodies_lie_where_their_chain_is(each) -> None:
+    centres, middle = stage_frames(each.stage).centres, each.mesh.nodes[each.mesh.triangles[:, :3]].mean(axis=1)
+    for chain in range(3):
+        pad = middle[each.mesh.bodies == 4 * chain].mean(axis=0)
+        distances = np.linalg.norm(centres[:, 0] - pad, axis=-1)
+        assert np.argmin(distances) == chain
+
+
+def test_triangles_are_counter_clockwise_and_far_from_folded(each) -> None:
+    assert np.all(jacobians(each.mesh) > 0)
+    assert 0.1 < least_scaled_jacobian(each.mesh) <= 1.0
+
+
+def test_nodes_of_alike_chains_are_symmetric_to_round_off(alike) -> None:
+    nodes = alike.mesh.nodes
+    distance, partner = KDTree(nodes).query(turned(nodes, CHAIN_TURN))
+    assert distance.max() < ROUND_OFF
+    assert len(np.unique(partner)) == len(nodes)
+    triangles = {tuple(sorted(t)) for t in alike.mesh.triangles.tolist()}
+    assert {tuple(sorted(t)) for t in partner[alike.mesh.triangles].tolist()} == triangles
+
+
+def test_every_neck_is_crossed_by_as_many_triangles_as_asked_for(each) -> None:
+    mesh, sharing = each.mesh, Counter(tuple(sorted(s)) for s in sides(each.mesh)[:, :2].tolist())
+    for chain in (1, 2, 3):
+        for k, name in enumerate(HINGE_NAMES):
+            edges = mesh.edges[f"neck {chain} {name}"]
+            neck = each.stage.hinge(chain, name).neck
+            assert len(edges) == COARSE
+            assert length(mesh, edges) == pytest.approx(neck, rel=1e-9)  # ten digits of 70 mm
+            np.testing.assert_allclose(  # equal edges about the hinge's centre, middles in the middle
+                mesh.nodes[np.unique(edges)].mean(axis=0), stage_frames(each.stage).centres[chain - 1, k], atol=ON_ARC
+            )
+            assert all(sharing[tuple(sorted(edge[:2].tolist()))] == 2 for edge in edges)
+
+
+def test_at_least_four_quadratic_triangles_cross_a_neck_unless_told_otherwise() -> None:
+    assert RESOLUTION >= 4
+
+
+def test_hub_is_a_full_circle_with_middle_nodes_on_it(each) -> None:
+    edges, radius = each.mesh.edges["hub"], each.stage.platform.hub_radius
+    nodes = each.mesh.nodes[np.unique(edges)]
+    np.testing.assert_allclose(np.hypot(*nodes.T), radius, atol=ON_ARC)
+    assert len(np.unique(edges)) == 2 * len(edges)  # closed
+    assert {tuple(sorted(e)) for e in edges[:, :2].tolist()} <= {
+        tuple(sorted(e)) for e in rims(each.mesh)[:, :2].tolist()
+    }
+
+
+def test_middle_nodes_of_a_notch_lie_on_its_arcs(each) -> None:
+    """Straight sides would make hinges 0.3 % too soft at this size."""
+    on_arcs = 0
+    middles = each.mesh.nodes[rims(each.mesh)[:, 2]]
+    placed = stage_frames(each.stage)
+    for chain, k in np.ndindex(3, 3):
+        hinge = each.stage.hinge(chain + 1, HINGE_NAMES[k])
+        for side in (np.pi / 2, -np.pi / 2):
+            angle = placed.axes[chain, k] + side
+            up = np.array([np.cos(angle), np.sin(angle)])
+            from_centre = middles - placed.centres[chain, k] - (hinge.neck / 2 + hinge.radius) * up
+            bottom = (np.hypot(*from_centre.T) < 1.05 * hinge.radius) & (from_centre @ up < -0.2 * hinge.radius)
+            np.testing.assert_allclose(np.hypot(*from_centre[bottom].T), hinge.radius, atol=ON_ARC)
+            on_arcs += int(bottom.sum())
+    assert on_arcs >= 18 * 4
+
+
+def test_ground_is_the_straight_back_of_three_pads(each) -> None:
+    edges = each.mesh.edges["ground"]
+    assert length(each.mesh, edges) == pytest.approx(3 * each.stage.chain.link_width, rel=1e-9)
+    placed = stage_frames(each.stage)
+    back = each.stage.chain.link_width + each.stage.array("radius")[:, 0]
+    along = np.stack([np.cos(placed.axes[:, 0]), np.sin(placed.axes[:, 0])], axis=-1)
+    for node in each.mesh.nodes[np.unique(edges)]:
+        behind = np.sum((node - placed.centres[:, 0]) * along, axis=-1) + back
+        assert np.min(np.abs(behind)) < ON_ARC
+
+
+def test_only_ground_hub_and_necks_are_named(each) -> None:
+    necks = {f"neck {chain} {name}" for chain in (1, 2, 3) for name in HINGE_NAMES}
+    assert set(each.mesh.edges) == {"ground", "hub", *necks}
+
+
+def test_the_same_stage_gives_the_same_mesh_again(alike) -> None:
+    again = build_mesh(alike.stage, COARSE)
+    np.testing.assert_array_equal(again.nodes, alike.mesh.nodes)
+    np.testing.assert_array_equal(again.triangles, alike.mesh.triangles)
+
+
+def test_chains_of_unlike_hinges_are_meshed_each_on_its_own(unlike) -> None:
+    """An override must reach the mesh, not the mesh of chain 1 be turned."""
+    necks = [length(unlike.mesh, unlike.mesh.edges[f"neck {chain} elbow"]) for chain in (1, 2, 3)]
+    np.testing.assert_allclose(necks, [0.47, 0.83, 0.47], rtol=1e-9)
+
+
+@pytest.mark.parametrize("resolution", [2, 5])
+def test_estimate_is_within_a_factor_of_two(resolution: int, unlike) -> None:
+    ratio = len(build_mesh(unlike.stage, resolution).triangles) / estimate_triangles(unlike.stage, resolution)
+    assert 0.5 < ratio < 2.0
+
+
+def test_estimate_is_within_a_factor_of_two_for_slender_and_stout_necks(make_stage: Callable[..., Stage]) -> None:
+    for neck, radius in ((0.05, 1.1), (1.7, 2.6)):
+        changes = {
+            f"hinges.{name}.{key}": v for name in HINGE_NAMES for key, v in (("neck_mm", neck), ("radius_mm", radius))
+        }
+        stage = make_stage(changes)
+        ratio = len(build_mesh(stage, COARSE).triangles) / estimate_triangles(stage, COARSE)
+        assert 0.5 < ratio < 2.0, neck
+
+
+@pytest.mark.parametrize("bend", [1e-10, 1e-7, 1e-5], ids=lambda bend: f"{bend:g} degrees")
+def test_links_bent_by_next_to_nothing_are_meshed_as_straight_ones(
+    bend: float, alike, make_stage: Callable[..., Stage]
+) -> None:
+    """The arc of such a bend is shorter than two points of the drawing can be apart."""
+    mesh = build_mesh(make_stage({"hinges.elbow.axis_deg": 175.0 + bend}), COARSE)
+    assert jacobians(mesh)[:, -1].sum() == pytest.approx(
+        jacobians(alike.mesh)[:, -1].sum(), rel=1e-4
+    )  # other parabolas
+
+
+def test_estimate_grows_with_the_square_of_the_resolution(alike) -> None:
+    assert estimate_triangles(alike.stage, 7) == pytest.approx(49 / 9 * estimate_triangles(alike.stage, 3))
+
+
+def test_local_thickness_is_the_neck_grown_by_the_notch(alike) -> None:
+    hinge = alike.stage.hinge(1, "base")
+    d = np.array([0.0, 0.01, 0.05, 30.0, 31.0])
+    found = local_thickness(d, hinge)
+    assert found[0] == hinge.neck
+    np.testing.assert_allclose(found[1:3] - hinge.neck, d[1:3] ** 2 / hinge.radius, rtol=1e-2)  # next term d^4
+    assert found[4] - found[3] == pytest.approx(flexfem.fem.mesh.SLOPE, rel=1e-2)  # a hyperbola near its asymptote
+
+
+def test_too_large_a_mesh_is_refused_before_gmsh_starts(
+    make_stage: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(*_: object) -> None:
+        raise AssertionError("gmsh was started")
+
+    monkeypatch.setattr(flexfem.fem.mesh, "run_mesher", started)
+    with pytest.raises(ComputationFailed, match=r"^mesh of about .* triangles, expected at most [^\n]*$"):
+        build_mesh(make_stage(), 300)
+
+
+def test_meshing_stops_at_its_time_limit(alike) -> None:
+    began = time.perf_counter()
+    with pytest.raises(ComputationFailed, match=r"^gmsh was stopped: .* within 0\.05 s$"):
+        build_mesh(alike.stage, COARSE, time_limit=0.05)
+    assert time.perf_counter() - began < 5.0  # the child is gone long before it would have finished importing
+
+
+class Trap:
+    """Pickles into a call of something in the child, in place of a face."""
+
+    def __init__(self, call: Callable[..., object], *arguments: object) -> None:
+        self.trap = (call, arguments)
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return self.trap
+
+
+def test_a_child_that_hangs_is_stopped() -> None:
+    with pytest.raises(ComputationFailed, match=r"^gmsh was stopped: [^\n]*$"):
+        run_mesher(Job([Trap(time.sleep, 60)], [], 1.0, {}), 0.5)
+
+
+def test_a_child_that_dies_is_one_line() -> None:
+    with pytest.raises(ComputationFailed) as failure:
+        run_mesher(Job([Trap(os.abort)], [], 1.0, {}), 20.0)
+    assert "\n" not in str(failure.value) and str(failure.value)
+
+
+def test_an_error_of_gmsh_is_one_line(alike) -> None:
+    job = sector_job(alike.stage, 1, COARSE)
+    face = job.faces[0]
+    open_loop = face._replace(loop=face.loop[:-1], labels=face.labels[:-1])
+    with pytest.raises(ComputationFailed) as failure:
+        run_mesher(job._replace(faces=[open_loop]), 20.0)
+    assert str(failure.value).startswith("gmsh: ") and "\n" not in str(failure.value)
+
+
+def severed(mesh: StageMesh, label: str, bodies: list[int]) -> StageMesh:
+    """The mesh with the given bodies on nodes of their own along an edge."""
+    edge = np.unique(mesh.edges[label])
+    own = np.arange(len(mesh.nodes))
+    own[edge] = len(mesh.nodes) + np.arange(len(edge))
+    triangles = mesh.triangles.copy()
+    loose = np.isin(mesh.bodies, bodies)
+    triangles[loose] = own[triangles[loose]]
+    return mesh._replace(nodes=np.concatenate([mesh.nodes, mesh.nodes[edge]]), triangles=triangles)
+
+
+def with_node_moved(mesh: StageMesh, triangle: int, which: int, to: int) -> StageMesh:
+    nodes = mesh.nodes.copy()
+    nodes[mesh.triangles[triangle, which]] = nodes[mesh.triangles[triangle, to]]
+    return mesh._replace(nodes=nodes)
+
+
+def test_a_sound_mesh_passes_its_checks(each) -> None:
+    check_mesh(each.mesh, each.stage)
+
+
+@pytest.mark.parametrize(("label", "bodies"), [("neck 1 base", [0]), ("neck 2 platform", [4, 5, 6])])
+def test_a_severed_neck_is_refused(alike, label: str, bodies: list[int]) -> None:
+    with pytest.raises(ComputationFailed, match=r"2 pieces.*severed"):
+        check_mesh(severed(alike.mesh, label, bodies), alike.stage)
+
+
+def test_an_orphan_node_is_refused(alike) -> None:
+    orphaned = alike.mesh._replace(nodes=np.concatenate([alike.mesh.nodes, [[1.0, 2.0]]]))
+    with pytest.raises(ComputationFailed, match="belong to no triangle"):
+        check_mesh(orphaned, alike.stage)
+
+
+def test_a_mesh_of_another_size_is_refused(alike) -> None:
+    swollen = alike.mesh._replace(nodes=alike.mesh.nodes * 1.0007)  # area off by 1.4e-3
+    with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
+        check_mesh(swollen, alike.stage)
+
+
+def test_the_mesh_of_another_stage_is_refused(alike, make_stage: Callable[..., Stage]) -> None:
+    with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
+        check_mesh(alike.mesh, make_stage({"platform.hub_radius_mm": 7.9}))
+
+
+@pytest.mark.parametrize(("which", "to"), [(3, 0), (4, 2), (5, 0)])
+def test_a_folded_triangle_is_refused(alike, which: int, to: int) -> None:
+    finest = int(np.argmin(jacobians(alike.mesh)[:, -1]))  # moves no area worth mentioning
+    with pytest.raises(ComputationFailed, match="scaled Jacobian"):
+        check_mesh(with_node_moved(alike.mesh, finest, which, to), alike.stage)
+
+
+def test_jacobians_against_a_triangle_by_hand(alike) -> None:
+    """A parabola on the hypotenuse adds 2/3 of chord times sagitta."""
+    nodes = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [1.0, 0.0], [1.0 + 0.3, 1.5 + 0.2], [0.0, 1.5]])
+    single = alike.mesh._replace(nodes=nodes, triangles=np.arange(6)[None, :])
+    sagitta = (0.3 * 3.0 + 0.2 * 2.0) / np.hypot(2.0, 3.0)
+    found = jacobians(single)[0]
+    assert found[-1] / 2 == pytest.approx(3.0 + 2 / 3 * np.hypot(2.0, 3.0) * sagitta, rel=1e-12)
+    assert found[0] == pytest.approx(6.0 - 0.0, rel=1e-12)  # the bulge does not reach the opposite corner
+    assert least_scaled_jacobian(single) == pytest.approx(np.min(found[:6]) / found[6])
+
+
+@pytest.mark.slow
+def test_random_feasible_stages_can_be_meshed(make_stage: Callable[..., Stage]) -> None:
+    rng, meshed = np.random.default_rng(29), 0
+    while meshed < 12:
+        lengths = np.array([31.0, 33.5, 25.0]) * rng.uniform(0.8, 1.2, 3)
+        angles = np.array([175.0, -85.0, 92.0]) + rng.uniform(-20.0, 20.0, 3)
+        changes: dict[str, Any] = {
+            "chain.link_lengths_mm": lengths.tolist(),
+            "chain.joint_angles_deg": angles.tolist(),
+            "platform.radius_mm": float(rng.uniform(11.0, 17.0)),
+            "override": [{"chain": 2, "hinge": "elbow", "neck_mm": float(rng.uniform(0.2, 1.0))}],
+        }
+        stage = make_stage(changes)
+        try:
+            check_feasible(stage)
+        except BadInput:
+            continue
+        build_mesh(stage, COARSE)
+        meshed += 1
+
+
+def test_neighbouring_sizes_follow_the_local_thickness(alike) -> None:
+    """Along a notch triangles grow smoothly: no neighbour across the neck is three times as large."""
+    mesh = alike.mesh
+    size = np.sqrt(jacobians(mesh)[:, -1])
+    by_side: dict[tuple[int, int], list[int]] = {}
+    for k, triangle in enumerate(mesh.triangles[:, :3].tolist()):
+        for a, b in pairwise([*triangle, triangle[0]]):
+            by_side.setdefault((min(a, b), max(a, b)), []).append(k)
+    pairs = np.array([two for two in by_side.values() if len(two) == 2])
+    ratio = size[pairs[:, 0]] / size[pairs[:, 1]]
+    assert max(ratio.max(), (1 / ratio).max()) < 3.0

@@ -1,0 +1,345 @@
+"""How the stage answers loads: symmetries and scalings that hold to round-off, balances, and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, Stage
+from flexfem.errors import ComputationFailed
+from flexfem.fem.assembly import blocks, stiffness_matrix, with_rigid_part
+from flexfem.fem.mesh import StageMesh, _ordered
+from flexfem.fem.plane_stress import Plate, integration, internal_forces
+from flexfem.fem.response import (
+    BALANCE,
+    check_balance,
+    load_case,
+    neck_maxima,
+    plate_of,
+    platform_response,
+    tie_hub,
+)
+from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
+
+ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off
+THREEFOLD = 1e-10  # symmetry of the solution on an exactly symmetric mesh: conditioning times round-off
+ANOTHER_MESH = 3e-3  # change of the compliance from one coarse mesh to another of the same stage
+LOAD = np.array([1.3, -0.7, 41.0])  # N, N, N mm
+
+
+def rotation(angle: float) -> Array:
+    """Pose (x, y, theta) in axes turned by `angle`."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def coupling(C: Array) -> float:
+    """Largest cross term over the smallest diagonal one."""
+    return float(np.max(np.abs(C - np.diag(np.diag(C)))) / np.min(np.diag(C)))
+
+
+def difference(C: Array, other: Array) -> float:
+    """Largest change over the diagonal."""
+    size = np.sqrt(np.diag(other))
+    return float(np.max(np.abs(C - other) / np.outer(size, size)))
+
+
+def lever(stage: Stage) -> float:
+    return stage.chain.link_lengths[2]
+
+
+def test_compliance_is_symmetric(each) -> None:
+    assert difference(each.response.compliance, each.response.compliance.T) < ROUND_OFF
+
+
+def test_compliance_is_positive(each, made_lengths: Callable[[Array, float], Array]) -> None:
+    assert np.all(np.linalg.eigvalsh(made_lengths(each.response.compliance, lever(each.stage))) > 0)
+
+
+def test_threefold_symmetry_makes_the_reference_stages_isotropic(
+    reference, made_lengths: Callable[[Array, float], Array]
+) -> None:
+    C = made_lengths(reference.response.compliance, lever(reference.stage))
+    assert coupling(C) < THREEFOLD
+    assert abs(C[0, 0] / C[1, 1] - 1) < THREEFOLD
+    assert difference(C, C.T) < ROUND_OFF
+
+
+def test_threefold_symmetry_makes_a_generic_stage_isotropic(
+    alike, made_lengths: Callable[[Array, float], Array]
+) -> None:
+    C = made_lengths(alike.response.compliance, lever(alike.stage))
+    assert coupling(C) < THREEFOLD
+    assert abs(C[0, 0] / C[1, 1] - 1) < THREEFOLD
+
+
+def test_one_odd_neck_couples_the_directions(unlike, made_lengths: Callable[[Array, float], Array]) -> None:
+    C = made_lengths(unlike.response.compliance, lever(unlike.stage))
+    assert coupling(C) > 10 * ANOTHER_MESH
+    assert abs(C[0, 0] / C[1, 1] - 1) > ANOTHER_MESH
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.37])
+def test_compliance_goes_with_one_over_youngs_modulus_and_one_over_thickness(unlike, factor: float) -> None:
+    plate, C = plate_of(unlike.stage), unlike.response.compliance
+    stiffer = plate._replace(youngs_modulus=factor * plate.youngs_modulus)
+    thicker = plate._replace(thickness=factor * plate.thickness)
+    for changed in (stiffer, thicker):
+        assert difference(factor * platform_response(unlike.mesh, changed).compliance, C) < 10 * ROUND_OFF
+
+
+def test_plate_is_the_stages_sheet_in_newtons_and_millimetres(alike) -> None:
+    assert plate_of(alike.stage) == (pytest.approx(68.3e3), 0.29, 9.7)
+
+
+@pytest.mark.parametrize("factor", [7.3, 0.041])
+def test_a_larger_stage_is_as_compliant_in_translation_and_stiffer_in_rotation(unlike, factor: float) -> None:
+    """In the plane only `E b` has a length to be scaled by: translations keep, rotations go with 1/s^2."""
+    larger = platform_response(unlike.mesh._replace(nodes=factor * unlike.mesh.nodes), plate_of(unlike.stage))
+    scale = np.array([1.0, 1.0, factor])
+    assert difference(larger.compliance * np.outer(scale, scale), unlike.response.compliance) < 10 * ROUND_OFF
+
+
+def test_a_larger_stage_is_also_meshed_alike(
+    alike, make_stage: Callable[..., Stage], solve: Callable[..., Any]
+) -> None:
+    s, chain = 7.3, alike.stage.chain
+    changes = {
+        "chain.link_lengths_mm": [s * length for length in chain.link_lengths],
+        "chain.link_width_mm": s * chain.link_width,
+        "platform.radius_mm": s * alike.stage.platform.radius,
+        "platform.hub_radius_mm": s * alike.stage.platform.hub_radius,
+    }
+    for name in HINGE_NAMES:
+        hinge = alike.stage.hinge(1, name)
+        changes |= {f"hinges.{name}.radius_mm": s * hinge.radius, f"hinges.{name}.neck_mm": s * hinge.neck}
+    larger = solve(make_stage(changes)).response.compliance
+    scale = np.array([1.0, 1.0, s])
+    assert difference(larger * np.outer(scale, scale), alike.response.compliance) < ANOTHER_MESH
+
+
+@pytest.mark.parametrize("angle", [0.71, -2.2])
+def test_turning_the_mesh_turns_the_compliance(unlike, angle: float) -> None:
+    moved = platform_response(unlike.mesh._replace(nodes=turned(unlike.mesh.nodes, angle)), plate_of(unlike.stage))
+    T = rotation(angle)
+    expected = T @ unlike.response.compliance @ T.T
+    assert difference(moved.compliance, expected) < 10 * ROUND_OFF
+    assert difference(moved.compliance, unlike.response.compliance) > 10 * ANOTHER_MESH  # there was something to turn
+
+
+def test_turning_the_base_joint_angle_turns_the_whole_stage(
+    make_stage: Callable[..., Stage], solve: Callable[..., Any]
+) -> None:
+    angle, odd = 37.0, {"override": [{"chain": 2, "hinge": "elbow", "neck_mm": 1.3}]}
+    C = solve(make_stage(odd)).response.compliance
+    angles = {"chain.joint_angles_deg": [175.0 + angle, -85.0, 92.0]}
+    moved = solve(make_stage({**odd, **angles})).response.compliance
+    T = rotation(np.deg2rad(angle))
+    assert difference(moved, T @ C @ T.T) < ANOTHER_MESH
+    assert difference(moved, C) > 10 * ANOTHER_MESH
+
+
+def test_mirrored_stage_has_the_mirrored_compliance(unlike) -> None:
+    """A sign slip in the rigid hub's moment arm would not survive a mirror: theta and y change sign together."""
+    mesh = unlike.mesh
+    flipped = mesh._replace(nodes=mesh.nodes * [1.0, -1.0], triangles=mesh.triangles[:, [0, 2, 1, 5, 4, 3]])
+    M = np.diag([1.0, -1.0, -1.0])
+    mirrored = platform_response(_ordered(flipped), plate_of(unlike.stage)).compliance
+    assert difference(mirrored, M @ unlike.response.compliance @ M.T) < 10 * ROUND_OFF
+
+
+@pytest.mark.parametrize("name", HINGE_NAMES)
+def test_a_thicker_neck_lowers_every_compliance(
+    name: str,
+    alike,
+    make_stage: Callable[..., Stage],
+    solve: Callable[..., Any],
+    made_lengths: Callable[[Array, float], Array],
+) -> None:
+    override = [{"chain": 3, "hinge": name, "neck_mm": 1.2 * alike.stage.hinge(3, name).neck}]
+    stiffer = solve(make_stage({"override": override})).response.compliance
+    drop = np.linalg.eigvalsh(made_lengths(alike.response.compliance - stiffer, lever(alike.stage)))
+    size = made_lengths(alike.response.compliance, lever(alike.stage)).max()
+    assert drop[-1] > ANOTHER_MESH * size  # a softer direction would be negative; round-off of an unmoved one is not
+    assert drop[0] > -1e-4 * size
+
+
+def test_ground_rests_and_hub_moves_as_a_rigid_body(each) -> None:
+    ground, hub = (np.unique(each.mesh.edges[name]) for name in ("ground", "hub"))
+    x, y = each.mesh.nodes[hub].T
+    for pose, field in zip(each.response.compliance.T, each.response.fields, strict=True):
+        assert np.all(field[ground] == 0.0)
+        expected = np.stack([pose[0] - pose[2] * y, pose[1] + pose[2] * x], axis=-1)
+        np.testing.assert_allclose(field[hub], expected, rtol=0, atol=ROUND_OFF * np.abs(field).max())
+
+
+def rigid_hub(mesh: StageMesh) -> Array:
+    """Displacements (2n, free + 3) of all nodes per unknown, one unknown at a time."""
+    tied = tie_hub(mesh)
+    unit = np.eye(2 * len(tied.free) + 3)
+    return tied.fields(unit).reshape(len(unit), -1).T
+
+
+def test_rigid_hub_makes_three_unknowns_of_the_hub_and_none_of_the_ground(each) -> None:
+    tied = tie_hub(each.mesh)
+    hub, ground = (np.unique(each.mesh.edges[name]) for name in ("hub", "ground"))
+    np.testing.assert_array_equal(tied.hub, hub)
+    np.testing.assert_array_equal(np.flatnonzero(tied.number < 0), ground)
+    assert each.response.unknowns == 2 * (len(each.mesh.nodes) - len(hub) - len(ground)) + 3
+
+
+def test_equations_are_the_stiffness_seen_from_the_unknowns(bar: Callable[..., StageMesh]) -> None:
+    """`T' K T` formed densely, beside the assembly that never forms T."""
+    mesh = bar(3.1, 1.3, 4, 3)
+    mesh = mesh._replace(nodes=mesh.nodes + [4.3, -1.7])  # so that every moment arm counts
+    plate = Plate(68.3e3, 0.29, 9.7)
+    T, tied, strips = rigid_hub(mesh), tie_hub(mesh), integration(mesh)
+    expected = T.T @ stiffness_matrix(strips, plate, len(mesh.nodes)).toarray() @ T
+    lower = with_rigid_part(blocks(strips, plate, tied.number), len(tied.free), tied.rigid).toarray()
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(lower, np.tril(expected), rtol=0, atol=ROUND_OFF * scale)
+    forces = np.random.default_rng(29).normal(size=(2, len(mesh.nodes), 2))
+    np.testing.assert_allclose(tied.loads(forces), T.T @ forces.reshape(2, -1).T, rtol=0, atol=ROUND_OFF * 1e3)
+    C = platform_response(mesh, plate).compliance
+    np.testing.assert_allclose(C, np.linalg.inv(expected)[-3:, -3:], rtol=1e-9)  # the dense inverse is not refined
+
+
+def test_reactions_balance_the_load_in_force_and_moment(each) -> None:
+    size = np.abs(each.mesh.nodes).max()
+    error = (each.response.reactions + np.eye(3)) / [1.0, 1.0, size]
+    assert np.abs(error[:2]).max() < BALANCE
+    assert np.abs(error[2]).max() < BALANCE / size
+
+
+def test_inner_nodes_are_in_equilibrium(each) -> None:
+    strips, plate = integration(each.mesh), plate_of(each.stage)
+    forces = internal_forces(strips, plate, each.response.fields[:2])
+    held = np.union1d(each.mesh.edges["ground"], each.mesh.edges["hub"])
+    free = np.setdiff1d(np.arange(len(each.mesh.nodes)), held)
+    assert np.abs(forces[:, free]).max() < BALANCE  # of unit loads
+    hub = forces[:, np.unique(each.mesh.edges["hub"])].sum(axis=1)
+    np.testing.assert_allclose(hub, np.eye(2), atol=BALANCE)
+
+
+def test_energy_is_the_work_of_the_loads(each) -> None:
+    assert difference(each.response.energy, each.response.compliance) < BALANCE
+
+
+def test_balanced_response_is_accepted(each) -> None:
+    check_balance(each.response, float(np.abs(each.mesh.nodes).max()))
+
+
+@pytest.mark.parametrize("size", [70.0])
+@pytest.mark.parametrize("entry", [(0, 0), (0, 1), (1, 2), (2, 0), (2, 2)])
+def test_reactions_that_do_not_balance_are_refused(alike, entry: tuple[int, int], size: float) -> None:
+    units = np.array([1.0, 1.0, size])  # a moment is a force at this lever
+    wrong = alike.response.reactions.copy()
+    wrong[entry] += 3 * BALANCE * units[entry[1]] / units[entry[0]] * (size if entry[0] == 2 else 1.0) ** 2
+    with pytest.raises(ComputationFailed, match="reactions and load differ"):
+        check_balance(alike.response._replace(reactions=wrong), size)
+
+
+def test_energy_that_is_not_the_work_is_refused(alike) -> None:
+    wrong = alike.response.energy.copy()
+    wrong[1, 1] *= 1 + 3 * BALANCE
+    with pytest.raises(ComputationFailed, match="strain energy and work differ"):
+        check_balance(alike.response._replace(energy=wrong), 70.0)
+
+
+@pytest.mark.parametrize("what", ["reactions", "energy", "compliance"])
+def test_nan_is_refused(alike, what: str) -> None:
+    wrong = getattr(alike.response, what).copy()
+    wrong[2, 2] = np.nan
+    with pytest.raises(ComputationFailed):
+        check_balance(alike.response._replace(**{what: wrong}), 70.0)
+
+
+def test_a_loose_body_is_refused(alike) -> None:
+    """With no pad clamped the stage floats: the solution must not come back as a number."""
+    floating = alike.mesh._replace(edges={**alike.mesh.edges, "ground": alike.mesh.edges["ground"][:0]})
+    with pytest.raises(ComputationFailed):
+        platform_response(floating, plate_of(alike.stage))
+
+
+def test_loads_superpose(unlike) -> None:
+    parts = [load_case(unlike.stage, unlike.mesh, unlike.response, part) for part in np.diag(LOAD)]
+    whole = load_case(unlike.stage, unlike.mesh, unlike.response, LOAD)
+    for name in ("pose", "field", "reaction", "force"):
+        together = sum(getattr(part, name) for part in parts)
+        found = getattr(whole, name)
+        np.testing.assert_allclose(found, together, rtol=0, atol=ROUND_OFF * np.abs(together).max())
+
+
+def test_twice_the_load_is_twice_the_stress_and_four_times_the_energy(unlike) -> None:
+    once, twice = (load_case(unlike.stage, unlike.mesh, unlike.response, k * LOAD) for k in (1.0, 2.0))
+    np.testing.assert_allclose(twice.neck_stress, 2 * once.neck_stress, rtol=ROUND_OFF)
+    assert twice.energy == pytest.approx(4 * once.energy, rel=ROUND_OFF)
+
+
+def test_load_case_moves_by_the_compliance_and_stores_half_the_work(unlike) -> None:
+    case = load_case(unlike.stage, unlike.mesh, unlike.response, LOAD)
+    np.testing.assert_allclose(case.pose, unlike.response.compliance @ LOAD, rtol=ROUND_OFF)
+    assert case.energy == pytest.approx(float(LOAD @ case.pose) / 2, rel=10 * BALANCE)
+    np.testing.assert_allclose(case.reaction, -LOAD, rtol=0, atol=100 * BALANCE)  # of 41 N mm
+
+
+def test_energy_density_adds_up_to_the_energy_of_the_load_case(unlike) -> None:
+    case = load_case(unlike.stage, unlike.mesh, unlike.response, LOAD)
+    force = internal_forces(integration(unlike.mesh), plate_of(unlike.stage), case.field[None])[0]
+    assert case.energy == pytest.approx(float(np.sum(force * case.field)) / 2, rel=10 * BALANCE)
+
+
+def test_a_moment_stresses_alike_necks_alike(alike) -> None:
+    stress = load_case(alike.stage, alike.mesh, alike.response, np.array([0.0, 0.0, 37.0])).neck_stress
+    np.testing.assert_allclose(stress, np.tile(stress[0], (3, 1)), rtol=1e-9)  # differences of displacements
+    assert len(np.unique(np.round(stress[0], 6))) == 3
+
+
+def test_a_force_turned_by_120_degrees_stresses_the_next_chain(alike) -> None:
+    force = np.array([1.3, -0.7, 0.0])
+    here, there = (
+        load_case(alike.stage, alike.mesh, alike.response, load).neck_stress
+        for load in (force, rotation(CHAIN_TURN) @ force)
+    )
+    np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=1e-9)
+    assert not np.allclose(here, there, rtol=0.05)
+
+
+def test_neck_maxima_are_found_at_their_own_necks(unlike) -> None:
+    centres = stage_frames(unlike.stage).centres
+    for chain, k in np.ndindex(3, 3):
+        values = np.exp(-np.sum((unlike.mesh.nodes - centres[chain, k]) ** 2, axis=-1))
+        found = neck_maxima(unlike.stage, unlike.mesh, values)
+        assert found[chain, k] == pytest.approx(1.0, abs=0.05)  # the nearest node is not at the centre
+        assert np.count_nonzero(found > 0.05) == 1
+
+
+def section_loads(stage: Stage, mesh: StageMesh, field: Array, chain: int) -> tuple[float, float, float]:
+    """Axial and shear force, N, and bending moment, N mm, in the base neck, from what its pad gives to the ground."""
+    placed = stage_frames(stage)
+    centre, angle = placed.centres[chain, 0], placed.axes[chain, 0]
+    forces = internal_forces(integration(mesh), plate_of(stage), field[None])[0]
+    pad = np.unique(mesh.triangles[mesh.bodies == 4 * chain])
+    clamped = np.intersect1d(pad, mesh.edges["ground"])
+    arm, force = turned(mesh.nodes[clamped] - centre, -angle), turned(forces[clamped], -angle)
+    moment = float(np.sum(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]))
+    axial, shear = force.sum(axis=0)
+    return float(axial), float(shear), moment
+
+
+@pytest.mark.parametrize("load", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 30.0)], ids=["x", "y", "theta"])
+def test_neck_stress_is_near_that_of_bending_and_tension(alike, load: tuple[float, float, float]) -> None:
+    """A notch of t/R = 0.14 concentrates `6 M/(b h^2) + N/(b h)` by a few percent; the coarse mesh adds some."""
+    stage = alike.stage
+    case = load_case(stage, alike.mesh, alike.response, np.array(load))
+    hinge, b = stage.hinge(1, "base"), stage.thickness
+    x = np.linspace(-0.9, 0.9, 181) * hinge.radius
+    h = hinge.neck + 2 * hinge.radius - 2 * np.sqrt(hinge.radius**2 - x**2)  # below (3)
+    for chain in range(3):
+        axial, shear, moment = section_loads(stage, alike.mesh, case.field, chain)
+        nominal = np.max(6 * abs(moment - shear * x) / (b * h**2) + abs(axial) / (b * h))
+        assert 0.97 < case.neck_stress[chain, 0] / nominal < 1.12

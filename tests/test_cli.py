@@ -1,0 +1,216 @@
+"""The command line as people and machines use it: what it prints, what it writes, how it refuses."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from flexfem import cli
+
+ROOT = Path(__file__).parent.parent
+STAGE = str(ROOT / "geometry/mobility6.toml")
+
+
+@pytest.fixture
+def flexfem(monkeypatch, capsys, tmp_path):
+    """Run a command in an empty folder; returns exit code, standard output and standard error."""
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["flexfem", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+def machine(flexfem, *arguments):
+    code, out, _ = flexfem(*arguments, "--json")
+    assert code == 0
+    return json.loads(out)
+
+
+def test_stiffness_and_compliance_are_inverse_and_in_the_stated_order(flexfem):
+    facts = machine(flexfem, "stiffness", STAGE, "--mobility", 21)
+    assert facts["mobility"] == 21
+    np.testing.assert_allclose(np.array(facts["stiffness"]) @ facts["compliance"], np.eye(3), atol=1e-9)
+    assert facts["stiffness"][2][2] > 100 * facts["stiffness"][0][0]  # N mm/rad against N/mm
+
+
+@pytest.mark.parametrize("mobility", [3, 6, 12, 21])
+def test_more_freedoms_never_stiffen_the_stage(flexfem, mobility):
+    fewer = machine(flexfem, "stiffness", STAGE, "--mobility", 3)["stiffness"]
+    more = machine(flexfem, "stiffness", STAGE, "--mobility", mobility)["stiffness"]
+    assert np.linalg.eigvalsh(np.array(fewer) - np.array(more)).min() > -1e-9 * fewer[2][2]
+
+
+def test_displacement_is_compliance_times_force(flexfem):
+    facts = machine(flexfem, "solve", STAGE, "--resolution", 2, "--force", 1.5, -2, 30)
+    np.testing.assert_allclose(np.array(facts["compliance"]) @ [1.5, -2, 30], facts["displacement"], rtol=1e-12)
+    np.testing.assert_allclose(facts["reaction"], [-1.5, 2, -30], rtol=1e-9)
+    assert facts["force"] == [1.5, -2, 30]
+    assert facts["unknowns"] > 1000
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
+    path = tmp_path / f"stage{suffix}"
+    facts = machine(flexfem, "mesh", STAGE, "-o", path, "--resolution", 2)
+    mesh = meshio.read(path)
+    assert len(mesh.points) == facts["nodes"]
+    assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
+    if suffix == ".msh":
+        assert set(mesh.field_data) == {"stage", "ground", "hub"}
+        hub = mesh.cell_sets_dict["hub"]["line3"]
+        lines = np.concatenate([block.data for block in mesh.cells if block.type == "line3"])
+        assert len(hub) > 0
+        np.testing.assert_allclose(np.hypot(*mesh.points[lines[hub]].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
+
+
+def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
+    path = tmp_path / "stage.vtu"
+    facts = machine(flexfem, "solve", STAGE, "--resolution", 2, "--force", 1, 0, 0, "--vtu", path)
+    grid = meshio.read(path)
+    hub = grid.point_data["hub"] == 1
+    ux = grid.point_data["displacement"][hub, 0] + facts["displacement"][2] * grid.points[hub, 1]
+    np.testing.assert_allclose(ux, facts["displacement"][0], rtol=1e-9)
+    assert np.max(np.abs(grid.point_data["displacement"][grid.point_data["ground"] == 1])) == 0.0
+
+
+def test_verify_prints_and_stores_the_same_result(flexfem, tmp_path):
+    facts = machine(flexfem, "verify", ROOT / "cases/fig5.toml", "--output", tmp_path)
+    assert json.loads((tmp_path / "fig5.json").read_text()) == facts
+    assert facts["direction"] == "x"
+    for label, curve in facts["curves"].items():
+        largest = facts["commanded"][-1]
+        assert facts["error_percent"][label]["x"] == pytest.approx(100 * curve["x"][-1] / largest, rel=1e-12)
+        assert len(curve["theta"]) == len(facts["commanded"]) == 21
+    several = machine(flexfem, "verify", ROOT / "cases/fig5.toml", ROOT / "cases/fig6.toml", "--output", tmp_path)
+    assert [result["case"] for result in several] == ["fig5", "fig6"]
+
+
+def test_a_moved_number_is_printed_and_exits_with_one(flexfem, project, tmp_path):
+    project.edit("geometry/mobility6.toml", ("neck_mm = 0.5", "neck_mm = 0.5005"))
+    code, out, _ = flexfem("verify", project.path("cases/fig6.toml"), "--check", "--output", tmp_path)
+    assert code == 1
+    lines = [line for line in out.splitlines() if "mobility six: error y" in line]
+    assert len(lines) == 1 and " was " in lines[0] and " is " in lines[0] and " allowed " in lines[0]
+    code, out, _ = flexfem("verify", project.path("cases/fig6.toml"), "--check", "--json", "--output", tmp_path)
+    assert code == 1
+    assert all("mobility six" in move["metric"] for move in json.loads(out)["moved"])
+
+
+def test_check_tells_where_every_number_comes_from(flexfem):
+    code, out, _ = flexfem("check", STAGE)
+    assert code == 0
+    assert "mobility 6" in out
+    for key in ("chain.link_lengths_mm", "hinges.base.neck_mm", "material.youngs_modulus_gpa"):
+        assert f"{key}: assumed" in out
+    assert machine(flexfem, "check", STAGE)["mobility"] == 6
+
+
+def test_every_table_for_people_says_that_numbers_are_assumed(flexfem, tmp_path):
+    for command in (["stiffness", STAGE], ["solve", STAGE, "--resolution", 2], ["check", STAGE]):
+        assert "assumed" in flexfem(*command)[1]
+    assert "assumed" in flexfem("verify", ROOT / "cases/fig5.toml", "-o", tmp_path)[1]
+
+
+BROKEN = {
+    "no such file": ("", None, "no such file"),
+    "not TOML": ("name", "name = = ", "not TOML"),
+    "a word for a number": ("thickness_mm = 10.0", 'thickness_mm = "ten"', "expected a number"),
+    "negative neck": ("neck_mm = 0.5", "neck_mm = -0.5", "expected > 0"),
+    "zero radius": ("radius_mm = 1.5", "radius_mm = 0", "expected > 0"),
+    "nan": ("thickness_mm = 10.0", "thickness_mm = nan", "finite"),
+    "infinite": ("link_width_mm = 9.0", "link_width_mm = inf", "link_width_mm"),
+    "missing table": ("[platform]", "[plattform]", "platform"),
+    "unknown key": ("thickness_mm", "thickness_cm", "thickness_cm"),
+    "two link lengths": ("[30.0, 32.0, 24.0]", "[30.0, 32.0]", "link_lengths_mm"),
+    "rubber without volume change": ("poissons_ratio = 0.33", "poissons_ratio = 0.5", "poissons_ratio"),
+    "provenance of nothing": ("[provenance]", '[provenance]\n"chain.colour" = "red"', "chain.colour"),
+    "chain four": ("[provenance]", '[[override]]\nchain = 4\nhinge = "base"\nneck_mm = 1\n[provenance]', "chain"),
+    "override of nothing": ("[provenance]", '[[override]]\nchain = 2\nhinge = "base"\n[provenance]', "override"),
+    "notch deeper than the link": ("radius_mm = 4.0", "radius_mm = 6.0", "notch deeper than the link"),
+    "override deeper than the link": (
+        "[provenance]",
+        '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
+        "override[0].radius_mm",
+    ),
+    "hinges too close": ("[30.0, 32.0, 24.0]", "[5.0, 32.0, 24.0]", "closer than their radii"),
+    "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
+    "hub larger than platform": ("hub_radius_mm = 8.0", "hub_radius_mm = 17.5", "hub larger than the platform"),
+    "platform swallows a hinge": ("\nradius_mm = 17.0", "\nradius_mm = 23.0", "swallows"),
+    "chain folded onto the platform": ("[180.0, -90.0, 90.0]", "[180.0, -90.0, 170.0]", "swallows"),
+    "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
+    "neck as wide as a finger": ("neck_mm = 0.5", "neck_mm = 20", "neck as wide as the link"),
+    "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
+    "a planet": ("thickness_mm = 10.0", "thickness_mm = 1e30", "thickness_mm"),
+    "chains across one another": (
+        "[30.0, 32.0, 24.0]      # l1 base-elbow, l2 elbow-platform hinge, l3 platform hinge-centre\n"
+        "joint_angles_deg = [180.0, -90.0, 90.0]",
+        "[130.0, 32.0, 24.0]\njoint_angles_deg = [0.0, 90.0, 90.0]",
+        "overlap",
+    ),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), BROKEN.values(), ids=BROKEN)
+def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(flexfem, project, old, new, said):
+    path = project.path("geometry/mobility6.toml")
+    if new is None:
+        path.unlink()
+    else:
+        project.edit("geometry/mobility6.toml", (old, new))
+    for command in (["check", path], ["solve", path, "--vtu", "out.vtu"], ["mesh", path, "-o", "out.msh"]):
+        code, out, err = flexfem(*command)
+        assert (code, out) == (2, "")
+        assert err.count("\n") == 1 and err.startswith("flexfem: ")
+        assert path.name in err and said in err
+    assert list(Path.cwd().iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["solve", STAGE, "--force", "nan", "0", "0"],
+        ["solve", STAGE, "--vtu", "field.txt"],
+        ["solve", STAGE, "--force", "one", "0", "0"],
+        ["solve", STAGE, "--resolution", "1"],
+        ["mesh", STAGE, "-o", "stage.stl"],
+        ["stiffness", STAGE, "--mobility", "4"],
+        ["stiffness", STAGE, "--formula", "guess"],
+        ["verify", STAGE],
+        ["verify", ROOT / "cases/fig5.toml", ROOT / "cases/../cases/fig5.toml"],
+        ["verify", ROOT / "cases/fig5.toml", "--check", "--baselines", "nowhere"],
+        ["baseline", ROOT / "cases/fig5.toml", "--reason", " ", "--baselines", "."],
+        ["plot", STAGE],
+        ["plot", "nowhere.json"],
+        ["polish", STAGE],
+    ],
+    ids=lambda arguments: " ".join(Path(str(argument)).name for argument in arguments),
+)
+def test_a_wrong_option_exits_with_two_and_writes_nothing(flexfem, arguments):
+    code, out, err = flexfem(*arguments)
+    assert code == 2
+    assert out == ""
+    assert "Traceback" not in err and err.strip()
+    assert list(Path.cwd().iterdir()) == []
+
+
+def test_a_folder_that_takes_no_file_is_one_line(flexfem, tmp_path):
+    (tmp_path / "taken").write_text("a file, not a folder")
+    code, _, err = flexfem("verify", ROOT / "cases/fig5.toml", "--output", tmp_path / "taken")
+    assert code == 2
+    assert err.splitlines()[-1].startswith("flexfem: ") and "cannot be written" in err
