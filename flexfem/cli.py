@@ -140,6 +140,32 @@ def verify(
 
 
 @app.command()
+def converge(
+    stage: Stage,
+    level: Annotated[
+        list[int] | None, typer.Option(help="Triangles across every neck, coarse to fine; give three or more.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the numbers and the figure.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
+    from flexfem import console
+    from flexfem.layout.feasibility import load_feasible
+    from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge, write_study
+
+    loaded = load_feasible(stage)
+    resolutions = checked_resolutions(level or RESOLUTIONS)
+    study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    if output is not None:
+        from flexfem.report.write import write_convergence
+
+        write_convergence(study, write_study(study, output))
+    console.show(study.model_dump(mode="json"), json, console.print_convergence)
+
+
+@app.command()
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
     output: Output = Path("reports"),

@@ -75,6 +75,20 @@ def run_cases(loaded: Sequence[LoadedCase]) -> Iterator[tuple[Result, dict[str, 
             yield result, fields
 
 
+def with_progress(steps: int, description: str) -> Callable[[Stage, int], Solved]:
+    """A `solve_stage` that says on standard error how far it is, after every one of `steps` calls."""
+    done = 0
+
+    def solve(stage: Stage, resolution: int) -> Solved:
+        nonlocal done
+        solved = solve_stage(stage, resolution)
+        done += 1
+        print(f"{description} {done}/{steps}: {solved.response.unknowns} unknowns", file=sys.stderr)
+        return solved
+
+    return solve
+
+
 def stage_facts(path: Path, stage: Stage) -> Facts:
     """What `check` says of a stage."""
     placed = stage_frames(stage)
@@ -249,6 +263,23 @@ def print_results(results: Sequence[Result], output: Path) -> None:
     out.print(table)
     out.print(f"stored in {output}/", markup=False)
     _print_assumed(out, {"assumed": {key for result in results for key in result.assumed}})
+
+
+def print_convergence(facts: Facts) -> None:
+    """Print the levels of a mesh study, and what they tend to."""
+    out = _people()
+    out.print(f"{facts['stage']}: platform compliance on finer and finer meshes", markup=False)
+    names = ("triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)")
+    table = Table(*names, box=None, padding=(0, 2, 0, 0))
+    for resolution, unknowns, matrix in zip(facts["resolutions"], facts["unknowns"], facts["compliance"], strict=True):
+        table.add_row(str(resolution), str(unknowns), *(f"{matrix[k][k]:.9e}" for k in range(3)))
+    found = [facts["uncertainty"][axis] for axis in DIRECTIONS]
+    table.add_row("extrapolated", "", *(f"{u['extrapolated']:.9e}" for u in found))
+    table.add_row("band of the finest", "", *(f"{u['band'] / u['extrapolated']:.1e} relative" for u in found))
+    table.add_row("observed order", "", *("none" if u["observed"] is None else f"{u['observed']:.2f}" for u in found))
+    table.add_row("verdict", "", *(u["verdict"] for u in found))
+    out.print(table)
+    _print_assumed(out, facts)
 
 
 def print_moves(facts: Facts) -> None:

@@ -11,7 +11,7 @@ from flexfem.benchmark.finding import Finding, finding, order
 from flexfem.benchmark.meshes import meshed, on_chords, size_of
 from flexfem.benchmark.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate
+from flexfem.fem.plane_stress import QUADRATURE, Plate
 from flexfem.layout.outline import Face, Segment
 
 NAME = "manufactured solution"
@@ -99,7 +99,7 @@ def exact_normals(label: str, points: Array, normals: Array) -> Array:
     return np.asarray(outwards * arm / np.linalg.norm(arm, axis=-1, keepdims=True))
 
 
-def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> Errors:
+def field_errors(mesh: StageMesh, plate: Plate = PLATE, degree: int = QUADRATURE) -> Errors:
     """Errors of the solution on one mesh of `outline`, held on its right side, pulled on all others."""
     exact = Field(plate)
     force = body_force(mesh, plate, exact.body_force)
@@ -112,7 +112,7 @@ def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> Errors:
 
             force += edge_force(mesh, plate, edges, traction)
     held = nodes_on(mesh, "held")
-    solution = solve(mesh, plate, force, clamp(held, exact.displacement(mesh.nodes[held])))
+    solution = solve(mesh, plate, force, clamp(held, exact.displacement(mesh.nodes[held])), degree)
     return errors(mesh, plate, solution.field, exact.displacement, exact.gradient, exact.stress)
 
 

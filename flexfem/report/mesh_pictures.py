@@ -18,7 +18,7 @@ from flexfem.verify.result import Fields, HingeDrawing, Model
 MESH_COLOUR = "#5B7FA6"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
-MOST_VECTORS = 6000  # sides of triangles; more are rasterised in a PDF
+MOST_VECTORS = 2500  # sides of triangles; more are rasterised in a PDF
 
 
 @in_house_style
@@ -141,13 +141,22 @@ def _draw_neck(axes: Axes, local: Array, edges: Edges, half: float, ratio: float
     axes.locator_params(nbins=4)
     axes.set_facecolor("white")
     near = Edges(*(_inside(local, group, 1.5 * half * max(1.0, ratio)) for group in edges))
-    loops = [polygon(local, loop, 8) for loop in loops_of(edges.boundary)]
-    axes.add_collection(PolyCollection([loops[0]], facecolors=PALE, edgecolors="none", zorder=1), autolim=False)
+    outer, *holes = (
+        _clipped(polygon(local, loop, 8), 2.0 * half * max(1.0, ratio)) for loop in loops_of(edges.boundary)
+    )
+    axes.add_collection(PolyCollection([outer], facecolors=PALE, edgecolors="none", zorder=1), autolim=False)
+    axes.add_collection(PolyCollection(holes, facecolors="white", edgecolors="none", zorder=1.1), autolim=False)
     lines, many = drawn_edges(local, near.every, 12), len(near.every) > MOST_VECTORS
     mesh = LineCollection(lines, linewidths=0.45, colors=MESH_COLOUR, zorder=2, rasterized=many)
     outline = LineCollection(drawn_edges(local, near.boundary, 12), linewidths=1.3, colors=INK, zorder=3)
     for collection in (mesh, outline):
         axes.add_collection(collection, autolim=False)
+
+
+def _clipped(points: Array, reach: float) -> Array:
+    """A polygon (n, 2) with what is beyond the window pushed to its border, where it does no harm and is left out."""
+    pushed = np.clip(points, -reach, reach)
+    return np.asarray(pushed[np.any(pushed != np.roll(pushed, 1, axis=0), axis=1)]).reshape(-1, 2)
 
 
 def _inside(local: Array, edges: Index, reach: float) -> Index:

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 from matplotlib.figure import Figure
 
 from flexfem.files import write_atomically
+from flexfem.report.convergence import convergence_figure
 from flexfem.report.curves import error_figure
 from flexfem.report.deformed import deformed_figure
 from flexfem.report.hinge_sketch import hinge_sketch
@@ -18,6 +19,7 @@ from flexfem.report.mesh_pictures import neck_figure, stage_figure
 from flexfem.report.model_sketch import model_sketch
 from flexfem.report.style import rendered
 from flexfem.report.table import markdown_report
+from flexfem.verify.converge import MeshStudy
 from flexfem.verify.result import Fields, Model, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]
@@ -50,6 +52,12 @@ def write_figures(results: list[Stored], folder: Path) -> list[Path]:
             paths.append(_written(folder / f"{name}.{form}", content))
     page = markdown_report([result for result, _ in results])
     return [*paths, _written(folder / PAGE, page.encode())]
+
+
+def write_convergence(study: MeshStudy, stored: Path) -> list[Path]:
+    """Draw a mesh study as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
+    figure = convergence_figure(study)
+    return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
 def plans(results: list[Stored]) -> list[Plan]:

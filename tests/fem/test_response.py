@@ -195,7 +195,7 @@ def test_rigid_hub_makes_three_unknowns_of_the_hub_and_none_of_the_ground(each) 
 def test_equations_are_the_stiffness_seen_from_the_unknowns(bar: Callable[..., StageMesh]) -> None:
     """`T' K T` formed densely, beside the assembly that never forms T."""
     mesh = bar(3.1, 1.3, 4, 3)
-    mesh = mesh._replace(nodes=mesh.nodes + [4.3, -1.7])  # so that every moment arm counts
+    mesh = mesh._replace(nodes=mesh.nodes + np.array([4.3, -1.7]))  # so that every moment arm counts
     plate = Plate(68.3e3, 0.29, 9.7)
     T, tied, strips = rigid_hub(mesh), tie_hub(mesh), integration(mesh)
     expected = T.T @ stiffness_matrix(strips, plate, len(mesh.nodes)).toarray() @ T

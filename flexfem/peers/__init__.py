@@ -1,0 +1,1 @@
+"""Other solvers on our meshes: what NGSolve and CalculiX make of the same triangles."""

@@ -1,0 +1,78 @@
+"""A stage on finer and finer meshes: where its platform compliance goes, and how fast."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from flexfem.design import Stage
+from flexfem.errors import BadInput
+from flexfem.files import write_atomically
+from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.convergence import COARSER, grid_convergence
+from flexfem.verify.protocol import Solved, solve_stage, stored
+from flexfem.verify.result import Matrix, Record, Uncertainty, versions
+
+RESOLUTIONS = (3, 4, 6, 8, 11, 15)
+
+
+class MeshStudy(Record):
+    """Platform compliance (3, 3) of a stage, order x, y, theta, on meshes of growing resolution.
+
+    uncertainty : of the diagonal terms, mm/N, mm/N, rad/(N mm), their bands in the same units.
+    """
+
+    stage: str
+    file: str
+    hash: str
+    assumed: list[str]
+    resolutions: list[int]
+    triangles: list[int]
+    unknowns: list[int]
+    compliance: list[Matrix]
+    uncertainty: dict[Direction, Uncertainty]
+    versions: dict[str, str]
+
+
+def checked_resolutions(resolutions: Sequence[int]) -> tuple[int, ...]:
+    """The resolutions, when there are three or more, each `COARSER` times the one before. Raises BadInput."""
+    ratios = [fine / coarse for coarse, fine in pairwise(resolutions)]
+    if len(resolutions) < 3 or min(resolutions) < 2 or min(ratios) < COARSER:
+        raise BadInput(
+            f"resolutions {', '.join(map(str, resolutions))}, expected three or more from 2 upwards, "
+            f"each at least {COARSER:g} times the one before"
+        )
+    return tuple(resolutions)
+
+
+def converge(
+    path: Path, stage: Stage, resolutions: Sequence[int], solve: Callable[[Stage, int], Solved] = solve_stage
+) -> MeshStudy:
+    """Solve a feasible stage on every resolution, coarse to fine. Raises BadInput, ComputationFailed."""
+    solved = [solve(stage, resolution) for resolution in checked_resolutions(resolutions)]
+    compliance = np.array([each.response.compliance for each in solved])
+    return MeshStudy(
+        stage=stage.name,
+        file=str(path),
+        hash=stage.hash,
+        assumed=list(stage.assumed),
+        resolutions=list(resolutions),
+        triangles=[len(each.mesh.triangles) for each in solved],
+        unknowns=[each.response.unknowns for each in solved],
+        compliance=compliance.tolist(),
+        uncertainty={
+            axis: stored(grid_convergence(np.array(resolutions), compliance[:, k, k], round_off=0.0))
+            for k, axis in enumerate(DIRECTIONS)
+        },
+        versions=versions(),
+    )
+
+
+def write_study(study: MeshStudy, folder: Path) -> Path:
+    """Store a study as `<stage file>-convergence.json`."""
+    path = folder / f"{Path(study.file).stem}-convergence.json"
+    write_atomically(path, lambda file: file.write((study.model_dump_json(indent=1) + "\n").encode()))
+    return path
