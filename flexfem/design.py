@@ -217,6 +217,15 @@ def load_stage(path: Path) -> Stage:
     return validate(Stage, path)
 
 
+def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
+    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
+    attribute = key.rsplit("_", 1)[0]
+    for index, override in enumerate(stage.override):
+        if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
+            return f"override[{index}].{key}"
+    return f"hinges.{hinge}.{key}"
+
+
 def key_paths(stage: Stage) -> tuple[str, ...]:
     """Return the key path of every table and value the file gives, provenance excepted, an array counting as one."""
     return tuple(path for path, _ in _walk(stage))

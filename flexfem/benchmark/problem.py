@@ -12,7 +12,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.assembly import stiffness_matrix
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, stress_tensor
+from flexfem.fem.plane_stress import Plate, integration, stress_tensor
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
 EDGE_POINTS = 3  # of Gauss, on a curved edge
@@ -40,11 +40,9 @@ class Solution(NamedTuple):
     unknowns: int
 
 
-def solve(
-    mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support], degree: int = QUADRATURE
-) -> Solution:
-    """Solve for nodal forces (n, 2), N, and prescribed displacements; `degree` is that of the stiffness."""
-    K = stiffness_matrix(integration(mesh, degree), plate, len(mesh.nodes)).tocsr()
+def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
+    """Solve for nodal forces (n, 2), N, and prescribed displacements, with the stiffness as the stage's."""
+    K = stiffness_matrix(integration(mesh), plate, len(mesh.nodes)).tocsr()
     u, held = np.zeros(K.shape[0]), np.zeros(K.shape[0], dtype=bool)
     for nodes, axis, values in supports:
         u[2 * nodes + axis] = values

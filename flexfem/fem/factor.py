@@ -65,4 +65,6 @@ def superlu(lower: sp.coo_array) -> Solve:
 
 
 def _singular() -> ComputationFailed:
-    return ComputationFailed("the finite-element equations are singular: some part of the stage is not held")
+    return ComputationFailed(
+        "finite-element equations singular to working precision: a part is not held, or a neck too thin"
+    )

@@ -90,6 +90,8 @@ def estimate_triangles(stage: Stage, resolution: float) -> float:
     """About how many triangles the mesh of the whole stage will have (within a factor of two)."""
     width, count = stage.chain.link_width, 0.0
     coarse = COARSEST * width
+    rim, middle = rim_of(stage)
+    count += 2 * np.pi * middle * rim / min(coarse, COARSEST * rim) ** 2
     for chain in (1, 2, 3):
         faces = draw_sector(stage, chain)
         count += sum(area(face.loop) for face in faces.values()) / coarse**2
@@ -103,6 +105,12 @@ def estimate_triangles(stage: Stage, resolution: float) -> float:
     return float(count * resolution**2 / TRIANGLE)
 
 
+def rim_of(stage: Stage) -> tuple[float, float]:
+    """Width of the platform's rim around the hub, and the radius of its middle, mm."""
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    return disc - hub, (disc + hub) / 2
+
+
 def sector_job(stage: Stage, chain: int, resolution: int) -> Job:
     """Drawing and sizes of the third that holds one chain."""
     sizes = [f"{COARSEST * stage.chain.link_width / resolution!r}"]
@@ -111,10 +119,11 @@ def sector_job(stage: Stage, chain: int, resolution: int) -> Job:
         bend = SLOPE * hinge.radius / 2
         square = f"(x-({neck.point.real!r}))^2+(y-({neck.point.imag!r}))^2+{bend**2!r}"
         sizes.append(f"({hinge.neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt({square}))/{float(resolution)!r}")
-    rim = stage.platform.radius - stage.platform.hub_radius
-    cuts = int(np.ceil(rim * resolution / (COARSEST * stage.chain.link_width))) + 1
+    rim, middle = rim_of(stage)
+    sizes.append(f"({COARSEST * rim!r}+{SLOPE!r}*Abs(Sqrt(x^2+y^2)-{middle!r}))/{float(resolution)!r}")
+    cuts = int(np.ceil(rim * resolution / (COARSEST * min(rim, stage.chain.link_width)))) + 1
     divisions = {f"neck {name}": resolution for name in HINGE_NAMES} | {"cut behind": cuts, "cut ahead": cuts}
-    return Job(list(draw_sector(stage, chain).values()), sizes, float(ARC_DIVISIONS * resolution), divisions)
+    return Job(list(draw_sector(stage, chain).values()), sizes, float(ARC_DIVISIONS * max(resolution, 4)), divisions)
 
 
 def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
@@ -136,13 +145,14 @@ def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
 
 def _welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
     """The whole stage from three meshed thirds: `cut ahead` of each is `cut behind` of the next."""
-    thirds = [{**third, "nodes": _straightened(third)} for third in thirds]
     counts = [len(third["nodes"]) for third in thirds]
     first = np.concatenate([[0], np.cumsum(counts)])
     number = np.arange(first[-1])
     for chain, third in enumerate(thirds):
-        following = thirds[(chain + 1) % 3]
-        number[first[chain] + _cut(third, "cut ahead")] = first[(chain + 1) % 3] + _cut(following, "cut behind")
+        ahead, behind = _cut(third, "cut ahead"), _cut(thirds[(chain + 1) % 3], "cut behind")
+        if len(ahead) != len(behind):
+            raise ComputationFailed(f"meshes of two thirds have {len(ahead)} and {len(behind)} nodes on their cut")
+        number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
     kept, number = np.unique(number, return_inverse=True)
     nodes = np.concatenate([turned(third["nodes"], chain * CHAIN_TURN) for chain, third in enumerate(thirds)])[kept]
     edges: dict[str, list[Index]] = {}
@@ -153,10 +163,10 @@ def _welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
     triangles = np.concatenate([number[first[chain] + third["triangles"]] for chain, third in enumerate(thirds)])
     bodies = np.concatenate([4 * chain + third["faces"] for chain, third in enumerate(thirds)])
     kept_edges = {name: np.concatenate(found) for name, found in edges.items() if not name.startswith(("cut", "free"))}
-    return _ordered(StageMesh(nodes, triangles, bodies, kept_edges))
+    return ordered(StageMesh(nodes, triangles, bodies, kept_edges))
 
 
-def _ordered(mesh: StageMesh) -> StageMesh:
+def ordered(mesh: StageMesh) -> StageMesh:
     """The mesh with its nodes in scikit-fem's order: corners, then middles in the order of its facets."""
     from skfem import MeshTri1
 
@@ -176,16 +186,6 @@ def _cut(third: dict[str, AnyArray], label: str) -> Index:
     """Nodes of a third on one of its cuts, from the hub outwards."""
     found = np.unique(third["edges"][third["edge_labels"] == label])
     return np.asarray(found[np.argsort(np.hypot(*third["nodes"][found].T))])
-
-
-def _straightened(third: dict[str, AnyArray]) -> Array:
-    """Nodes of a third with those on its two cuts made equal to round-off, seen from the platform's centre."""
-    nodes = third["nodes"].copy()
-    behind, ahead = _cut(third, "cut behind"), _cut(third, "cut ahead")
-    if len(behind) != len(ahead):
-        raise ComputationFailed(f"mesh of a third has {len(behind)} and {len(ahead)} nodes on its two cuts")
-    nodes[ahead] = turned(nodes[behind], CHAIN_TURN)
-    return nodes
 
 
 def check_mesh(mesh: StageMesh, stage: Stage) -> None:

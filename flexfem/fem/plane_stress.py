@@ -59,6 +59,8 @@ def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[Strip]:
         part = np.arange(start, min(start + CHUNK, len(mesh.triangles)))
         basis = Basis(whole, ElementTriP2(), intorder=degree, elements=part)
         gradients = np.array([field[0].grad for field in basis.basis]).transpose(2, 0, 1, 3)
+        if np.any(basis.dx <= 0):
+            raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
         strips.append(Strip(mesh.triangles[part], np.ascontiguousarray(gradients), basis.dx))
     return strips
 

@@ -18,7 +18,7 @@ import cmath
 
 import numpy as np
 
-from flexfem.design import HINGE_NAMES, Hinge, Stage
+from flexfem.design import HINGE_NAMES, Hinge, Stage, key_of
 from flexfem.errors import BadInput
 from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.layout.outline import Face, Segment, polyline, reverse
@@ -103,8 +103,9 @@ def lug_side(stage: Stage, chain: int, side: int) -> list[Segment]:
     disc, fillet = stage.platform.radius, FILLET * width
     if front < width - disc:
         raise BadInput(
-            f"hinges.platform: the neck of chain {chain} points past the platform, expected the platform centre at "
-            f"least link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, is {front:g}"
+            f"{key_of(stage, chain, 'platform', 'axis_deg')}: the neck of chain {chain} points past the platform, "
+            f"expected the platform centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
+            f"hinge's face, is {front:g}"
         )
     if aside > 0 and front < disc:  # the hinge's own face meets the disc
         return _filleted(corner, across, -along, disc, fillet)

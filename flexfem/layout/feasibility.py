@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import shapely
 
-from flexfem.design import HINGE_NAMES, Stage, load_stage
+from flexfem.design import HINGE_NAMES, Stage, key_of, load_stage
 from flexfem.errors import BadInput
 from flexfem.layout.bodies import draw_sector, turn
 from flexfem.layout.frames import stage_frames
@@ -36,15 +36,6 @@ def check_feasible(stage: Stage) -> None:
     _check_platform(stage)
     _check_distances(stage)
     _check_bodies(stage)
-
-
-def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
-    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
-    attribute = key.rsplit("_", 1)[0]
-    for index, override in enumerate(stage.override):
-        if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
-            return f"override[{index}].{key}"
-    return f"hinges.{hinge}.{key}"
 
 
 def _key_path(refusal: str) -> KeyPath:

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.arrays import Array
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import Unit, percent, scientific, unit_for
+from flexfem.report.units import Unit, banded, scientific, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.result import Result
 
@@ -62,6 +63,13 @@ def panel_of(result: Result, freedom: Direction) -> Panel:
     return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
 
 
+def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
+    """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
+    lever = result.models[label].lever
+    comparable = (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
+    return np.abs(result.commanded) * comparable * result.uncertainty[label][freedom].band / 100.0
+
+
 def normalisation(result: Result) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = sorted({model.lever for model in result.models.values()})
@@ -88,7 +96,10 @@ def error_figure(result: Result) -> Figure:
     Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
     figure = new_figure(WIDTH, HEIGHT)
-    lines = ["Finite-element displacement minus commanded displacement, force by (18).", normalisation(result)]
+    lines = [
+        "Finite-element displacement minus commanded displacement, force by (18). ±, shaded: band of the meshes.",
+        normalisation(result),
+    ]
     top = HEIGHT - header(figure, result.name, lines, result.assumed) - 0.3
     height = (top - FOOT - 2 * PANEL_GAP) / 3
     for row, freedom in enumerate(DIRECTIONS):
@@ -109,7 +120,11 @@ def _draw_panel(axes: Axes, result: Result, freedom: Direction) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
     for index, (label, series) in enumerate(result.curves.items()):
         y = np.array(getattr(series, freedom)) * panel.unit.factor
-        axes.plot(x, y, label=f"{label} ", **curve_style(index, len(result.curves), len(x)))
+        style = curve_style(index, len(result.curves), len(x))
+        axes.plot(x, y, label=f"{label} ", **style)
+        band = mesh_band(result, label, freedom) * panel.unit.factor
+        if not panel.round_off:
+            axes.fill_between(x, y - band, y + band, color=style["color"], alpha=0.3, linewidth=0, zorder=1.5)
     if panel.half > 0:
         axes.set_ylim(-panel.half, panel.half)
     axes.margins(x=0.03)
@@ -123,6 +138,11 @@ def _draw_panel(axes: Axes, result: Result, freedom: Direction) -> None:
         text = f"round-off only: largest {scientific(panel.largest)} {panel.unit.name}"
         box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
         axes.text(0.5, 0.8, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
+
+
+def error_text(result: Result, label: str, freedom: Direction) -> str:
+    """Error percentage of one curve in one direction, with the band of its meshes."""
+    return banded(getattr(result.error_percent[label], freedom), result.uncertainty[label][freedom].band)
 
 
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
@@ -145,7 +165,7 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 def _draw_legend(axes: Axes, result: Result, freedom: Direction, height: float) -> None:
     """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
     width = WIDTH - AXES_LEFT - AXES_WIDTH - 0.9
-    entries = {label: percent(getattr(result.error_percent[label], freedom)) for label in result.curves}
+    entries = {label: error_text(result, label, freedom) for label in result.curves}
     for size in np.arange(9.0, 4.0, -0.5):
         texts = [wrapped(f"{label}: {value}", width, size) for label, value in entries.items()]
         if sum((text.count("\n") + 1) * 1.25 + 0.6 for text in texts) * size / 72 <= height:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -22,8 +24,16 @@ from flexfem.verify.result import Fields, Model, Result
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
+ALIKE = 1e-6  # relative difference of stresses that symmetry makes equal: far above round-off, far below mesh noise
 COLOURS = "viridis"
 PANEL, TITLE = 5.0, 0.75  # in, width of a panel and height of its title
+
+
+class Peak(NamedTuple):
+    """Node of the largest stress and the name of its place."""
+
+    node: int
+    place: str
 
 
 @in_house_style
@@ -77,6 +87,14 @@ def stress_scale(fields: dict[str, Fields]) -> LogNorm:
     return LogNorm(largest / 10**DECADES, largest)
 
 
+def largest_stress(model: Model, fields: Fields) -> Peak:
+    """Node of the largest stress and the name of its place; of places alike, as by symmetry, the first by name."""
+    nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - ALIKE))
+    places = {name_of_place(model, fields, int(node)): int(node) for node in reversed(nodes)}
+    first, *others = sorted(places)
+    return Peak(places[first], f"{first} and {len(others)} more alike" if others else first)
+
+
 def name_of_place(model: Model, fields: Fields, node: int) -> str:
     """The hinge whose notch holds a node, else the body."""
     at = fields.nodes[node]
@@ -117,8 +135,8 @@ def _around_origin(points: Array, hub_radius: float) -> bool:
 
 def _name_largest(axes: Axes, model: Model, fields: Fields, moved: Array, size: float) -> None:
     """Point at the largest stress and write value and place below the stage."""
-    node = int(np.argmax(fields.stress))
-    text = f"largest {significant(float(fields.stress[node]), 3)} MPa at {name_of_place(model, fields, node)}"
+    node, place = largest_stress(model, fields)
+    text = f"largest {significant(float(fields.stress[node]), 3)} MPa at {place}"
     axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
     spot = clear_spot(moved[node], 0.09 * size, np.concatenate([moved[::4], fields.nodes[::4]]), 0.05 * size)
     arrow = {"arrowstyle": "-|>", "color": "#B00000", "linewidth": 1.2, "shrinkA": 2.0, "shrinkB": 4.0}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexfem.report.units import percent, significant, unit_for
+from flexfem.report.units import banded, percent, significant, unit_for
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Model, Result
 
@@ -64,7 +64,9 @@ def _errors(results: Sequence[Result]) -> str:
     rows = []
     for result in results:
         for label, error in result.error_percent.items():
-            rows.append([result.case, _command(result), label, *(percent(getattr(error, key)) for key in DIRECTIONS)])
+            bands = result.uncertainty[label]
+            cells = [banded(getattr(error, key), bands[key].band) for key in DIRECTIONS]
+            rows.append([result.case, _command(result), label, *cells])
     return _table(["case", "command", "curve", "X", "Y", "θ"], rows, numbers=3)
 
 

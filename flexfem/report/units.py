@@ -58,6 +58,15 @@ def percent(value: float) -> str:
     return significant(value, 4 if abs(value) >= 1 else 3) + SPACE + "%"
 
 
+def banded(value: float, band: float) -> str:
+    """A percentage with its band, both to the band's second digit: 14.071 ± 0.015 %; round-off as `percent` has it."""
+    if abs(value) < 1e-6 or band <= 0:
+        return percent(value)
+    digits = min(max(1 - math.floor(math.log10(band)), 0), 9)
+    number = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    return f"{number}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+
+
 def round_factor(limit: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above `limit` (positive)."""
     power = 10.0 ** math.floor(math.log10(limit))

@@ -50,7 +50,8 @@ def write_figures(results: list[Stored], folder: Path) -> list[Path]:
         for form in FORMS:
             content = rendered(figure, form)
             paths.append(_written(folder / f"{name}.{form}", content))
-    page = markdown_report([result for result, _ in results])
+    pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in plans(results))
+    page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
 
 

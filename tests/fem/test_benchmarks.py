@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import quad
 
 from flexfem.design import Hinge, load_stage
-from flexfem.fem.mesh import ARC_DIVISIONS, SLOPE, StageMesh, _ordered, run_mesher
+from flexfem.fem.mesh import ARC_DIVISIONS, SLOPE, StageMesh, ordered, run_mesher
 from flexfem.fem.mesher import Job
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
@@ -88,7 +88,7 @@ def single_hinge(neck: float, radius: float, plate: Plate, resolution: int = 8) 
     size = f"({neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt(x^2+y^2+{bend**2!r}))/{float(resolution)!r}"
     made = run_mesher(Job(halves(hinge), [size], float(ARC_DIVISIONS * resolution), {"neck": resolution}), 30.0)
     edges = {label: made["edges"][made["edge_labels"] == label] for label in ("ground", "hub", "neck")}
-    mesh = _ordered(StageMesh(made["nodes"], made["triangles"], made["faces"], edges))
+    mesh = ordered(StageMesh(made["nodes"], made["triangles"], made["faces"], edges))
     response = platform_response(mesh, plate)
     return SingleHinge(response.compliance, mesh, response.fields)
 

@@ -12,7 +12,7 @@ from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import blocks, stiffness_matrix, with_rigid_part
-from flexfem.fem.mesh import StageMesh, _ordered
+from flexfem.fem.mesh import StageMesh, ordered
 from flexfem.fem.plane_stress import Plate, integration, internal_forces
 from flexfem.fem.response import (
     BALANCE,
@@ -148,7 +148,7 @@ def test_mirrored_stage_has_the_mirrored_compliance(unlike) -> None:
     mesh = unlike.mesh
     flipped = mesh._replace(nodes=mesh.nodes * [1.0, -1.0], triangles=mesh.triangles[:, [0, 2, 1, 5, 4, 3]])
     M = np.diag([1.0, -1.0, -1.0])
-    mirrored = platform_response(_ordered(flipped), plate_of(unlike.stage)).compliance
+    mirrored = platform_response(ordered(flipped), plate_of(unlike.stage)).compliance
     assert difference(mirrored, M @ unlike.response.compliance @ M.T) < 10 * ROUND_OFF
 
 

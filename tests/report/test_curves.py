@@ -68,8 +68,8 @@ def test_an_error_just_above_round_off_is_drawn(made, direction):
 def test_percentages_are_in_the_legend_of_their_panel(made):
     figure = error_figure(made.result(ERRORS))
     shown = [" ".join(text.get_text() for text in axes.get_legend().get_texts()) for axes in figure.axes]
-    for axes_text, number in zip(shown, ("14.07", "0.00300", "−0.0200"), strict=True):
-        assert number in axes_text.replace("\n", " ")
+    for axes_text, number in zip(shown, ("14.070 ± 0.017 %", "0.003 ± 0.017 %", "−0.020 ± 0.017 %"), strict=True):
+        assert number in axes_text.replace("\n", " ").replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_curves_differ_by_more_than_colour(made):

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from flexfem.report.deformed import deformed_figure, exaggeration, name_of_place
+from flexfem.report.deformed import deformed_figure, exaggeration, largest_stress, name_of_place
 from flexfem.report.hinge_sketch import hinge_rows, hinge_sketch
 from flexfem.report.mesh_pictures import neck_figure, stage_figure
 from flexfem.report.model_sketch import links_of_chain, mobility_line, model_sketch
@@ -78,6 +78,16 @@ def test_largest_stress_is_named_with_its_place(made):
     nodes[0] = np.array(model.hinges[4].centre) + 0.1
     moved = fields.model_copy(update={"nodes": nodes})
     assert name_of_place(model, moved, 0) == "hinge 5 (elbow, chain 2)"
+
+
+def test_round_off_does_not_decide_between_places_alike(made):
+    fields, model = made.fields(), made.model()
+    for high in (0, 18, 36):
+        stress = np.ones(len(fields.nodes))
+        stress[[0, 18, 36]] = 5.0
+        stress[high] += 1e-12
+        found = largest_stress(model, fields.model_copy(update={"stress": stress}))
+        assert found == (0, "pad of chain 1 and 2 more alike")
 
 
 def test_exaggeration_is_stated(made):
