@@ -7,7 +7,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
 from flexfem.benchmark.meshes import mapped, on_chords, size_of
-from flexfem.benchmark.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve
+from flexfem.benchmark.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve, traction_of, uniform
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 
@@ -44,7 +44,7 @@ def slanted(kind: str, refined: int) -> StageMesh:
 def tip(mesh: StageMesh, axis: int) -> float:
     """Mean displacement of the tip under a unit force along an axis, spread evenly over the end."""
     pull = np.eye(2)[axis] / (BEAM_HEIGHT * BEAM.thickness)
-    force = edge_force(mesh, BEAM, mesh.edges["right"], lambda points, _: np.broadcast_to(pull, points.shape))
+    force = edge_force(mesh, BEAM, mesh.edges["right"], uniform(*pull))
     field = solve(mesh, BEAM, force, clamp(nodes_on(mesh, "left"))).field
     return float(np.sum(force * field))
 

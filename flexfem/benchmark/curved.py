@@ -9,7 +9,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding
 from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import clamp, edge_force, errors, nodes_on, solve
+from flexfem.benchmark.problem import clamp, edge_force, errors, nodes_on, solve, traction_of, uniform
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 
@@ -82,17 +82,15 @@ def quarter_ring(along: int, across: int) -> StageMesh:
 
 def clamped_end(mesh: StageMesh) -> float:
     """Mean radial displacement of the end under a unit force spread evenly over it, the other end clamped."""
-    pull = np.array([1.0, 0.0]) / ((OUTER - INNER) * PLATE.thickness)
-    force = edge_force(mesh, PLATE, mesh.edges["bottom"], lambda points, _: np.broadcast_to(pull, points.shape))
+    pull = uniform(1.0 / ((OUTER - INNER) * PLATE.thickness), 0.0)
+    force = edge_force(mesh, PLATE, mesh.edges["bottom"], pull)
     return float(np.sum(force * solve(mesh, PLATE, force, clamp(nodes_on(mesh, "top"))).field))
 
 
 def run() -> list[Finding]:
     """The exact field under its own tractions, and the benchmark as it is set: clamped, with an even load."""
     mesh, target = quarter_ring(*CELLS), end_displacement()
-    force = edge_force(
-        mesh, PLATE, mesh.edges["bottom"], lambda x, n: np.asarray((ring_stress(x) @ n[..., None])[..., 0])
-    )
+    force = edge_force(mesh, PLATE, mesh.edges["bottom"], traction_of(ring_stress))
     held = nodes_on(mesh, "top")
     solution = solve(mesh, PLATE, force, clamp(held, ring_displacement(mesh.nodes[held])))
     error = errors(mesh, PLATE, solution.field, ring_displacement, None, ring_stress)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Finding(NamedTuple):
@@ -50,7 +51,7 @@ def finding(
     )
 
 
-def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+def order(sizes: ArrayLike, errors: ArrayLike) -> float:
     """Observed order: slope of the straight line through the logarithms of errors over those of mesh sizes."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 

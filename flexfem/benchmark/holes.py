@@ -7,7 +7,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
 from flexfem.benchmark.meshes import mapped, meshed, size_of
-from flexfem.benchmark.problem import Support, edge_force, errors, nearest_node, nodes_on, solve
+from flexfem.benchmark.problem import Support, edge_force, errors, nearest_node, nodes_on, pressure, solve, traction_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.layout.outline import Face, Segment
@@ -64,9 +64,7 @@ def kirsch() -> list[Finding]:
     found, factors, sizes = [], [], []
     for cells in CELLS:
         mesh = quarter_with_hole(cells)
-        force = edge_force(
-            mesh, PLATE, mesh.edges["right"], lambda x, n: np.asarray((kirsch_stress(x) @ n[..., None])[..., 0])
-        )
+        force = edge_force(mesh, PLATE, mesh.edges["right"], traction_of(kirsch_stress))
         axes = [Support(nodes_on(mesh, "top"), 0), Support(nodes_on(mesh, "bottom"), 1)]
         solution = solve(mesh, PLATE, force, axes)
         found.append(errors(mesh, PLATE, solution.field, kirsch_displacement, None, kirsch_stress))
@@ -107,7 +105,7 @@ def howland() -> list[Finding]:
     rows = []
     for ratio, target in HOWLAND_TABLE.items():
         mesh = strip(ratio)
-        force = edge_force(mesh, PLATE, mesh.edges["end"], lambda _, n: TENSION * n)
+        force = edge_force(mesh, PLATE, mesh.edges["end"], pressure(TENSION))
         axes = [Support(nodes_on(mesh, "middle"), 0), Support(nodes_on(mesh, "bottom"), 1)]
         solution = solve(mesh, PLATE, force, axes)
         at = nearest_node(mesh, 0.0, ratio / 2)

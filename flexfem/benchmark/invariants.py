@@ -8,7 +8,7 @@ from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding
 from flexfem.benchmark.manufactured import hooke, plate_mesh
 from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import Solution, clamp, edge_force, nodes_on, solve
+from flexfem.benchmark.problem import Solution, clamp, edge_force, nodes_on, solve, uniform
 from flexfem.fem.assembly import stiffness_matrix
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress
@@ -77,7 +77,7 @@ def rigid_motions() -> list[Finding]:
 
 def loaded(mesh: StageMesh, label: str, traction: tuple[float, float]) -> tuple[Solution, Array]:
     """The plate with arcs held on its right side under a uniform traction, MPa, on one label; and its forces."""
-    force = edge_force(mesh, PLATE, mesh.edges[label], lambda points, _: np.broadcast_to(traction, points.shape))
+    force = edge_force(mesh, PLATE, mesh.edges[label], uniform(*traction))
     return solve(mesh, PLATE, force, clamp(nodes_on(mesh, "held"))), force
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
 from flexfem.benchmark.meshes import meshed, on_chords, size_of
-from flexfem.benchmark.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve
+from flexfem.benchmark.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve, traction_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.layout.outline import Face, Segment
@@ -100,18 +101,19 @@ def exact_normals(label: str, points: Array, normals: Array) -> Array:
     return np.asarray(outwards * arm / np.linalg.norm(arm, axis=-1, keepdims=True))
 
 
+def drawn_traction(exact: Field, label: str, points: Array, normals: Array) -> Array:
+    """Traction (..., 2), MPa, of the exact stress on the drawn outline."""
+    return traction_of(exact.stress)(points, exact_normals(label, points, normals))
+
+
 def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> Errors:
     """Errors of the solution on one mesh of `outline`, held on its right side, pulled on all others."""
     exact = Field(plate)
     force = body_force(mesh, plate, exact.body_force)
     for label, edges in mesh.edges.items():
         if label != "held":
-
-            def traction(points: Array, normals: Array, label: str = label) -> Array:
-                n = exact_normals(label, points, normals)
-                return np.asarray((exact.stress(points) @ n[..., None])[..., 0])
-
-            force += edge_force(mesh, plate, edges, traction)
+            pull = partial(drawn_traction, exact, label)
+            force += edge_force(mesh, plate, edges, pull)
     held = nodes_on(mesh, "held")
     solution = solve(mesh, plate, force, clamp(held, exact.displacement(mesh.nodes[held])))
     return errors(mesh, plate, solution.field, exact.displacement, exact.gradient, exact.stress)

@@ -7,14 +7,24 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, extrapolated, finding
 from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import Solution, Support, clamp, edge_force, nearest_node, nodes_on, solve
+from flexfem.benchmark.problem import (
+    Solution,
+    Support,
+    clamp,
+    edge_force,
+    nearest_node,
+    nodes_on,
+    pressure,
+    solve,
+    uniform,
+)
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 
 NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB rev. 3 (1990), test LE1"
 COOK = (
-    "R. D. Cook, J. Struct. Div. ASCE 100 (ST9), 1851-1863 (1974); 23.96 as quoted since P. G. Bergan,"
-    " C. A. Felippa, Comput. Methods Appl. Mech. Eng. 50, 25-69 (1985); 23.97 in P. Krysl's FinEtools"
+    "R. D. Cook, J. Struct. Div. ASCE 100 (ST9), 1851-1863 (1974), with 23.96 as it is widely"
+    " quoted for the converged value (its origin not seen; P. Krysl's FinEtools has 23.97)"
 )
 LE1_PLATE = Plate(youngs_modulus=210e3, poissons_ratio=0.3, thickness=100.0)
 LE1_PRESSURE = 10.0  # MPa, outwards
@@ -40,7 +50,7 @@ def elliptic_membrane(cells: int) -> StageMesh:
 
 def solve_le1(mesh: StageMesh) -> tuple[float, Solution]:
     """Stress yy at D, MPa, and the solution."""
-    force = edge_force(mesh, LE1_PLATE, mesh.edges["right"], lambda _, n: LE1_PRESSURE * n)
+    force = edge_force(mesh, LE1_PLATE, mesh.edges["right"], pressure(LE1_PRESSURE))
     axes = [Support(nodes_on(mesh, "top"), 0), Support(nodes_on(mesh, "bottom"), 1)]
     solution = solve(mesh, LE1_PLATE, force, axes)
     stress = nodal_stress(mesh, LE1_PLATE, solution.field)
@@ -87,8 +97,7 @@ def cooks_membrane(cells: int) -> StageMesh:
 
 def solve_cook(mesh: StageMesh) -> tuple[float, Solution]:
     """Displacement y at the middle of the free end under a unit shear force, and the solution."""
-    shear = np.array([0.0, 1.0 / 16.0])
-    force = edge_force(mesh, COOK_PLATE, mesh.edges["right"], lambda points, _: np.broadcast_to(shear, points.shape))
+    force = edge_force(mesh, COOK_PLATE, mesh.edges["right"], uniform(0.0, 1.0 / 16.0))
     solution = solve(mesh, COOK_PLATE, force, clamp(nodes_on(mesh, "left")))
     return float(solution.field[nearest_node(mesh, 48.0, 52.0), 1]), solution
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.mesh import StageMesh, run_mesher
-from flexfem.fem.mesh import ordered as ordered
+from flexfem.fem.mesh import StageMesh, ordered, run_mesher
 from flexfem.fem.mesher import Job
 from flexfem.layout.outline import Face
 

@@ -75,6 +75,21 @@ def outward(mesh: StageMesh, edges: Index) -> Index:
     return np.asarray(sides[found])
 
 
+def traction_of(stress: Function) -> Traction:
+    """The traction `sigma n` of a stress field (..., 2, 2), MPa."""
+    return lambda points, normals: np.asarray((stress(points) @ normals[..., None])[..., 0])
+
+
+def uniform(*traction: float) -> Traction:
+    """The same traction everywhere, MPa, whatever the normal."""
+    return lambda points, _: np.broadcast_to(np.array(traction), points.shape)
+
+
+def pressure(value: float) -> Traction:
+    """A uniform traction along the outward normal, MPa."""
+    return lambda _, normals: value * normals
+
+
 def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
     """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3).
 

@@ -80,7 +80,8 @@ def _lines(mesh: StageMesh, plate: Plate, loads: Array, thickness: float, uncoup
 
 
 def _material(plate: Plate, uncoupled: bool) -> Iterator[str]:
-    E, nu, G = _field(plate.youngs_modulus), _field(plate.poissons_ratio), _field(plate.lame[1])
+    E, nu = _field(plate.youngs_modulus), _field(plate.poissons_ratio)
+    G = _field(plate.youngs_modulus / (2 * (1 + plate.poissons_ratio)))
     yield "*MATERIAL, NAME=sheet"
     if uncoupled:
         yield from ("*ELASTIC, TYPE=ENGINEERING CONSTANTS", f"{E}, {E}, {E}, {nu}, 0, 0, {G}, {G}", G)

@@ -146,9 +146,8 @@ def _strain(ng: Any, u: Any) -> Any:
 
 
 def _stress(ng: Any, u: Any, plate: Plate) -> Any:
-    lame, mu = plate.lame
-    strain = _strain(ng, u)
-    return lame * ng.Trace(strain) * ng.Id(2) + 2 * mu * strain
+    E, nu, strain = plate.youngs_modulus, plate.poissons_ratio, _strain(ng, u)
+    return E / (1 - nu**2) * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))  # not by our Lame constants
 
 
 def _rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_orders: int) -> tuple[list[Any], Array]:

@@ -85,7 +85,7 @@ def test_page_holds_the_numbers(made):
     page = markdown_report([stored(made, assumed=["thickness_mm", "case: points"])[0]]).replace(
         "\N{NO-BREAK SPACE}", " "
     )
-    assert "| fig | X = 50 µm | one | 14.070 ± 0.017 % | 0.020 ± 0.017 % | 3×10⁻¹² % |" in page
+    assert "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.017 % | 3×10⁻¹² % |" in page
     assert "| fig | X = 50 µm | two | 7.120 ± 0.017 % | −3.100 ± 0.017 % | 250.000 ± 0.017 % |" in page
     assert "2.050 N | 0 | 0 | 31.7 MPa" in page
     assert "| K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |" in page
