@@ -4,6 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 FLEXFEM := $(BIN)/flexfem
 SETUP := .venv/installed
+TEST_SETUP := .venv/installed-for-tests
 
 CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
@@ -27,13 +28,13 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 reports/%.json: cases/%.toml $(STAGES) $(MODEL_CODE) $(SETUP)
 	@$(FLEXFEM) verify $< --output reports
 
-test: $(SETUP) ## the tests but the slow ones
+test: $(TEST_SETUP) ## the tests but the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"
 
-test-slow: $(SETUP) ## the slow tests only
+test-slow: $(TEST_SETUP) ## the slow tests only
 	@$(BIN)/python -m pytest -m slow
 
-check: $(SETUP) ## ruff and mypy
+check: $(TEST_SETUP) ## ruff and mypy
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
 regression: $(SETUP) ## compare every case with its baseline
@@ -42,7 +43,7 @@ regression: $(SETUP) ## compare every case with its baseline
 baselines: $(SETUP) ## accept the present numbers: make baselines REASON="why"
 	@$(FLEXFEM) baseline $(CASES) --reason "$(REASON)"
 
-bench: $(SETUP) ## measure, as ratios in one run
+bench: $(TEST_SETUP) ## measure, as ratios in one run
 	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
 clean: ## remove results, figures and caches; .venv stays
@@ -53,6 +54,11 @@ clean: ## remove results, figures and caches; .venv stays
 $(SETUP): pyproject.toml
 	@echo "installing flexfem and what it needs into .venv (a minute or two)"
 	@$(PYTHON) -m venv .venv
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,test]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast]'
 	@$(BIN)/python -c "from flexfem.fem.mesher import require_gmsh; require_gmsh()"
+	@touch $@
+
+$(TEST_SETUP): $(SETUP)
+	@echo "installing what the tests need"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,test]'
 	@touch $@

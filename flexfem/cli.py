@@ -57,7 +57,7 @@ def stiffness(
 @app.command()
 def mesh(
     stage: Stage,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .msh or .vtu.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .msh, .vtu or .inp.")],
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
@@ -65,12 +65,13 @@ def mesh(
     from flexfem import console
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.response import plate_of
     from flexfem.layout.feasibility import load_feasible
 
     loaded = load_feasible(stage)
     check_format(output)
     made = build_mesh(loaded, resolution or RESOLUTION)
-    write_mesh(made, output)
+    write_mesh(made, plate_of(loaded), output)
     console.show(console.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, console.print_facts)
 
 
@@ -163,6 +164,25 @@ def converge(
 
         write_convergence(study, write_study(study, output))
     console.show(study.model_dump(mode="json"), json, console.print_convergence)
+
+
+@app.command("cross-check")
+def cross_check_stage(
+    stage: Stage,
+    solver: Annotated[str, typer.Option(help="ngsolve or calculix.")] = "ngsolve",
+    resolution: Resolution = None,
+    json: Json = False,
+) -> None:
+    """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
+    from flexfem import console
+    from flexfem.fem.mesh import RESOLUTION
+    from flexfem.layout.feasibility import load_feasible
+    from flexfem.peers.compare import cross_check
+
+    loaded = load_feasible(stage)
+    found = cross_check(loaded, resolution or RESOLUTION, solver)
+    console.show(console.cross_check_facts(stage, loaded, found), json, console.print_cross_check)
+    raise typer.Exit(0 if found.passed else 1)
 
 
 @app.command()

@@ -21,6 +21,7 @@ from flexfem.errors import BadInput
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import LoadCase
 from flexfem.layout.frames import stage_frames
+from flexfem.peers.compare import CrossCheck
 from flexfem.verify.baseline import Move
 from flexfem.verify.case import DIRECTIONS, LoadedCase
 from flexfem.verify.protocol import Solved, run_case, solve_stage
@@ -170,6 +171,26 @@ def solution_facts(path: Path, stage: Stage, solved: Solved, case: LoadCase, res
     }
 
 
+def cross_check_facts(path: Path, stage: Stage, found: CrossCheck) -> Facts:
+    """What `cross-check` says."""
+    return {
+        "file": str(path),
+        "name": stage.name,
+        "units": UNITS,
+        "solver": found.solver,
+        "version": found.version,
+        "triangles": found.triangles,
+        "unknowns": found.unknowns,
+        "compliance": found.ours.tolist(),
+        "their_compliance": found.theirs.tolist(),
+        "checks": [{**check._asdict(), "passed": check.passed} for check in found.checks],
+        "passed": found.passed,
+        "seconds": found.our_seconds,
+        "their_seconds": found.their_seconds,
+        "assumed": list(stage.assumed),
+    }
+
+
 def result_facts(results: Sequence[Result]) -> Any:
     """What `verify` says: one result as it is stored, several as a list."""
     stored = [result.model_dump(mode="json") for result in results]
@@ -279,6 +300,19 @@ def print_convergence(facts: Facts) -> None:
     table.add_row("observed order", "", *("none" if u["observed"] is None else f"{u['observed']:.2f}" for u in found))
     table.add_row("verdict", "", *(u["verdict"] for u in found))
     out.print(table)
+    _print_assumed(out, facts)
+
+
+def print_cross_check(facts: Facts) -> None:
+    """Print how far another solver's answer is from ours."""
+    out = _people()
+    out.print(f"{facts['name']}: {facts['unknowns']} unknowns, flexfem against {facts['solver']} {facts['version']}")
+    table = Table("largest relative difference", "is", "allowed", "", box=None, padding=(0, 2, 0, 0))
+    for check in facts["checks"]:
+        allowed = "only stated" if check["allowed"] is None else f"{check['allowed']:.1e}"
+        table.add_row(check["quantity"], f"{check['difference']:.1e}", allowed, "" if check["passed"] else "TOO FAR")
+    out.print(table)
+    out.print(f"{facts['seconds']:.2f} s here, {facts['their_seconds']:.2f} s there; passed: {facts['passed']}")
     _print_assumed(out, facts)
 
 

@@ -64,10 +64,15 @@ def test_displacement_is_compliance_times_force(flexfem):
     assert facts["unknowns"] > 1000
 
 
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+@pytest.mark.parametrize("suffix", [".msh", ".vtu", ".inp"])
 def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
     path = tmp_path / f"stage{suffix}"
     facts = machine(flexfem, "mesh", STAGE, "-o", path, "--resolution", 2)
+    if suffix == ".inp":
+        text = path.read_text()
+        assert text.upper().count("*STEP") == 3
+        assert "CPS6" in text.upper()
+        return
     mesh = meshio.read(path)
     assert len(mesh.points) == facts["nodes"]
     assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]

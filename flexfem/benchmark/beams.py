@@ -96,12 +96,7 @@ def timoshenko() -> list[Finding]:
     found, sizes = [], []
     for rows in CANTILEVER_ROWS:
         mesh = mapped(5 * rows // 4, rows, lambda u, v: np.stack([L * u, D * (v - 0.5)], axis=-1))
-        force = edge_force(
-            mesh,
-            CANTILEVER,
-            mesh.edges["right"],
-            lambda x, n: np.asarray((cantilever_stress(x) @ n[..., None])[..., 0]),
-        )
+        force = edge_force(mesh, CANTILEVER, mesh.edges["right"], traction_of(cantilever_stress))
         held = nodes_on(mesh, "left")
         solution = solve(mesh, CANTILEVER, force, clamp(held, cantilever_displacement(mesh.nodes[held])))
         found.append(errors(mesh, CANTILEVER, solution.field, cantilever_displacement, None, cantilever_stress))

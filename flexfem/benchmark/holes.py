@@ -120,7 +120,7 @@ def howland() -> list[Finding]:
                 0.01 * target,
                 uncertainty=ROUNDED,
                 unknowns=solution.unknowns,
-                note="the table is of 1930; converged values are 0.2 to 0.6 % above it, the more the wider the hole",
+                note="refined further, ours are 0.2 to 0.6 % above the table of 1930, the more the wider the hole",
             )
         )
     return rows

@@ -78,7 +78,8 @@ def run() -> list[Finding]:
     made = [differences(ratio) for ratio in RATIOS]
     found, tau = np.array([difference for difference, _ in made]), np.array(RATIOS)
     root = np.sqrt(tau)
-    rates = np.log2(found[:-1] / found[1:])  # t/R is halved from one to the next
+    with np.errstate(invalid="ignore"):  # a difference that changes sign has no rate, and nan does not pass
+        rates = np.log2(found[:-1] / found[1:])  # t/R is halved from one to the next
     listed = [", ".join(f"{100 * value:.2f}" for value in column) for column in found.T]
     notes = [f"differences (%): {values} at t/R = {', '.join(f'{r:g}' for r in RATIOS)}" for values in listed]
     rows = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,27 +30,55 @@ class Blocks(NamedTuple):
         return Blocks(self.rows[chosen], self.columns[chosen], self.values[chosen])
 
 
+class Pairing(NamedTuple):
+    """Where the entries of element matrices go; found once for a mesh, whatever the matrices.
+
+    rows, columns : (p,), as in `Blocks`.
+    kept, turned : one (21, e) for every strip: pairs that are assembled, pairs to be transposed.
+    order, start : the kept pairs of all strips sorted, and where each block begins among them.
+    """
+
+    rows: Index
+    columns: Index
+    kept: list[AnyArray]
+    turned: list[AnyArray]
+    order: Index
+    start: Index
+
+
 def blocks(strips: list[Strip], plate: Plate, number: Index) -> Blocks:
     """Sum the element matrices node pair by node pair.
 
     number : (n,), the number under which each node of the mesh is assembled, -1 for a node left out (held at zero).
     """
+    return summed(pairing(strips, number), (element_matrices(strip, plate) for strip in strips))
+
+
+def pairing(strips: list[Strip], number: Index) -> Pairing:
+    """Sort the node pairs of all triangles; `number` as for `blocks`."""
     count = int(number.max()) + 1
-    keys, parts = [], []
+    keys, kept, turned = [], [], []
     for strip in strips:
-        k = element_matrices(strip, plate)[:, FIRST, :, SECOND, :]  # (21 pairs, e, 2, 2)
         one, other = number[strip.triangles[:, FIRST]].T, number[strip.triangles[:, SECOND]].T
-        k = np.where((one < other)[..., None, None], k.swapaxes(-1, -2), k)
-        kept = (one >= 0) & (other >= 0)
-        keys.append((np.minimum(one, other) * count + np.maximum(one, other))[kept])
-        parts.append(k[kept])
+        kept.append((one >= 0) & (other >= 0))
+        turned.append(one < other)
+        keys.append((np.minimum(one, other) * count + np.maximum(one, other))[kept[-1]])
     key = np.concatenate(keys)
     order = np.argsort(key)
     key = key[order]
     start = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
-    values = np.add.reduceat(np.concatenate(parts).reshape(-1, 4)[order], start, axis=0)
     columns, rows = np.divmod(key[start], count)
-    return Blocks(rows, columns, values.reshape(-1, 2, 2))
+    return Pairing(rows, columns, kept, turned, order, start)
+
+
+def summed(pairs: Pairing, matrices: Iterable[Array]) -> Blocks:
+    """Sum symmetric element matrices (e, 6, 2, 6, 2), one array for every strip, node pair by node pair."""
+    parts = []
+    for matrix, kept, turned in zip(matrices, pairs.kept, pairs.turned, strict=True):
+        k = matrix[:, FIRST, :, SECOND, :]  # (21 pairs, e, 2, 2)
+        parts.append(np.where(turned[..., None, None], k.swapaxes(-1, -2), k)[kept])
+    values = np.add.reduceat(np.concatenate(parts).reshape(-1, 4)[pairs.order], pairs.start, axis=0)
+    return Blocks(pairs.rows, pairs.columns, values.reshape(-1, 2, 2))
 
 
 def lower_triangle(pairs: Blocks, size: int) -> sp.coo_array:

@@ -1,4 +1,4 @@
-"""Meshes and fields for other programs: .msh through gmsh, .vtu through meshio."""
+"""Meshes and fields for other programs: .msh through gmsh, .vtu through meshio, .inp for Abaqus and CalculiX."""
 
 from __future__ import annotations
 
@@ -8,21 +8,29 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
+from flexfem.fem.deck import write_deck
 from flexfem.fem.mesh import StageMesh, run_mesher
 from flexfem.fem.mesher import Export
+from flexfem.fem.plane_stress import Plate
 from flexfem.files import replacing
 
-FORMATS = (".msh", ".vtu")
+FORMATS = (".msh", ".vtu", ".inp")
 
 
-def write_mesh(mesh: StageMesh, path: Path) -> None:
+def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
     """Write a mesh by its file's extension, with the groups `stage`, `ground` and `hub`.
+
+    An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for each unit load.
 
     Raises BadInput for an extension that is not in `FORMATS`.
     """
     check_format(path)
     if path.suffix == ".vtu":
         write_vtu(mesh, path, {})
+        return
+    if path.suffix == ".inp":
+        with replacing(path) as temporary:
+            write_deck(mesh, plate, temporary)
         return
     groups = {"ground": mesh.edges["ground"], "hub": mesh.edges["hub"]}
     with replacing(path) as temporary:

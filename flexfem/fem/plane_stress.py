@@ -93,15 +93,24 @@ def internal_forces(strips: list[Strip], plate: Plate, fields: Array) -> Array:
     are multiplied by Young's modulus: far more accurate than the matrix product, which is what refinement needs.
     """
     forces = np.zeros_like(fields)
-    for triangles, gradients, weights in strips:
-        relative = fields[:, triangles] - fields[:, triangles[:, :1]]
-        slopes = np.einsum("keia,eibq->keabq", relative, gradients, optimize=True)
-        stress = stress_tensor(plate, slopes) * (plate.thickness * weights)[:, None, None]
-        nodal = np.einsum("keabq,eibq->keia", stress, gradients, optimize=True)
-        for force, values in zip(forces, nodal, strict=True):
-            for axis in (0, 1):
-                force[:, axis] += np.bincount(triangles.ravel(), values[..., axis].ravel(), minlength=len(force))
+    for strip in strips:
+        add_nodal_forces(forces, strip, plate, stress_tensor(plate, slopes_of(strip, fields)))
     return forces
+
+
+def slopes_of(strip: Strip, fields: Array) -> Array:
+    """Displacement gradients `d_b u_a` (k, e, 2, 2, q) of fields (k, n, 2), mm, from differences within a triangle."""
+    relative = fields[:, strip.triangles] - fields[:, strip.triangles[:, :1]]
+    return np.asarray(np.einsum("keia,eibq->keabq", relative, strip.gradients, optimize=True))
+
+
+def add_nodal_forces(forces: Array, strip: Strip, plate: Plate, stress: Array) -> None:
+    """Add to forces (k, n, 2), N, those that balance stresses (k, e, 2, 2, q), MPa: `f_ia = b int s_ab d_b phi_i dA`."""
+    weighted = stress * (plate.thickness * strip.weights)[:, None, None]
+    nodal = np.einsum("keabq,eibq->keia", weighted, strip.gradients, optimize=True)
+    for force, values in zip(forces, nodal, strict=True):
+        for axis in (0, 1):
+            force[:, axis] += np.bincount(strip.triangles.ravel(), values[..., axis].ravel(), minlength=len(force))
 
 
 def stress_tensor(plate: Plate, slopes: Array) -> Array:

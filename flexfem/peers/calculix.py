@@ -9,7 +9,7 @@ is plane strain: in necks much narrower than the sheet is thick the compliance f
 shows it). The wedge is plane stress only
 
 - when the sheet is very thin: at 1/50 of the necks (0.01 mm for 0.5) the thickness takes 1.3e-5. As W is continuous
-  from triangle to triangle while the strains are not, another part falls with the mesh: 8e-5, 1.5e-5, 0.5e-5 at two,
+  from triangle to triangle while the strains are not, another part falls with the mesh: 12e-5, 1.5e-5, 0.5e-5 at two,
   four and six triangles across the necks. At half that thickness round-off already adds 1e-5. Compliance in plane
   stress scales exactly with 1/b, so loads scaled by the thinness give the displacements of the real sheet;
 - or, at any thickness, when stress in the plane does not reach W: an orthotropic sheet of the same E1, E2, nu12 and

@@ -17,8 +17,8 @@ from flexfem.fem.response import Response, neck_maxima, plate_of, platform_respo
 from flexfem.peers import calculix, ngsolve
 from flexfem.peers.answer import Answer
 
-FULL = 10  # degree of our quadrature that leaves 2e-9 on the coarsest mesh; NGSolve integrates as finely
-NGSOLVE = 1e-8  # two triangles across a neck: the quadratures' 2e-9, in stress 6e-9; three and more: below 1e-10
+FULL = 8  # degree of our quadrature; measured with two triangles across a neck: 4 leaves 7e-7 of the pose, 8 2e-12
+NGSOLVE = 1e-8  # measured with two triangles across a neck: pose 1e-12, displacement 6e-12, stress 2e-10
 DIGITS = 1e-6  # of displacement; half the last of CalculiX's seven digits is up to 5e-7
 STRESS_DIGITS = 2e-5  # half the last of its six is up to 5e-6 of each component; measured 1.1e-5
 DIFFERENCED = 1e-3  # stress of printed displacements, whose digits cancel within a triangle; measured 5e-4

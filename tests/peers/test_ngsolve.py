@@ -38,7 +38,7 @@ def test_displacements_come_in_the_order_of_our_nodes(six) -> None:
 
 def test_triangles_are_curved_and_its_default_integration_is_not_enough(six) -> None:
     """On straight triangles the orders would change nothing."""
-    default, more, most = (ngsolve.solve(six.mesh, six.plate, orders).compliance for orders in (0, 6, 10))
+    default, more, most = (ngsolve.solve(six.mesh, six.plate, orders).compliance for orders in (0, 2, 8))
     assert pose_difference(most, default, 24.0) > DEFAULT_ORDERS
     assert pose_difference(most, more, 24.0) < NGSOLVE
 
