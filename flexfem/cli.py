@@ -186,6 +186,23 @@ def cross_check_stage(
 
 
 @app.command()
+def benchmark(
+    name: Annotated[list[str] | None, typer.Option(help="A benchmark by name, more than once for more; all.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the table, benchmarks.md.")] = None,
+    json: Json = False,
+) -> None:
+    """Solve published problems with known answers and compare: the verification of the code itself."""
+    from flexfem import console
+    from flexfem.benchmark.registry import run_benchmarks, write_benchmarks
+
+    table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))
+    if output is not None:
+        write_benchmarks(table, output)
+    console.show(console.benchmark_facts(table), json, console.print_benchmarks)
+    raise typer.Exit(0 if table.passed else 1)
+
+
+@app.command()
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
     output: Output = Path("reports"),

@@ -16,6 +16,7 @@ from rich.table import Table
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
+from flexfem.benchmark.registry import Table as Findings
 from flexfem.design import HINGE_NAMES, Stage, key_paths, provenance_of
 from flexfem.errors import BadInput
 from flexfem.fem.mesh import StageMesh
@@ -191,6 +192,12 @@ def cross_check_facts(path: Path, stage: Stage, found: CrossCheck) -> Facts:
     }
 
 
+def benchmark_facts(table: Findings) -> Facts:
+    """What `benchmark` says."""
+    findings = [{**f._asdict(), "ours": f.ours if np.isfinite(f.ours) else None} for f in table.findings]
+    return {"findings": findings, "seconds": table.seconds, "passed": table.passed}
+
+
 def result_facts(results: Sequence[Result]) -> Any:
     """What `verify` says: one result as it is stored, several as a list."""
     stored = [result.model_dump(mode="json") for result in results]
@@ -314,6 +321,19 @@ def print_cross_check(facts: Facts) -> None:
     out.print(table)
     out.print(f"{facts['seconds']:.2f} s here, {facts['their_seconds']:.2f} s there; passed: {facts['passed']}")
     _print_assumed(out, facts)
+
+
+def print_benchmarks(facts: Facts) -> None:
+    """Print what the published problems came to."""
+    out = _people()
+    table = Table("benchmark", "quantity", "target", "ours", "off by", "allowed", "", box=None, padding=(0, 2, 0, 0))
+    for f in facts["findings"]:
+        numbers = ["none" if v is None else f"{v:.6g}" for v in (f["target"], f["ours"])]
+        limits = (f"{f['difference']:.2g}", f"{f['allowed']:.2g}")
+        table.add_row(f["name"], f["quantity"], *numbers, *limits, "" if f["passed"] else "FAILED")
+    out.print(table)
+    out.print(f"{len(facts['findings'])} findings in {sum(facts['seconds'].values()):.0f} s; passed: {facts['passed']}")
+    out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
 
 
 def print_moves(facts: Facts) -> None:

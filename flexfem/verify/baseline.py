@@ -177,14 +177,18 @@ def read_baseline(path: Path) -> Baseline:
 
 def _committed_mesh(stage: Stage, path: Path) -> StageMesh:
     if not path.exists():
-        mesh = build_mesh(stage, COARSE)
-        arrays: dict[str, AnyArray] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {
-            "nodes": mesh.nodes,
-            "triangles": mesh.triangles.astype(np.int32),
-            "bodies": mesh.bodies.astype(np.int8),
-        }
-        write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+        write_mesh(build_mesh(stage, COARSE), path)
     return read_mesh(path)
+
+
+def write_mesh(mesh: StageMesh, path: Path) -> None:
+    """Store a mesh as arrays. Raises BadInput when the folder does not take it."""
+    arrays: dict[str, AnyArray] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {
+        "nodes": mesh.nodes,
+        "triangles": mesh.triangles.astype(np.int32),
+        "bodies": mesh.bodies.astype(np.int8),
+    }
+    write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
 
 
 def read_mesh(path: Path) -> StageMesh:

@@ -1,0 +1,170 @@
+"""The same mesh, three unit loads, whole processes: flexfem beside the solvers installed, as ratios of one run.
+
+    python benchmarks/solvers.py [--resolution 5 15] [--repeats 3] [--only flexfem ngsolve]
+
+A resolution of 5 makes about 27,000 unknowns, 15 about 210,000, 34 about a million. Times are wall seconds of a process
+that imports, loads the mesh, assembles, factors and solves; memory is the peak of that process. Medians of the repeats;
+the solvers take turns, so that a slow minute of the machine meets all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+STAGE = ROOT / "geometry/mobility6.toml"
+PLATE = (71700.0, 0.33, 10.0)  # the material and thickness of that stage
+
+
+def flexfem(mesh: Any, plate: Any) -> Any:
+    from flexfem.fem.response import platform_response
+
+    return platform_response(mesh, plate).compliance
+
+
+def flexfem_superlu(mesh: Any, plate: Any) -> Any:
+    from flexfem.fem import factor, response
+
+    response.factorise = factor.superlu
+    return response.platform_response(mesh, plate).compliance
+
+
+def scikit_fem(mesh: Any, plate: Any) -> Any:
+    """scikit-fem as its examples use it: its own vector form and scipy's SuperLU with default ordering."""
+    import numpy as np
+    from scipy.sparse.linalg import splu
+    from skfem import Basis, BilinearForm, ElementTriP2, ElementVector
+    from skfem.helpers import ddot, eye, sym_grad, trace
+
+    from flexfem.fem.plane_stress import skfem_mesh
+    from flexfem.fem.response import tie_hub
+
+    lame, mu = plate.lame
+
+    @BilinearForm
+    def form(u: Any, v: Any, _: Any) -> Any:
+        strain = sym_grad(u)
+        return plate.thickness * ddot(lame * eye(trace(strain), 2) + 2 * mu * strain, sym_grad(v))
+
+    basis = Basis(skfem_mesh(mesh), ElementVector(ElementTriP2()), intorder=2)
+    stiffness = form.assemble(basis)
+    tied = tie_hub(mesh)
+    corners = int(mesh.triangles[:, :3].max()) + 1
+    where = np.concatenate([basis.nodal_dofs.T, basis.facet_dofs.T])
+    assert len(where) == len(mesh.nodes) and corners == basis.nodal_dofs.shape[1]
+    import scipy.sparse as sp
+
+    free, hub = where[tied.free].ravel(), where[tied.hub].ravel()
+    coupling = stiffness[hub][:, free]
+    whole = sp.block_array(
+        [
+            [stiffness[free][:, free], coupling.T @ tied.rigid],
+            [tied.rigid.T @ coupling, tied.rigid.T @ stiffness[hub][:, hub] @ tied.rigid],
+        ]
+    ).tocsc()
+    loads = np.zeros((whole.shape[0], 3))
+    loads[-3:] = np.eye(3)
+    return splu(whole).solve(loads)[-3:]
+
+
+def ngsolve(mesh: Any, plate: Any) -> Any:
+    from flexfem.peers.ngsolve import solve
+
+    return solve(mesh, plate, more_orders=0).compliance
+
+
+def calculix(mesh: Any, plate: Any) -> Any:
+    from flexfem.peers.calculix import solve
+
+    return solve(mesh, plate, uncoupled=True).compliance
+
+
+SOLVERS: dict[str, Callable[[Any, Any], Any]] = {
+    "flexfem": flexfem,
+    "flexfem-superlu": flexfem_superlu,
+    "scikit-fem": scikit_fem,
+    "ngsolve": ngsolve,
+    "calculix": calculix,
+}
+NEEDS = {"flexfem": "cvxopt", "ngsolve": "ngsolve"}
+
+
+def installed() -> list[str]:
+    found = [name for name in SOLVERS if importlib.util.find_spec(NEEDS.get(name, "flexfem"))]
+    return [name for name in found if name != "calculix" or shutil.which("ccx")]
+
+
+def child(name: str, path: Path) -> None:
+    from flexfem.fem.plane_stress import Plate
+    from flexfem.verify.baseline import read_mesh
+
+    print(*(f"{value:.12e}" for value in SOLVERS[name](read_mesh(path), Plate(*PLATE)).diagonal()))
+
+
+def measure(name: str, path: Path) -> tuple[float, float, list[float]]:
+    """Wall seconds, peak MB and diagonal compliances of one process."""
+    import time
+
+    started = time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, __file__, "--child", name, str(path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    said = process.stdout.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{name} failed")
+    return time.perf_counter() - started, usage.ru_maxrss / 1e3, [float(word) for word in said.split()]
+
+
+def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
+    from flexfem.fem.mesh import build_mesh
+    from flexfem.fem.response import tie_hub
+    from flexfem.layout.feasibility import load_feasible
+    from flexfem.verify.baseline import write_mesh
+
+    path = folder / f"{resolution}.npz"
+    mesh = build_mesh(load_feasible(STAGE), resolution, time_limit=600.0)
+    write_mesh(mesh, path)
+    print(f"\n{2 * len(tie_hub(mesh).free) + 3} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
+    runs: dict[str, list[tuple[float, float, list[float]]]] = {name: [] for name in names}
+    for _ in range(repeats):
+        for name in names:
+            runs[name].append(measure(name, path))
+    print(f"{'solver':18} {'seconds':>8} {'peak MB':>8} {'flexfem / it':>13} {'compliance xx':>20}")
+    for name in names:
+        seconds = statistics.median(run[0] for run in runs[name])
+        ratios = [ours[0] / theirs[0] for ours, theirs in zip(runs[names[0]], runs[name], strict=True)]
+        memory = max(run[1] for run in runs[name])
+        compliance = runs[name][0][2][0]
+        print(f"{name:18} {seconds:8.2f} {memory:8.0f} {statistics.median(ratios):13.2f} {compliance:20.10e}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--resolution", type=int, nargs="+", default=[5, 15])
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--only", nargs="+", choices=SOLVERS)
+    parser.add_argument("--child", nargs=2, metavar=("SOLVER", "MESH"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child:
+        child(arguments.child[0], Path(arguments.child[1]))
+        return
+    names = arguments.only or installed()
+    with tempfile.TemporaryDirectory() as folder:
+        for resolution in arguments.resolution:
+            table(resolution, arguments.repeats, names, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

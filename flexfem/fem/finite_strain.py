@@ -1,0 +1,162 @@
+"""Finite rotations on curved quadratic triangles: strain, tangent matrices, a hub that turns, indefinite equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.arrays import Array
+from flexfem.errors import ComputationFailed
+from flexfem.fem.factor import Solve
+from flexfem.fem.plane_stress import Plate, Strip
+
+
+def green_lagrange(slopes: Array) -> Array:
+    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a` (..., 2, 2, q).
+
+    Notes
+    -----
+    `E = (H + H' + H'H) / 2` and not `(F'F - 1) / 2`: small strains are not differences of numbers near one.
+    """
+    product = np.einsum("...caq,...cbq->...abq", slopes, slopes)
+    return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
+
+
+def strain_rate(slopes: Array, changes: Array) -> Array:
+    """First change (..., 2, 2, q) of the Green-Lagrange strain: the symmetric part of `F' dH`."""
+    half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)
+    return np.asarray((half + np.swapaxes(half, -3, -2)) / 2)
+
+
+def first_piola(slopes: Array, stress: Array) -> Array:
+    """First Piola-Kirchhoff stress `P = F S` (..., 2, 2, q), MPa, of gradients H and second stress S."""
+    return np.asarray(stress + np.einsum("...acq,...cbq->...abq", slopes, stress))
+
+
+def tangent_matrices(strip: Strip, plate: Plate, slopes: Array, stress: Array) -> Array:
+    """Element tangent matrices (e, 6, 2, 6, 2), N/mm, at gradients H and second Piola-Kirchhoff stress S (e, 2, 2, q).
+
+    Notes
+    -----
+    With `p_ia = F_aA d_A phi_i` and `M[ia, jb] = b int p_ia p_jb dA`, the change of `b int F S : grad v dA` is
+
+        K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu b int (F F')_ab d_A phi_i d_A phi_j dA
+                    + delta_ab b int d_A phi_i S_AB d_B phi_j dA
+
+    whose first line is the material and whose second the geometric stiffness. At rest it is `element_matrices`.
+    """
+    lame, mu = plate.lame
+    count = len(strip.triangles)
+    weight = (plate.thickness * strip.weights)[:, None, None]
+    root = strip.gradients * np.sqrt(weight)  # (e, i, A, q)
+    deformation = slopes + np.eye(2)[:, :, None]
+    spread = deformation[:, None, :, :, None] * root[:, :, None, None]  # F_aA d_C phi_i: (e, i, a, A, C, q)
+    pushed = np.trace(spread, axis1=3, axis2=4).reshape(count, 12, -1)
+    flat = spread.reshape(count, 12, -1)
+    m = (pushed @ pushed.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
+    k = lame * m + mu * m.transpose(0, 1, 4, 3, 2) + mu * (flat @ flat.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
+    pulled = np.einsum("eABq,eiBq->eiAq", stress * weight, strip.gradients, optimize=True).reshape(count, 6, -1)
+    geometric = pulled @ strip.gradients.reshape(count, 6, -1).transpose(0, 2, 1)
+    k[:, :, 0, :, 0] += geometric
+    k[:, :, 1, :, 1] += geometric
+    return np.asarray(k)
+
+
+class Hub(NamedTuple):
+    """The rigid hub at one pose, its nodes by their arms (h, 2), mm, from the platform centre at rest.
+
+    motion : (h, 2), mm, `u = U + (R(theta) - 1) r`.
+    rates : (2h, 3), change of the motion per pose.
+    curvature : (h, 2), mm, second derivative of the motion by theta, `-R r`; the other second derivatives are zero.
+    """
+
+    motion: Array
+    rates: sp.csr_array
+    curvature: Array
+
+
+def hub_at(arms: Array, pose: Array) -> Hub:
+    """Where the hub's nodes go at a pose (3,), mm and rad, of any size."""
+    sine, less = np.sin(pose[2]), -2.0 * np.sin(pose[2] / 2) ** 2  # cos - 1 without cancellation
+    turn = np.array([[less, -sine], [sine, less]])
+    swung = arms @ turn.T
+    x, y = (arms + swung).T
+    one = np.ones(len(arms))
+    data = np.stack([one, -y, one, x], axis=-1).ravel()  # entries that happen to be zero stay: the pattern is fixed
+    indices = np.tile([0, 2, 1, 2], len(arms))
+    rates = sp.csr_array((data, indices, 2 * np.arange(2 * len(arms) + 1)), shape=(2 * len(arms), 3))
+    return Hub(pose[:2] + swung, rates, -(arms + swung))
+
+
+class Factor(NamedTuple):
+    """A factorised symmetric matrix: `solve`, and whether the matrix is positive definite."""
+
+    solve: Solve
+    definite: bool
+
+
+def factoriser() -> Callable[[sp.coo_array], Factor]:
+    """A function that factorises symmetric matrices given by their lower triangles, definite or not.
+
+    Matrices with the pattern of the one before share its ordering and symbolic factorisation (CHOLMOD). A matrix that
+    is not positive definite is factorised by SuperLU with pivoting. Raises ComputationFailed for a singular one.
+    """
+    if find_spec("cvxopt") is None:
+        return _by_superlu
+    from cvxopt import cholmod, matrix, spmatrix
+
+    cholmod.options["supernodal"] = 2
+    known: list[tuple[tuple[object, ...], object]] = []
+
+    def factorise(lower: sp.coo_array) -> Factor:
+        values, rows, columns = (matrix(part) for part in (lower.data, *(c.astype(np.int64) for c in lower.coords)))
+        matrix_in = spmatrix(values, rows, columns, lower.shape)
+        if not known or not all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
+            known[:] = [(lower.coords, cholmod.symbolic(matrix_in))]
+        symbolic = known[0][1]
+        try:
+            cholmod.numeric(matrix_in, symbolic)
+        except ArithmeticError:
+            return _pivoted(lower)
+
+        def solve(b: Array) -> Array:
+            x = matrix(np.asfortranarray(b))
+            cholmod.solve(symbolic, x)
+            return np.array(x)
+
+        return Factor(solve, True)
+
+    return factorise
+
+
+def _by_superlu(lower: sp.coo_array) -> Factor:
+    """Without CHOLMOD: LU without pivoting has a positive diagonal of U if and only if the matrix is definite."""
+    from scipy.sparse.linalg import splu
+
+    half = lower.tocsc()
+    whole = (half + sp.tril(half, -1).T).tocsc()
+    try:
+        factor = splu(
+            whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+        )
+    except RuntimeError:
+        return _pivoted(lower)
+    symmetric = np.array_equal(factor.perm_r, factor.perm_c)
+    if not (symmetric and np.all(factor.U.diagonal() > 0)):
+        return _pivoted(lower)
+    return Factor(lambda b: np.asarray(factor.solve(b)), True)
+
+
+def _pivoted(lower: sp.coo_array) -> Factor:
+    from scipy.sparse.linalg import splu
+
+    half = lower.tocsc()
+    try:
+        factor = splu((half + sp.tril(half, -1).T).tocsc())
+    except RuntimeError:
+        raise ComputationFailed("tangent stiffness singular to working precision: a limit or bifurcation load") from None
+    return Factor(lambda b: np.asarray(factor.solve(b)), False)
