@@ -78,9 +78,19 @@ def scikit_fem(mesh: Any, plate: Any) -> Any:
 
 
 def ngsolve(mesh: Any, plate: Any) -> Any:
-    from flexfem.peers.ngsolve import solve
+    """Without the conversion of our mesh, which is Python: its own files are read natively."""
+    import time
 
-    return solve(mesh, plate, more_orders=0).compliance
+    import numpy as np
+
+    from flexfem.peers.ngsolve import curved_mesh, import_ngsolve, rigid_motions
+
+    ng = import_ngsolve()
+    with ng.TaskManager():
+        started = time.perf_counter()
+        curved = curved_mesh(ng, mesh)
+        not_counted.append(time.perf_counter() - started)
+        return np.linalg.inv(rigid_motions(ng, curved, mesh, plate, 0)[1])
 
 
 def calculix(mesh: Any, plate: Any) -> Any:
@@ -89,6 +99,7 @@ def calculix(mesh: Any, plate: Any) -> Any:
     return solve(mesh, plate, uncoupled=True).compliance
 
 
+not_counted: list[float] = []  # seconds of this process that are not the solver's
 SOLVERS: dict[str, Callable[[Any, Any], Any]] = {
     "flexfem": flexfem,
     "flexfem-superlu": flexfem_superlu,
@@ -108,11 +119,12 @@ def child(name: str, path: Path) -> None:
     from flexfem.fem.plane_stress import Plate
     from flexfem.verify.baseline import read_mesh
 
-    print(*(f"{value:.12e}" for value in SOLVERS[name](read_mesh(path), Plate(*PLATE)).diagonal()))
+    compliance = SOLVERS[name](read_mesh(path), Plate(*PLATE))
+    print(f"{compliance[0, 0]:.12e} {sum(not_counted):.3f}")
 
 
-def measure(name: str, path: Path) -> tuple[float, float, list[float]]:
-    """Wall seconds, peak MB and diagonal compliances of one process."""
+def measure(name: str, path: Path) -> tuple[float, float, float]:
+    """Wall seconds, peak MB and compliance xx of one process."""
     import time
 
     started = time.perf_counter()
@@ -124,7 +136,8 @@ def measure(name: str, path: Path) -> tuple[float, float, list[float]]:
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{name} failed")
-    return time.perf_counter() - started, usage.ru_maxrss / 1e3, [float(word) for word in said.split()]
+    compliance, excluded = (float(word) for word in said.split())
+    return time.perf_counter() - started - excluded, usage.ru_maxrss / 1e3, compliance
 
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
@@ -137,7 +150,7 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     mesh = build_mesh(load_feasible(STAGE), resolution, time_limit=600.0)
     write_mesh(mesh, path)
     print(f"\n{2 * len(tie_hub(mesh).free) + 3} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
-    runs: dict[str, list[tuple[float, float, list[float]]]] = {name: [] for name in names}
+    runs: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
     for _ in range(repeats):
         for name in names:
             runs[name].append(measure(name, path))
@@ -146,8 +159,7 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
         seconds = statistics.median(run[0] for run in runs[name])
         ratios = [ours[0] / theirs[0] for ours, theirs in zip(runs[names[0]], runs[name], strict=True)]
         memory = max(run[1] for run in runs[name])
-        compliance = runs[name][0][2][0]
-        print(f"{name:18} {seconds:8.2f} {memory:8.0f} {statistics.median(ratios):13.2f} {compliance:20.10e}")
+        print(f"{name:18} {seconds:8.2f} {memory:8.0f} {statistics.median(ratios):13.2f} {runs[name][0][2]:20.10e}")
 
 
 def main() -> None:

@@ -12,6 +12,10 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.plane_stress import Plate, Strip, element_matrices
 
 FIRST, SECOND = np.tril_indices(6)  # the 21 pairs of a triangle's nodes
+ENTRIES = np.ravel_multi_index(
+    (FIRST[:, None], [0, 0, 1, 1], SECOND[:, None], [0, 1, 0, 1]), (6, 2, 6, 2)
+).ravel()  # of their 2 x 2 blocks in an element matrix
+CACHED = 2000  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
 
 
 class Blocks(NamedTuple):
@@ -34,14 +38,13 @@ class Pairing(NamedTuple):
     """Where the entries of element matrices go; found once for a mesh, whatever the matrices.
 
     rows, columns : (p,), as in `Blocks`.
-    kept, turned : one (21, e) for every strip: pairs that are assembled, pairs to be transposed.
-    order, start : the kept pairs of all strips sorted, and where each block begins among them.
+    turned : (21 m,), pairs of the triangles, one after the other, that are to be transposed.
+    order, start : the pairs sorted, and where each block begins among them; pairs left out come last, from `start[-1]`.
     """
 
     rows: Index
     columns: Index
-    kept: list[AnyArray]
-    turned: list[AnyArray]
+    turned: AnyArray
     order: Index
     start: Index
 
@@ -51,42 +54,44 @@ def blocks(strips: list[Strip], plate: Plate, number: Index) -> Blocks:
 
     number : (n,), the number under which each node of the mesh is assembled, -1 for a node left out (held at zero).
     """
-    return summed(pairing(strips, number), (element_matrices(strip, plate) for strip in strips))
+    pieces = (piece for strip in strips for piece in strip.pieces(CACHED))
+    return summed(pairing(strips, number), (element_matrices(piece, plate) for piece in pieces))
 
 
 def pairing(strips: list[Strip], number: Index) -> Pairing:
     """Sort the node pairs of all triangles; `number` as for `blocks`."""
     count = int(number.max()) + 1
-    keys, kept, turned = [], [], []
-    for strip in strips:
-        one, other = number[strip.triangles[:, FIRST]].T, number[strip.triangles[:, SECOND]].T
-        kept.append((one >= 0) & (other >= 0))
-        turned.append(one < other)
-        keys.append((np.minimum(one, other) * count + np.maximum(one, other))[kept[-1]])
-    key = np.concatenate(keys)
+    nodes = number[np.concatenate([strip.triangles for strip in strips])]
+    one, other = nodes[:, FIRST].ravel(), nodes[:, SECOND].ravel()
+    key = np.minimum(one, other) * count + np.maximum(one, other)
+    key[(one < 0) | (other < 0)] = count * count
     order = np.argsort(key)
     key = key[order]
     start = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
-    columns, rows = np.divmod(key[start], count)
-    return Pairing(rows, columns, kept, turned, order, start)
+    whole = key[start] < count * count
+    columns, rows = np.divmod(key[start[whole]], count)
+    return Pairing(rows, columns, one < other, order, start)
 
 
 def summed(pairs: Pairing, matrices: Iterable[Array]) -> Blocks:
-    """Sum symmetric element matrices (e, 6, 2, 6, 2), one array for every strip, node pair by node pair."""
-    parts = []
-    for matrix, kept, turned in zip(matrices, pairs.kept, pairs.turned, strict=True):
-        k = matrix[:, FIRST, :, SECOND, :]  # (21 pairs, e, 2, 2)
-        parts.append(np.where(turned[..., None, None], k.swapaxes(-1, -2), k)[kept])
-    values = np.add.reduceat(np.concatenate(parts).reshape(-1, 4)[pairs.order], pairs.start, axis=0)
-    return Blocks(pairs.rows, pairs.columns, values.reshape(-1, 2, 2))
+    """Sum symmetric element matrices (e, 6, 2, 6, 2), in the order of the triangles, node pair by node pair."""
+    values, done = np.empty((len(pairs.order), 4)), 0
+    for matrix in matrices:
+        piece = values[done : done + len(matrix) * len(FIRST)].reshape(len(matrix), -1)
+        np.take(matrix.reshape(len(matrix), -1), ENTRIES, axis=1, out=piece, mode="clip")  # else `out` is copied
+        done += len(matrix) * len(FIRST)
+    values[pairs.turned, 1:3] = values[pairs.turned, 2:0:-1]
+    total = np.add.reduceat(values[pairs.order], pairs.start, axis=0)[: len(pairs.rows)]
+    return Blocks(pairs.rows, pairs.columns, total.reshape(-1, 2, 2))
 
 
 def lower_triangle(pairs: Blocks, size: int) -> sp.coo_array:
     """The blocks as the lower triangle (2 size, 2 size) of degrees of freedom x, y node by node."""
-    rows = 2 * pairs.rows[:, None, None] + np.array([[0, 0], [1, 1]])
-    columns = 2 * pairs.columns[:, None, None] + np.array([[0, 1], [0, 1]])
-    below = rows >= columns
-    return sp.coo_array((pairs.values[below], (rows[below], columns[below])), shape=(2 * size, 2 * size))
+    below = np.ones((len(pairs.rows), 4), dtype=bool)
+    below[pairs.rows == pairs.columns, 1] = False  # the entry right of the diagonal
+    rows = (2 * pairs.rows[:, None] + np.array([0, 0, 1, 1]))[below]
+    columns = (2 * pairs.columns[:, None] + np.array([0, 1, 0, 1]))[below]
+    return sp.coo_array((pairs.values.reshape(-1, 4)[below], (rows, columns)), shape=(2 * size, 2 * size))
 
 
 def stiffness_matrix(strips: list[Strip], plate: Plate, nodes: int) -> sp.csc_array:
@@ -108,4 +113,8 @@ def with_rigid_part(pairs: Blocks, free: int, rigid: sp.csr_array) -> sp.coo_arr
     coupling = sp.coo_array((across.values.ravel(), (rows, columns)), shape=(rigid.shape[0], 2 * free))
     below = lower_triangle(Blocks(held.rows - free, held.columns - free, held.values), rigid.shape[0] // 2)
     pose = sp.tril(rigid.T @ (below + sp.tril(below, -1).T) @ rigid)
-    return sp.block_array([[inside, None], [rigid.T @ coupling, pose]], format="coo")
+    parts = [(inside, 0, 0), ((rigid.T @ coupling).tocoo(), 2 * free, 0), (pose.tocoo(), 2 * free, 2 * free)]
+    values = np.concatenate([part.data for part, _, _ in parts])
+    rows = np.concatenate([part.coords[0] + down for part, down, _ in parts])
+    columns = np.concatenate([part.coords[1] + right for part, _, right in parts])
+    return sp.coo_array((values, (rows, columns)), shape=(2 * free + 3, 2 * free + 3))

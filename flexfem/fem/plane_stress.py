@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -49,19 +50,31 @@ class Strip(NamedTuple):
     gradients: Array
     weights: Array
 
+    def pieces(self, size: int) -> Iterator[Strip]:
+        """The strip in pieces of at most `size` triangles."""
+        for start in range(0, len(self.triangles), size):
+            part = slice(start, start + size)
+            yield Strip(self.triangles[part], self.gradients[part], self.weights[part])
+
 
 def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[Strip]:
-    """Gradients and weights of all triangles in strips of `CHUNK`, from scikit-fem's mapping and quadrature."""
-    from skfem import Basis, ElementTriP2
+    """Gradients and weights of all triangles in strips of `CHUNK`, from scikit-fem's element, mapping and quadrature.
 
-    whole, strips = skfem_mesh(mesh), []
+    Raises ValueError for a degree whose rule has weights that are not positive.
+    """
+    from skfem import ElementTriP2
+    from skfem.quadrature import get_quadrature
+
+    element, mapping = ElementTriP2(), skfem_mesh(mesh).mapping()
+    points, rule = get_quadrature(element.refdom, degree)
+    slopes = [element.lbasis(points, node)[1] for node in range(6)]  # on the reference triangle, (2, q)
+    if np.any(rule <= 0):
+        raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
+    strips = []
     for start in range(0, len(mesh.triangles), CHUNK):
         part = np.arange(start, min(start + CHUNK, len(mesh.triangles)))
-        basis = Basis(whole, ElementTriP2(), intorder=degree, elements=part)
-        gradients = np.array([field[0].grad for field in basis.basis]).transpose(2, 0, 1, 3)
-        if np.any(basis.dx <= 0):
-            raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
-        strips.append(Strip(mesh.triangles[part], np.ascontiguousarray(gradients), basis.dx))
+        gradients = np.einsum("ijeq,niq->enjq", mapping.invDF(points, part), slopes)
+        strips.append(Strip(mesh.triangles[part], gradients, np.abs(mapping.detDF(points, part)) * rule))
     return strips
 
 
@@ -105,7 +118,7 @@ def slopes_of(strip: Strip, fields: Array) -> Array:
 
 
 def add_nodal_forces(forces: Array, strip: Strip, plate: Plate, stress: Array) -> None:
-    """Add to forces (k, n, 2), N, those that balance stresses (k, e, 2, 2, q), MPa: `f_ia = b int s_ab d_b phi_i dA`."""
+    """Add to forces (k, n, 2), N, those that balance stresses (k, e, 2, 2, q): `f_ia = b int s_ab d_b phi_i dA`."""
     weighted = stress * (plate.thickness * strip.weights)[:, None, None]
     nodal = np.einsum("keabq,eibq->keia", weighted, strip.gradients, optimize=True)
     for force, values in zip(forces, nodal, strict=True):

@@ -120,10 +120,11 @@ class Tied(NamedTuple):
 
 def tie_hub(mesh: StageMesh) -> Tied:
     """Number the unknowns: ground clamped, hub rigid."""
-    n = len(mesh.nodes)
-    hub, ground = np.unique(mesh.edges["hub"]), np.unique(mesh.edges["ground"])
-    free = np.setdiff1d(np.arange(n), np.union1d(hub, ground))
-    number = np.full(n, -1)
+    hub = np.unique(mesh.edges["hub"])
+    number = np.zeros(len(mesh.nodes), dtype=np.int64)
+    number[mesh.edges["ground"]] = -1
+    number[hub] = -1
+    free = np.flatnonzero(number == 0)
     number[free] = np.arange(len(free))
     number[hub] = len(free) + np.arange(len(hub))
     x, y = mesh.nodes[hub].T

@@ -83,7 +83,7 @@ def solve(mesh: StageMesh, plate: Plate, more_orders: int = MORE_ORDERS) -> Answ
     started = time.perf_counter()
     with ng.TaskManager():
         curved = curved_mesh(ng, mesh)
-        motions, stiffness = _rigid_motions(ng, curved, mesh, plate, more_orders)
+        motions, stiffness = rigid_motions(ng, curved, mesh, plate, more_orders)
         stress = np.array([_nodal_stress(ng, motion, plate, mesh) for motion in motions])
     fields = np.array([curved.values(motion.vec.FV().NumPy()) for motion in motions])
     compliance = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
@@ -150,7 +150,7 @@ def _stress(ng: Any, u: Any, plate: Plate) -> Any:
     return E / (1 - nu**2) * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))  # not by our Lame constants
 
 
-def _rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_orders: int) -> tuple[list[Any], Array]:
+def rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_orders: int) -> tuple[list[Any], Array]:
     """The stage's answers to the three unit motions of the hub, and the energies (3, 3) between them."""
     space = ng.VectorH1(curved.mesh, order=2, dirichlet="ground|hub")
     u, v = space.TnT()
