@@ -154,15 +154,17 @@ def converge(
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
     from flexfem import console
     from flexfem.layout.feasibility import load_feasible
-    from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge, write_study
+    from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge
+    from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
     resolutions = checked_resolutions(level or RESOLUTIONS)
     study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
-        from flexfem.report.write import write_convergence
+        from flexfem.report.convergence import convergence_figure
+        from flexfem.report.write import write_beside
 
-        write_convergence(study, write_study(study, output))
+        write_beside(write_record(study, output / f"{stage.stem}-convergence.json"), convergence_figure(study))
     console.show(study.model_dump(mode="json"), json, console.print_convergence)
 
 
@@ -200,6 +202,30 @@ def benchmark(
         write_benchmarks(table, output)
     console.show(console.benchmark_facts(table), json, console.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)
+
+
+@app.command()
+def budget(
+    stage: Stage,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the numbers and the figure.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Split the error of the stage's own analytic model into named shares that add up to it."""
+    from flexfem import console
+    from flexfem.layout.feasibility import load_feasible
+    from flexfem.verify.budget import budget as split_error
+    from flexfem.verify.result import write_record
+
+    loaded = load_feasible(stage)
+    found = split_error(stage, loaded, solve=console.with_progress(3, "meshing and solving"))
+    if output is not None:
+        from flexfem.report.budget import budget_figure
+        from flexfem.report.write import write_beside
+
+        write_beside(write_record(found, output / f"{stage.stem}-budget.json"), budget_figure(found))
+    console.show(found.model_dump(mode="json"), json, console.print_budget)
 
 
 @app.command()

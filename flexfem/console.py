@@ -336,6 +336,23 @@ def print_benchmarks(facts: Facts) -> None:
     out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
 
 
+def print_budget(facts: Facts) -> None:
+    """Print the shares of the error in the commanded directions."""
+    out = _people()
+    out.print(
+        f"{facts['stage']}: error of mobility {facts['mobility']}, {facts['formula']}, in per cent of the command"
+    )
+    table = Table("share", "x", "y", "theta", box=None, padding=(0, 2, 0, 0))
+    splits = [facts["split"][axis] for axis in DIRECTIONS]
+    for rows in zip(*(split["shares"] for split in splits), strict=True):
+        points = (row["points"][axis] for row, axis in zip(rows, DIRECTIONS, strict=True))
+        table.add_row(rows[0]["name"], *(f"{value:+z.3f}" for value in points))
+    totals = zip(splits, DIRECTIONS, strict=True)
+    table.add_row("total", *(f"{split['total'][axis]:.3f} ± {split['band']:.3f}" for split, axis in totals))
+    out.print(table)
+    _print_assumed(out, facts)
+
+
 def print_moves(facts: Facts) -> None:
     """Print one line for every number that moved."""
     for move in facts["moved"]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 
+SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R from 1e-4 upwards
 
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from flexfem.analytic import notch
 from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.mobility import mobility as mobility_of
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, key_of
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.layout.frames import stage_frames
 
@@ -43,11 +44,14 @@ class AnalyticResult(NamedTuple):
 def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
     """Compliances of the nine hinges, fields (3 chains, 3 hinges).
 
-    Raises BadInput for an unknown formula, and for one that is not even positive at some hinge's t/R.
+    Raises BadInput for an unknown formula, for one that is not even positive at some hinge's t/R, and for a chart that
+    some hinge is not on.
     """
     material, radius, neck = stage.material, stage.array("radius"), stage.array("neck")
-    found = notch.formula(formula).compliance(
-        radius, neck, stage.thickness, material.youngs_modulus, material.poissons_ratio
+    entry, width = notch.formula(formula), stage.chain.link_width
+    _refuse_off_chart(stage, entry)
+    found = entry.compliance(
+        radius, neck, stage.thickness, material.youngs_modulus, material.poissons_ratio, block_height=width
     )
     senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)
     if np.any(senseless):
@@ -56,6 +60,26 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
             f"hinge formula {formula!r} has no positive compliance at t/R = {ratio:.3g}, expected another one"
         )
     return found
+
+
+def _refuse_off_chart(stage: Stage, entry: Formula) -> None:
+    """Raise BadInput naming the first hinge that is not on the chart of a charted formula, its value and the range."""
+    if not isinstance(entry, ChartedFormula):
+        return
+    off = f"is not on the hinge chart of formula {entry.name!r}"
+    for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
+        hinge, width = stage.hinge(chain, name), stage.chain.link_width
+        ratio, high = hinge.neck / hinge.radius, 2 * hinge.radius + hinge.neck
+        if not entry.in_range(hinge.radius, hinge.neck):
+            raise BadInput(
+                f"{key_of(stage, chain, name, 'neck_mm')} = {hinge.neck:g}: t/R = {ratio:.4g} {off}, "
+                f"expected {entry.valid[0]:g} to {entry.valid[1]:g}"
+            )
+        if not entry.in_range(hinge.radius, hinge.neck, width):
+            raise BadInput(
+                f"chain.link_width_mm = {width:g}: H/h = {width / high:.4g} at the {name} hinge of chain {chain} "
+                f"{off}, expected {entry.heights[0]:g} to {entry.heights[1]:g}"
+            )
 
 
 def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
@@ -82,7 +106,7 @@ def analyse(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FO
     if np.isnan(at_rest.K_uu).any():
         what = "its loops do not fix the dependent joints" if np.isnan(at_rest.influence.G_u).any() else "K_uu"
         raise ComputationFailed(f"stage {stage.name!r} is at a singular configuration at rest: {what}")
-    in_range = notch.formula(formula).in_range(stage.array("radius"), stage.array("neck"))
+    in_range = notch.formula(formula).in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)
     return AnalyticResult(at_rest.K_uu, at_rest.C_uu, mobility_of(freedoms), freedoms, formula, hinges, in_range)
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic import beam
+from flexfem.analytic.beam import SHEAR_CORRECTION
+from flexfem.analytic.chart import hinge_chart
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
 
-SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
 BEAM_RANGE = (1e-4, 2.0)
 
 
@@ -55,8 +56,11 @@ class Formula:
         stated = (("rotation", self.rotation), ("axial", self.axial), ("shear", self.bending))
         return tuple(freedom for freedom, function in stated if function is not None)
 
-    def in_range(self, radius: ArrayLike, neck: ArrayLike) -> NDArray[np.bool_]:
-        """Whether t/R is where the formula is meant to be used; shape of `radius` and `neck` broadcast."""
+    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
+        """Whether t/R is where the formula is meant to be used; shape of `radius` and `neck` broadcast.
+
+        `block_height` as for `compliance`.
+        """
         tau = np.asarray(neck, dtype=float) / np.asarray(radius, dtype=float)
         inside: NDArray[np.bool_] = (tau >= self.valid[0]) & (tau <= self.valid[1])
         return inside
@@ -68,8 +72,14 @@ class Formula:
         thickness: ArrayLike,
         youngs_modulus: ArrayLike,
         poissons_ratio: ArrayLike,
+        block_height: ArrayLike | None = None,
     ) -> Compliance:
         """Compliances about the neck centre; arguments in mm and MPa broadcast against each other.
+
+        Parameters
+        ----------
+        block_height : height H of the bodies beside the notch, None for the notch's own, 2R + t. Published formulas
+            know the notch alone and leave it aside.
 
         Notes
         -----
@@ -86,6 +96,54 @@ class Formula:
             axial=axial / (E * b) + 0.0 * nu,  # (3)
             shear=(bending + SHEAR_CORRECTION * 2.0 * (1.0 + nu) * stretch) / (E * b),
         )
+
+
+@dataclass(frozen=True)
+class ChartedFormula(Formula):
+    """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated.
+
+    heights : smallest and largest H/h on the chart.
+    """
+
+    heights: tuple[float, float] = (1.0, 1.0)
+
+    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
+        """Whether t/R and H/h are on the chart; the arguments broadcast."""
+        return hinge_chart().covers(*_shape_of_notch(radius, neck, block_height))
+
+    def compliance(
+        self,
+        radius: ArrayLike,
+        neck: ArrayLike,
+        thickness: ArrayLike,
+        youngs_modulus: ArrayLike,
+        poissons_ratio: ArrayLike,
+        block_height: ArrayLike | None = None,
+    ) -> Compliance:
+        """As `Formula.compliance`, but nan outside `in_range`: a chart is not extrapolated.
+
+        Notes
+        -----
+        Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height: `flexfem/fem/hinge.py`.
+        """
+        b, E, nu = (np.asarray(v, dtype=float) for v in (thickness, youngs_modulus, poissons_ratio))
+        tau, eta = _shape_of_notch(radius, neck, block_height)
+        factors = hinge_chart().factors(tau, eta)
+        slender = super().compliance(radius, neck, b, E, 0.0)
+        stretch = 2.0 / (eta * (2.0 + tau))  # 2R/H
+        return Compliance(
+            rotation=factors.rotation * slender.rotation,
+            axial=factors.axial * slender.axial + 0.0 * nu,
+            shear=factors.shear * slender.shear + SHEAR_CORRECTION * 2.0 * nu * stretch / (E * b),
+        )
+
+
+def _shape_of_notch(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None) -> tuple[Array, Array]:
+    """t/R and H/h, broadcast."""
+    R, t = np.asarray(radius, dtype=float), np.asarray(neck, dtype=float)
+    high = 2.0 * R + t
+    tau, eta = np.broadcast_arrays(t / R, (high if block_height is None else np.asarray(block_height)) / high)
+    return tau, eta
 
 
 _ENTRIES = (
@@ -159,6 +217,17 @@ _ENTRIES = (
         beam.axial_by_quadrature,
         beam.bending_by_quadrature,
     ),
+    ChartedFormula(
+        "calibrated",
+        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
+        "the full beam integrals times charted factors, for the links' height beside the notch; mesh-extrapolated and"
+        " interpolated to 1e-4 or better. Never extrapolated: outside its range of t/R and H/h it has no value",
+        hinge_chart().ratios,
+        beam.rotation_paros_weisbord,
+        beam.axial_paros_weisbord,
+        beam.bending_closed,
+        heights=hinge_chart().heights,
+    ),
 )
 
 FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
@@ -169,3 +238,16 @@ def formula(name: str) -> Formula:
     if name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]
+
+
+def over_calibrated(ratio: Array, height: float, poissons_ratio: float) -> dict[str, Compliance]:
+    """Compliances of every formula, by name, over the calibrated ones of a full notch (H = h) at t/R (n,); fields (n,).
+
+    Those of the calibrated formula itself are at H/h = `height`: what the height of the blocks does. nan off the chart.
+    """
+    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)
+    found = {}
+    for name, entry in FORMULAS.items():
+        own = entry.compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
+        found[name] = Compliance(*(a / b for a, b in zip(own, full, strict=True)))
+    return found

@@ -1,18 +1,21 @@
-"""Finite rotations on curved quadratic triangles: strain, tangent matrices, a hub that turns, indefinite equations."""
+"""What Newton's method on large displacements needs: strain, tangent matrices, a hub that turns, factorisation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.errors import ComputationFailed
+from flexfem.fem.assembly import Pairing, pairing, summed, with_rigid_part
 from flexfem.fem.factor import Solve
-from flexfem.fem.plane_stress import Plate, Strip
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import QUADRATURE, Plate, Strip, add_nodal_forces, integration, slopes_of, stress_tensor
+from flexfem.fem.response import Tied, tie_hub
 
 
 def green_lagrange(slopes: Array) -> Array:
@@ -92,6 +95,74 @@ def hub_at(arms: Array, pose: Array) -> Hub:
     return Hub(pose[:2] + swung, rates, -(arms + swung))
 
 
+class Model(NamedTuple):
+    """The stage before its displacements: arms (h, 2), mm, are the hub's nodes from the platform centre."""
+
+    strips: list[Strip]
+    plate: Plate
+    tied: Tied
+    pairs: Pairing
+    arms: Array
+
+
+class State(NamedTuple):
+    """Pose (3,), displacements (n, 2), mm, and per strip the second Piola-Kirchhoff stress (e, 2, 2, q), MPa.
+
+    The stress is that of the tangent, and on the way to equilibrium not quite the one of the displacements.
+    """
+
+    pose: Array
+    field: Array
+    stress: list[Array]
+
+
+class Held(NamedTuple):
+    """What a state takes: forces (2f + 3,) on the unknowns of `Tied`, stored energy, N mm, largest strain component."""
+
+    forces: Array
+    energy: float
+    strain: float
+
+
+def model_of(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Model:
+    """Triangles and unknowns of a mesh; `degree` is that of the quadrature."""
+    strips, tied = integration(mesh, degree), tie_hub(mesh)
+    return Model(strips, plate, tied, pairing(strips, tied.number), mesh.nodes[tied.hub])
+
+
+def rest(model: Model) -> State:
+    """The stage without displacement and stress."""
+    stress = [np.zeros((len(strip.triangles), 2, 2, strip.weights.shape[1])) for strip in model.strips]
+    return State(np.zeros(3), np.zeros((len(model.tied.number), 2)), stress)
+
+
+def held_by(model: Model, state: State) -> Held:
+    """Forces, energy and strain of the state's displacements."""
+    forces, energy, largest = np.zeros((1, *state.field.shape)), 0.0, 0.0
+    for strip in model.strips:
+        slopes = slopes_of(strip, state.field[None])[0]
+        strain = green_lagrange(slopes)
+        stress = stress_tensor(model.plate, strain)
+        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress)[None])
+        energy += float(np.sum(stress * strain * strip.weights[:, None, None])) * model.plate.thickness / 2
+        largest = max(largest, float(np.max(np.abs(strain))))
+    on_hub = hub_at(model.arms, state.pose).rates.T @ forces[0, model.tied.hub].ravel()
+    return Held(np.append(forces[0, model.tied.free].ravel(), on_hub), energy, largest)
+
+
+def tangent(model: Model, state: State) -> sp.coo_array:
+    """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
+    hub, forces, matrices = hub_at(model.arms, state.pose), np.zeros((1, *state.field.shape)), []
+    for strip, stress in zip(model.strips, state.stress, strict=True):
+        slopes = slopes_of(strip, state.field[None])[0]
+        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress)[None])
+        matrices.append(tangent_matrices(strip, model.plate, slopes, stress))
+    K = with_rigid_part(summed(model.pairs, matrices), len(model.tied.free), hub.rates)
+    swing = np.sum(forces[0, model.tied.hub] * hub.curvature)  # as the hub turns, its forces change their levers
+    rows, columns = (np.append(place, K.shape[0] - 1) for place in K.coords)
+    return sp.coo_array((np.append(K.data, swing), (rows, columns)), shape=K.shape)
+
+
 class Factor(NamedTuple):
     """A factorised symmetric matrix: `solve`, and whether the matrix is positive definite."""
 
@@ -99,7 +170,10 @@ class Factor(NamedTuple):
     definite: bool
 
 
-def factoriser() -> Callable[[sp.coo_array], Factor]:
+Factorise: TypeAlias = Callable[[sp.coo_array], Factor]
+
+
+def factoriser() -> Factorise:
     """A function that factorises symmetric matrices given by their lower triangles, definite or not.
 
     Matrices with the pattern of the one before share its ordering and symbolic factorisation (CHOLMOD). A matrix that
@@ -110,7 +184,7 @@ def factoriser() -> Callable[[sp.coo_array], Factor]:
     from cvxopt import cholmod, matrix, spmatrix
 
     cholmod.options["supernodal"] = 2
-    known: list[tuple[tuple[object, ...], object]] = []
+    known: list[tuple[tuple[AnyArray, ...], object]] = []
 
     def factorise(lower: sp.coo_array) -> Factor:
         values, rows, columns = (matrix(part) for part in (lower.data, *(c.astype(np.int64) for c in lower.coords)))
@@ -158,5 +232,7 @@ def _pivoted(lower: sp.coo_array) -> Factor:
     try:
         factor = splu((half + sp.tril(half, -1).T).tocsc())
     except RuntimeError:
-        raise ComputationFailed("tangent stiffness singular to working precision: a limit or bifurcation load") from None
+        raise ComputationFailed(
+            "tangent stiffness singular to working precision: a limit or bifurcation load"
+        ) from None
     return Factor(lambda b: np.asarray(factor.solve(b)), False)

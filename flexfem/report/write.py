@@ -11,7 +11,6 @@ from typing import NamedTuple, TypeAlias
 from matplotlib.figure import Figure
 
 from flexfem.files import write_atomically
-from flexfem.report.convergence import convergence_figure
 from flexfem.report.curves import error_figure
 from flexfem.report.deformed import deformed_figure
 from flexfem.report.hinge_sketch import hinge_sketch
@@ -19,7 +18,6 @@ from flexfem.report.mesh_pictures import neck_figure, stage_figure
 from flexfem.report.model_sketch import model_sketch
 from flexfem.report.style import rendered
 from flexfem.report.table import markdown_report
-from flexfem.verify.converge import MeshStudy
 from flexfem.verify.result import Fields, Model, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]
@@ -55,9 +53,8 @@ def write_figures(results: list[Stored], folder: Path) -> list[Path]:
     return [*paths, _written(folder / PAGE, page.encode())]
 
 
-def write_convergence(study: MeshStudy, stored: Path) -> list[Path]:
-    """Draw a mesh study as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
-    figure = convergence_figure(study)
+def write_beside(stored: Path, figure: Figure) -> list[Path]:
+    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 

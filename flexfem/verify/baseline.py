@@ -20,7 +20,7 @@ from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.files import read_arrays, write_atomically
 from flexfem.verify.case import DIRECTIONS, LoadedCase
-from flexfem.verify.result import Model, Record, Result, stamp, versions
+from flexfem.verify.result import Model, Record, Result, stamp, versions, write_record
 
 ANALYTIC = 1e-12  # relative: closed forms and 6 x 6 algebra
 COMMITTED_MESH = 1e-8  # relative: the same equations, solved by another library
@@ -113,8 +113,7 @@ def accept(loaded: LoadedCase, result: Result, folder: Path, reason: str) -> Pat
     entry = Acceptance(when=stamp(), reason=reason.strip(), versions=versions())
     found = metrics(loaded, result, meshes)
     baseline = Baseline(case=loaded.stem, history=[*history, entry], meshes=names, metrics=found)
-    write_atomically(path, lambda file: file.write((baseline.model_dump_json(indent=1) + "\n").encode()))
-    return path
+    return write_record(baseline, path)
 
 
 def metrics(loaded: LoadedCase, result: Result, meshes: dict[str, StageMesh]) -> dict[str, Metric]:

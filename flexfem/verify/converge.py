@@ -10,7 +10,6 @@ import numpy as np
 
 from flexfem.design import Stage
 from flexfem.errors import BadInput
-from flexfem.files import write_atomically
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import COARSER, grid_convergence
 from flexfem.verify.protocol import Solved, solve_stage, stored
@@ -69,10 +68,3 @@ def converge(
         },
         versions=versions(),
     )
-
-
-def write_study(study: MeshStudy, folder: Path) -> Path:
-    """Store a study as `<stage file>-convergence.json`."""
-    path = folder / f"{Path(study.file).stem}-convergence.json"
-    write_atomically(path, lambda file: file.write((study.model_dump_json(indent=1) + "\n").encode()))
-    return path

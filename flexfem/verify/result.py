@@ -155,8 +155,12 @@ def write_result(result: Result, fields: dict[str, Fields], folder: Path) -> Pat
     write_atomically(
         folder / f"{result.case}.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
     )
-    path = folder / f"{result.case}.json"
-    write_atomically(path, lambda file: file.write((result.model_dump_json(indent=1) + "\n").encode()))
+    return write_record(result, folder / f"{result.case}.json")
+
+
+def write_record(record: Record, path: Path) -> Path:
+    """Store a record as JSON; returns the path. Raises BadInput when the folder does not take it."""
+    write_atomically(path, lambda file: file.write((record.model_dump_json(indent=1) + "\n").encode()))
     return path
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from flexfem.analytic.beam import quadrature
-from flexfem.analytic.notch import FORMULAS, formula
+from flexfem.analytic.notch import FORMULAS, ChartedFormula, formula
 from flexfem.errors import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3
@@ -25,6 +25,9 @@ APPROXIMATE = {
     ("smith-chetwynd", "rotation"): 0.42,  # a fit to finite elements, which are 16 % above the beam at t/R = 1
     ("koster", "rotation"): 0.23,
     ("schotborgh", "rotation"): 0.10,
+    ("calibrated", "rotation"): 0.33,  # finite elements of a full notch between elastic blocks, at t/R = 1.2
+    ("calibrated", "axial"): 0.37,
+    ("calibrated", "shear"): 0.11,
 }
 
 
@@ -110,6 +113,7 @@ def test_compliances_scale_with_their_dimensions(size: float, tau: float, name: 
     R = 1.9
     one = formula(name).compliance(R, tau * R, B, E, NU)
     other = formula(name).compliance(size * R, size * tau * R, 2.0 * B, 3.0 * E, NU)
+    assume(np.isfinite(one.rotation))  # a chart ends
     ROUNDING = 1e-11  # t/R of the two hinges differs in the last digit, and the forms amplify that
     assert other.rotation * 6.0 * size**2 == pytest.approx(one.rotation, rel=ROUNDING)
     assert other.axial * 6.0 == pytest.approx(one.axial, rel=ROUNDING)
@@ -129,7 +133,8 @@ def test_every_formula_names_its_source_status_and_range(name: str) -> None:
     assert entry.name == name and len(entry.source) > 20 and len(entry.status) > 20 and 0.0 < low < high
     inside = entry.in_range(2.0, 2.0 * np.array([0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high]))
     assert inside.tolist() == [False, True, True, False]
-    assert np.isfinite(entry.compliance(2.0, 2.02 * high, B, E, NU).rotation)
+    beyond = entry.compliance(2.0, 2.02 * high, B, E, NU).rotation
+    assert np.isfinite(beyond) != isinstance(entry, ChartedFormula)  # reported by `in_range`, but never extrapolated
 
 
 def test_compliances_broadcast_over_designs() -> None:

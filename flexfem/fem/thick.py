@@ -1,0 +1,325 @@
+"""One circular hinge between elastic blocks in three dimensions: what its thickness does to its compliance.
+
+The hinge is its plane section times a line, and so are its finite elements: curved quadratic triangles times quadratic
+segments (wedges of 18 nodes), whose stiffness is a sum of Kronecker products of integrals over the section and over
+the line. An eighth of the hinge is enough, x, y, z > 0: pulling is even about all three planes, bending is odd about
+y = 0. The blocks are as high as the notch and carry the stresses of a long beam, uniform over the thickness b.
+
+The result is the position p between plane stress and plane strain, C = C_ps (1 - nu^2 p), from the energies of the
+three-dimensional and of the plane-stress solution on the same section, so that their mesh errors cancel. The blocks
+are thick plates too, but need no correction: pulled or bent by such stresses, a straight bar has the compliance of
+Young's modulus in either theory, whatever b, so that the blocks drop out of the difference of the two and are
+subtracted from the plane-stress compliance it is divided by.
+
+p lies in 0..1: plane stress is statically admissible, plane strain kinematically. p = 1 is in general not reached for
+b -> infinity, because the hinge may contract as a whole. Then e_zz is linear over the section, and with its energy
+minimised for a given length of blocks (`thick_limit`), A and I the section's area and its second moment about x,
+
+    C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation,
+
+since `int (s_xx + s_yy) dA = F L` and `int y (s_xx + s_yy) dA = M L` hold for any stress in equilibrium. Our algebra.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.arrays import Array, Index
+from flexfem.benchmark.meshes import mapped
+from flexfem.benchmark.problem import edge_force, nodes_on, shape_values
+from flexfem.fem.factor import factorise
+from flexfem.fem.hinge import richardson
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate, Strip, integration
+
+FREEDOMS = ("rotation", "axial")
+LEVELS = (2, 3, 4)  # refinements, coarse to fine
+LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
+LEAST_ARC, EDGE, LAYERS = 3, 2, 0.5  # of the base grid: columns along the arc and along a block four
+# heights long, layers
+SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surface the stress changes over about t
+DEGREE = 4  # of the quadrature: products of two quadratic shape functions
+SOLVES = 2  # the second removes what the factors rounded off
+
+
+class ThickHinge(NamedTuple):
+    """A hinge of radius one and modulus one.
+
+    ratio : t/R.   width : b/t.   poissons_ratio : of the material.
+    length : of a block, in radii; 0 for the one of the chart, which is long against height and thickness.
+    """
+
+    ratio: float
+    width: float
+    poissons_ratio: float
+    length: float = 0.0
+
+    @property
+    def block(self) -> tuple[float, float]:
+        """Height and length of a block, in radii."""
+        high = 2.0 + self.ratio
+        return high, self.length or max(LENGTH * high, self.width * self.ratio)
+
+
+class Section(NamedTuple):
+    """Integrals over a plane section for all pairs of its nodes (n, n), of shape functions phi.
+
+    gradients : [a][b], `int d_a phi_i d_b phi_j dA`.   mixed : [a], `int d_a phi_i phi_j dA`, mm.
+    mass : `int phi_i phi_j dA`, mm^2.
+    """
+
+    gradients: tuple[tuple[sp.csr_array, sp.csr_array], tuple[sp.csr_array, sp.csr_array]]
+    mixed: tuple[sp.csr_array, sp.csr_array]
+    mass: sp.csr_array
+
+
+class Line(NamedTuple):
+    """Integrals over the line z for all pairs of its nodes (m, m), of shape functions psi, and of each alone.
+
+    mass : `int psi psi dz`.   mixed : `int psi psi' dz`, the second is differentiated.   slopes : `int psi' psi' dz`.
+    whole : (m,), `int psi dz`.
+    """
+
+    mass: sp.csr_array
+    mixed: sp.csr_array
+    slopes: sp.csr_array
+    whole: Array
+
+
+class Sample(NamedTuple):
+    """Positions between plane stress and plane strain at vanishing element size, in the order of `FREEDOMS`.
+
+    values : (2,).   bands : (2,), half-widths of their uncertainty.   levels : (k, 2), on the meshes.
+    unknowns : on the finest mesh.
+    """
+
+    values: Array
+    bands: Array
+    levels: Array
+    unknowns: int
+
+
+def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
+    """Mesh the quarter of the section: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
+
+    Notes
+    -----
+    Columns and their spacing along the arc are those of `hinge.hinge_mesh`; along the block they widen with the
+    distance from the notch. The block's triangles are straight, so that a beam's displacement is exact there.
+    """
+    tau, (high, length) = hinge.ratio, hinge.block
+    spread = float(np.sqrt(tau))
+    end = float(np.arcsinh(np.pi / 2 / spread))
+    arc = max(LEAST_ARC, int(np.ceil(end / tau**0.25)))
+    rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
+    edge = int(np.ceil(EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
+
+    def place(u: Array, v: Array) -> Array:
+        column = u * (arc + edge)
+        angle = spread * np.sinh(end * np.clip(column / arc, 0.0, 1.0))
+        along = _widening(np.clip((column - arc) / edge, 0.0, 1.0), high / 2, length)
+        y = tau / 2 + 1 - np.cos(angle)
+        x = np.sin(angle) + along
+        foot = x + y * np.tan(angle / 2) - along * high / 2 / length
+        return np.stack([foot + (x - foot) * v, y * v], axis=-1)
+
+    mesh = mapped(refinement * (arc + edge), refinement * rows, place)
+    in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # beyond the column at the end of the arc
+    block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
+    nodes = mesh.nodes.copy()
+    nodes[block[:, 3:]] = (nodes[block[:, :3]] + nodes[block[:, [1, 2, 0]]]) / 2
+    return mesh._replace(nodes=nodes)
+
+
+def layers(hinge: ThickHinge, refinement: int) -> Array:
+    """Bounds of the layers (k + 1,), in radii, from the mid-plane z = 0 to the free surface, thinner towards it."""
+    half, surface = hinge.width * hinge.ratio / 2, SURFACE * hinge.ratio
+    number = refinement * int(np.ceil(LAYERS * np.arcsinh(half / surface)))
+    return half - _widening(np.linspace(1.0, 0.0, number + 1), surface, half)
+
+
+def _widening(s: Array, scale: float, total: float) -> Array:
+    """Points 0..total for s in 0..1, evenly spaced up to about `scale` and then in a geometric progression."""
+    return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
+
+
+def section_integrals(mesh: StageMesh) -> Section:
+    """Integrals over a plane section with curved quadratic triangles."""
+    strips, phi = integration(mesh, DEGREE), shape_values(DEGREE)
+
+    def matrix(term: str, *slopes: int) -> sp.csr_array:
+        number = len(mesh.nodes)
+        total = sp.csr_array((number, number))
+        for strip in strips:
+            factors = [strip.gradients[:, :, a] for a in slopes] + [phi] * (2 - len(slopes))
+            total = total + _gathered(strip, np.einsum(term, *factors, strip.weights, optimize=True), number)
+        return total
+
+    xx, xy, yx, yy = (matrix("eiq,ejq,eq->eij", a, b) for a in (0, 1) for b in (0, 1))
+    mixed = (matrix("eiq,jq,eq->eij", 0), matrix("eiq,jq,eq->eij", 1))
+    return Section(((xx, xy), (yx, yy)), mixed, matrix("iq,jq,eq->eij"))
+
+
+def _gathered(strip: Strip, values: Array, number: int) -> sp.csr_array:
+    rows, columns = np.repeat(strip.triangles, 6, axis=1), np.tile(strip.triangles, (1, 6))
+    return sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(number, number)).tocsr()
+
+
+def line_integrals(z: Array) -> Line:
+    """Integrals over quadratic segments with ends z (k + 1,), ascending, and middles in between."""
+    s, w = np.polynomial.legendre.leggauss(3)
+    psi, slope = np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
+    number = 2 * len(z) - 1
+    pairs, whole = np.zeros((3, number, number)), np.zeros(number)
+    for segment, half in enumerate(np.diff(z) / 2):
+        at = slice(2 * segment, 2 * segment + 3)
+        pairs[:, at, at] += [half * (psi * w) @ psi.T, (psi * w) @ slope.T, (slope * w) @ slope.T / half]
+        whole[at] += half * psi @ w
+    mass, mixed, slopes = map(sp.csr_array, pairs)
+    return Line(mass, mixed, slopes, whole)
+
+
+def plane_stiffness(section: Section, poissons_ratio: float) -> sp.csr_array:
+    """Stiffness (2n, 2n) of a plane section in plane stress, modulus and thickness one; x of all nodes, then y."""
+    return sp.block_array(_in_plane(section, *Plate(1.0, poissons_ratio, 1.0).lame), format="csr")
+
+
+def solid_stiffness(section: Section, line: Line, poissons_ratio: float) -> sp.csr_array:
+    """Stiffness (3nm, 3nm) of section times line, modulus one; x of all nodes, then y, z, z running fastest.
+
+    Notes
+    -----
+    Of the weak form `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`, `lambda = E nu / ((1 + nu) (1 - 2 nu))`.
+    """
+    nu = poissons_ratio
+    lame, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
+    laplace = section.gradients[0][0] + section.gradients[1][1]
+    blocks = [[sp.kron(block, line.mass) for block in row] + [None] for row in _in_plane(section, lame, mu)]
+    for a, mixed in enumerate(section.mixed):
+        blocks[a][a] += mu * sp.kron(section.mass, line.slopes)
+        blocks[a][2] = lame * sp.kron(mixed, line.mixed) + mu * sp.kron(mixed.T, line.mixed.T)
+    thick = (lame + 2 * mu) * sp.kron(section.mass, line.slopes) + mu * sp.kron(laplace, line.mass)
+    return sp.block_array([*blocks, [blocks[0][2].T, blocks[1][2].T, thick]], format="csr")
+
+
+def _in_plane(section: Section, lame: float, mu: float) -> list[list[sp.csr_array]]:
+    """Blocks `lambda d_a v d_b u + mu d_b v d_a u + mu delta_ab d_c v d_c u`, v by rows and u by columns."""
+    g = section.gradients
+    trace = mu * (g[0][0] + g[1][1])
+    return [[lame * g[a][b] + mu * g[b][a] + (trace if a == b else 0 * trace) for b in (0, 1)] for a in (0, 1)]
+
+
+def displacement(stiffness: sp.csr_array, force: Array, held: Index, rigid: Array) -> Array:
+    """Displacements (n,) under forces (n,), zero where held. Raises ComputationFailed when a part is not held.
+
+    Parameters
+    ----------
+    rigid : (n,), the motion without strain that is most of the result: multiplied by the stiffness it would leave
+        round-off where nothing is, and is left out.
+    """
+    u, free = np.zeros(len(force)), np.setdiff1d(np.arange(len(force)), held)
+    inverse = factorise(sp.tril(stiffness[free][:, free]).tocoo())
+    for _ in range(SOLVES):
+        strained = u - rigid * (rigid @ u) / (rigid @ rigid)
+        u[free] += inverse((force - stiffness @ strained)[free, None])[:, 0]
+    return u
+
+
+def factor(hinge: ThickHinge, refinement: int) -> Array:
+    """Compliance (2,) in three dimensions over the one in plane stress, on one mesh, in the order of `FREEDOMS`."""
+    plane, excess, _ = _compliances(hinge, refinement)
+    return 1 + excess / plane
+
+
+def position(hinge: ThickHinge, refinement: int) -> Array:
+    """Position p (2,) between plane stress, 0, and plane strain, 1, on one mesh; Poisson's ratio must not be zero."""
+    plane, excess, _ = _compliances(hinge, refinement)
+    return -excess / plane / hinge.poissons_ratio**2
+
+
+def sample(hinge: ThickHinge, levels: Sequence[int] = LEVELS) -> Sample:
+    """Positions of a hinge extrapolated over three or more refinements, coarse to fine.
+
+    Notes
+    -----
+    The band is what the finest mesh moves the extrapolated value by, far more than what is left after it.
+    """
+    made = [_compliances(hinge, refinement) for refinement in levels]
+    found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
+    limits = richardson(levels, found)
+    return Sample(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
+
+
+def thick_limit(hinge: ThickHinge, plane: Array) -> Array:
+    """Position (2,) that b -> infinity leads to with blocks of the hinge's own length; its width does not matter.
+
+    plane : (2,), plane-stress compliances `E b R^2 theta/M` and `E b dx/F_x` of the hinge, less the blocks'.
+    """
+    high, block = hinge.block
+    x, w = np.polynomial.legendre.leggauss(40)
+    depth = 2 + hinge.ratio - 2 * np.sin((x + 1) * np.pi / 2)  # at cos(angle) = x/R
+    slope = np.sin((x + 1) * np.pi / 2) * np.pi / 2
+    area, second = 2 * block * high + w @ (depth * slope), (2 * block * high**3 + w @ (depth**3 * slope)) / 12
+    length = 2 * block + 2
+    kept = np.array([length**2 / second - 24 * block / high**3, length**2 / area - 2 * block / high])
+    return 1 - kept / plane
+
+
+def _compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
+    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
+    mesh, line, nu = section_mesh(hinge, refinement), line_integrals(layers(hinge, refinement)), hinge.poissons_ratio
+    section, number = section_integrals(mesh), len(mesh.nodes)
+    plane, solid = plane_stiffness(section, nu), solid_stiffness(section, line, nu)
+    half, (high, length) = line.whole.sum(), hinge.block
+    blocks = np.array([24 * length / high**3, 2 * length / high])
+    found = []
+    motion = (np.concatenate([-mesh.nodes[:, 1], mesh.nodes[:, 0]]), np.repeat([1.0, 0.0], number))
+    held_solid, held_plane = _held(mesh, len(line.whole)), _held(mesh, 1)
+    for k, flat in enumerate(_loads(mesh, high)):
+        thin = flat @ displacement(plane, flat, held_plane[k][held_plane[k] < 2 * number], motion[k])
+        force = _extruded(flat, line.whole)
+        thick = force @ displacement(solid, force, held_solid[k], _extruded(motion[k], np.ones(len(line.whole)))) / half
+        found.append((thin, thick - thin))
+    total, excess = 4 * np.transpose(found)  # a quarter of the unit load's work is done on the quarter
+    return total - blocks, excess, solid.shape[0]
+
+
+def _extruded(flat: Array, along: Array) -> Array:
+    """Vector (3nm,) of one (2n,) in the plane times one (m,) along z, nothing in the direction of z."""
+    return np.concatenate([np.kron(flat, along), np.zeros(len(flat) // 2 * len(along))])
+
+
+def _loads(mesh: StageMesh, high: float) -> list[Array]:
+    """Forces (2n,) of the stresses of a unit moment and a unit pull, per thickness, on the end of the block."""
+
+    def bent(points: Array, _: Array) -> Array:
+        return 12 / high**3 * points[..., ::-1] * [1.0, 0.0]
+
+    def even(points: Array, _: Array) -> Array:
+        return np.broadcast_to([1 / high, 0.0], points.shape)
+
+    plate, end = Plate(1.0, 0.0, 1.0), mesh.edges["right"]
+    return [edge_force(mesh, plate, end, stress).T.ravel() for stress in (bent, even)]
+
+
+def _held(mesh: StageMesh, points: int) -> tuple[Index, Index]:
+    """Degrees of freedom that symmetry holds under a moment and a pull, with so many points along z.
+
+    Notes
+    -----
+    Bending leaves the motion along y free, which one point takes away. With one point, those below 2n are the plane's.
+    """
+    neck, axis, number = nodes_on(mesh, "left"), nodes_on(mesh, "bottom"), len(mesh.nodes)
+
+    def held(direction: int, nodes: Index, first: int = points) -> Index:
+        return np.asarray((direction * number + nodes)[:, None] * points + np.arange(first)).ravel()
+
+    middle, across = held(2, np.arange(number), 1), held(0, neck)
+    return (
+        np.concatenate([middle, across, held(0, axis), held(2, axis), held(1, neck[:1], 1)]),
+        np.concatenate([middle, across, held(1, axis)]),
+    )

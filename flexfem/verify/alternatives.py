@@ -1,0 +1,232 @@
+"""What else could have produced the paper's error curves: other models, other finite elements, other stages.
+
+Each alternative is put in the place of the model or of the metal in the comparison of Section V, and its errors are
+measured on the same two stages. That one of them looks like the paper's curves does not show that it was their cause.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.analytic.linear import inverse
+from flexfem.analytic.links import body_compliance
+from flexfem.analytic.mobility import freedoms_of
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
+from flexfem.analytic.notch import formula
+from flexfem.analytic.serial import chain_compliance
+from flexfem.analytic.stiffness import stiffness
+from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, Hinge, Stage
+from flexfem.fem.factor import factorise
+from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, _welded, check_mesh, run_mesher, sector_job
+from flexfem.fem.plane_stress import Plate
+from flexfem.fem.response import plate_of, platform_response, tie_hub
+from flexfem.layout.frames import stage_frames
+from flexfem.verify.budget import CALIBRATED
+from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.protocol import Solved, compare
+from flexfem.verify.result import Record, Triple
+
+Solve: TypeAlias = Callable[[Stage, int], Solved]
+ACROSS = (1, 2, 4, 8)  # linear triangles across every neck
+UNEVEN = ((1, 2, 2), (3, 4, 4))  # triangles across the necks of the three thirds; their cuts have the same nodes
+STUBBY = (3.0, 1.0)  # R/t of all nine hinges
+SCATTER, DRAWS, SEED = 0.005, 200, 2003  # mm, standard deviation of the necks; stages; seed
+QUANTILES = {"median": 0.5, "95 %": 0.95}
+INFERENCE = (
+    "Measured: the numbers. Inference: that any of these was at work in the paper. Its meshes, elements, dimensions and"
+    " curves are not available, so an alternative that resembles its statements is a possible cause and no more."
+)
+
+
+class Alternative(Record):
+    """Errors of one alternative, per cent.
+
+    mobility : of the model.   along : error in the commanded direction for commands in x, y, theta.
+    across : largest magnitude in the two other directions for each of them.
+    """
+
+    name: str
+    mobility: int
+    along: Triple
+    across: Triple
+
+
+def error_matrix(stiffness: Array, compliance: Array, lever: float) -> Array:
+    """Error percentages (3, 3) of `protocol.compare`; column j for command j, order x, y, theta."""
+    one = np.array([0.0, 1.0])
+    return np.array([compare(stiffness, compliance, axis, one, lever).percent for axis in DIRECTIONS]).T
+
+
+def alternatives(three: Stage, six: Stage, solve: Solve) -> list[Alternative]:
+    """Every alternative for the stages modelled with mobility three and six. Raises BadInput, ComputationFailed."""
+    found = []
+    for stage, model in ((three, 3), (six, 6)):
+        found += [*_finite_elements(stage, model, solve), *_stages(stage, model)]
+    lever = six.chain.link_lengths[2]
+    without = error_matrix(analyse(six, 3).stiffness, solve(six, RESOLUTION).response.compliance, lever)
+    found.append(_row("axial freedom left out, on the mobility-six stage", 3, without))
+    for ratio in STUBBY:
+        stage = with_necks(six, ratio)
+        real = analyse(stage, 21).compliance
+        for model in (3, 6):
+            name = f"R/t = {ratio:g} in the mobility-six stage, all freedoms as metal"
+            found.append(_row(name, model, error_matrix(analyse(stage, model).stiffness, real, lever)))
+            found.append(_row(f"{name}, joints commanded", model, joint_command(stage, model, DEFAULT_FORMULA)))
+    return found
+
+
+def _finite_elements(stage: Stage, model: int, solve: Solve) -> list[Alternative]:
+    """The same stage and model against other finite elements."""
+    K, lever, plate = analyse(stage, model).stiffness, stage.chain.link_lengths[2], plate_of(stage)
+
+    def row(name: str, compliance: Array) -> Alternative:
+        return _row(name, model, error_matrix(K, compliance, lever))
+
+    fine = solve(stage, RESOLUTION)
+    found = [row("none: curved quadratic triangles, as verified", fine.response.compliance)]
+    for n in ACROSS:
+        found.append(row(f"linear triangles, {n} across every neck", linear_compliance(solve(stage, n).mesh, plate)))
+    for thirds in UNEVEN:
+        mesh, said = uneven_mesh(stage, thirds), ", ".join(map(str, thirds))
+        found.append(row(f"asymmetric mesh, {said} linear triangles", linear_compliance(mesh, plate)))
+        found.append(row(f"asymmetric mesh, {said} quadratic triangles", platform_response(mesh, plate).compliance))
+    found.append(
+        row(
+            "finite elements in plane strain, the limit of wide necks",
+            platform_response(fine.mesh, plane_strain(plate)).compliance,
+        )
+    )
+    return found
+
+
+def _stages(stage: Stage, model: int) -> list[Alternative]:
+    """The same model against a stage that is made inexactly, or that is driven at its joints."""
+    percent = np.abs(scatter(stage, model))
+    found = []
+    for name, share in QUANTILES.items():
+        size = np.quantile(percent, share, axis=0)
+        found.append(_row(f"necks scattered by {1e3 * SCATTER:g} um, {name} of {DRAWS} stages", model, size))
+    return [*found, _row("joints commanded instead of the platform", model, joint_command(stage, model))]
+
+
+def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
+    """Platform compliance (3, 3) with straight linear triangles on the corners of a mesh, in x, y, theta.
+
+    Notes
+    -----
+    `K = b A B^T D B` with constant strain; the hub is tied as in `response.platform_response`.
+    """
+    corners = int(mesh.triangles[:, :3].max()) + 1  # the first nodes, see `mesh.ordered`
+    edges = {name: edge[:, :2] for name, edge in mesh.edges.items()}
+    straight = StageMesh(mesh.nodes[:corners], mesh.triangles[:, :3], mesh.bodies, edges)
+    tied = tie_hub(straight)
+    free = 2 * len(tied.free)
+    T = sp.block_diag([sp.eye_array(free), tied.rigid], format="csr")
+    kept = (2 * np.concatenate([tied.free, tied.hub])[:, None] + np.arange(2)).ravel()
+    K = _linear_stiffness(straight, plate)[kept][:, kept]
+    loads = np.zeros((free + 3, 3))
+    loads[free:] = np.eye(3)
+    return np.asarray(factorise(sp.tril(T.T @ K @ T).tocoo())(loads)[free:])
+
+
+def _linear_stiffness(mesh: StageMesh, plate: Plate) -> sp.csr_array:
+    """Stiffness matrix (2n, 2n) of linear triangles (m, 3), N/mm."""
+    at = mesh.nodes[mesh.triangles]
+    sides = np.roll(at, -2, axis=1) - np.roll(at, -1, axis=1)  # opposite to each corner
+    area = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    gradient = np.stack([-sides[..., 1], sides[..., 0]], axis=-1) / (2 * area)[:, None, None]
+    B = np.zeros((len(at), 3, 6))
+    B[:, 0, 0::2], B[:, 1, 1::2] = gradient[..., 0], gradient[..., 1]
+    B[:, 2, 0::2], B[:, 2, 1::2] = gradient[..., 1], gradient[..., 0]
+    lame, mu = plate.lame
+    D = np.array([[lame + 2 * mu, lame, 0.0], [lame, lame + 2 * mu, 0.0], [0.0, 0.0, mu]])
+    K = (plate.thickness * area)[:, None, None] * (B.transpose(0, 2, 1) @ D @ B)
+    place = (2 * mesh.triangles[..., None] + np.arange(2)).reshape(len(at), 6)
+    rows, columns = np.repeat(place, 6, axis=1).ravel(), np.tile(place, 6).ravel()
+    size = 2 * len(mesh.nodes)
+    return sp.coo_array((K.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+
+
+def uneven_mesh(stage: Stage, resolutions: tuple[int, int, int]) -> StageMesh:
+    """Mesh of a stage whose thirds have different resolutions. Raises ComputationFailed when their cuts do not fit."""
+    made = functools.cache(lambda chain, n: run_mesher(sector_job(stage, chain, n), TIME_LIMIT))
+    chains = (1, 1, 1) if stage.chains_alike else (1, 2, 3)
+    mesh = _welded([made(chain, n) for chain, n in zip(chains, resolutions, strict=True)])
+    check_mesh(mesh, stage)
+    return mesh
+
+
+def plane_strain(plate: Plate) -> Plate:
+    """The plate whose plane stress is plane strain of the given one: `E / (1 - nu^2)`, `nu / (1 - nu)`."""
+    nu = plate.poissons_ratio
+    return Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
+
+
+def with_necks(stage: Stage, ratio: float) -> Stage:
+    """The stage with the necks thickened or thinned to R/t = ratio in every hinge; overrides are dropped."""
+    hinges: dict[str, Hinge] = {name: getattr(stage.hinges, name) for name in HINGE_NAMES}
+    changed = {name: hinge.model_copy(update={"neck": hinge.radius / ratio}) for name, hinge in hinges.items()}
+    return stage.model_copy(update={"hinges": stage.hinges.model_copy(update=changed), "override": ()})
+
+
+def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:
+    """Error percentages (draws, 3, 3) of stages whose nine necks are normally scattered, mm, about the drawn ones.
+
+    The metal is the calibrated hinges with links and pads as beams; the model knows the drawn dimensions.
+    """
+    material, lever = stage.material, stage.chain.link_lengths[2]
+    neck = stage.array("neck") + deviation * np.random.default_rng(seed).normal(size=(draws, 3, 3))
+    hinges = formula(CALIBRATED).compliance(
+        stage.array("radius"),
+        neck,
+        stage.thickness,
+        material.youngs_modulus,
+        material.poissons_ratio,
+        block_height=stage.chain.link_width,
+    )
+    chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21)) + body_compliance(stage)
+    real = inverse(np.sum(inverse(chains), axis=-3))
+    K = analyse(stage, model).stiffness
+    return np.array([error_matrix(K, each, lever) for each in real])
+
+
+def joint_command(stage: Stage, model: int, real: str = CALIBRATED) -> Array:
+    """Error percentages (3, 3) when the independent rotations of (30) are imposed on a stage with all 21 freedoms.
+
+    Notes
+    -----
+    The model turns the command into rotations of base (mobility three) or base and elbow hinges (six) by (29); the
+    stage takes the pose of least energy with these rotations R phi_a given:
+    `phi_a = K_aa^-1 R^T (R K_aa^-1 R^T)^-1 phi_given`, links rigid, hinges by the formula `real`.
+    """
+    of, metal = assemble(stage, model), assemble(stage, 21, real)
+    known, at = stiffness(of), stiffness(metal)
+    given = known.C_aa @ known.influence.G_u.T @ known.K_uu  # (29), (30)
+    R = at.influence.G_a[np.searchsorted(metal.joints.slot, of.joints.slot[of.choice.independent])]
+    phi = at.C_aa @ R.T @ np.linalg.solve(R @ at.C_aa @ R.T, given)
+    return error_matrix(np.eye(3), at.influence.G_u @ phi, stage.chain.link_lengths[2])
+
+
+def _row(name: str, model: int, percent: Array) -> Alternative:
+    """`percent` (3, 3), column j for command j."""
+    across = np.max(np.abs(percent - np.diag(np.diag(percent))), axis=0)
+    along, largest = (dict(zip(DIRECTIONS, values.tolist(), strict=True)) for values in (np.diag(percent), across))
+    return Alternative(name=name, mobility=model, along=Triple(**along), across=Triple(**largest))
+
+
+def markdown_alternatives(found: list[Alternative]) -> str:
+    """The alternatives as a Markdown table, per cent: along the command, and the largest across it."""
+    lines = [
+        "| alternative | model | X along | across | Y along | across | theta along | across |",
+        "|---|" + "---:|" * 7,
+    ]
+    for each in found:
+        cells = [f"{getattr(part, axis):.3f}" for axis in DIRECTIONS for part in (each.along, each.across)]
+        lines.append(f"| {each.name} | {each.mobility} | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", INFERENCE]) + "\n"

@@ -1,0 +1,136 @@
+"""Why the curves differ: the error of the paper's model, split into named shares that add up to it.
+
+From the paper's model to the finite elements in steps, each of which adds one thing; a share is what a step moves the
+error by, so the shares telescope: their sum is the total, whatever they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from flexfem.analytic.links import linked_compliance
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.arrays import Array
+from flexfem.design import Stage
+from flexfem.fem.mesh import RESOLUTION
+from flexfem.fem.nonlinear import equilibrium
+from flexfem.fem.response import plate_of
+from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.protocol import Solved, compare, solve_stage
+from flexfem.verify.result import Record, Triple, versions
+
+CALIBRATED = "calibrated"
+AMPLITUDES: dict[Direction, float] = {"x": 0.05, "y": 0.05, "theta": 1e-3}  # mm, mm, rad: assumed, as in cases/
+SHARES = (
+    "freedoms left out of the model",
+    "hinge formula",
+    "links, pads and platform as rigid",
+    "what the chart and the beams leave",
+    "large displacement",
+)
+
+
+class Share(Record):
+    """One share of an error, in percentage points: x, y, theta as error percentages are normalised."""
+
+    name: str
+    points: Triple
+
+
+class Split(Record):
+    """The shares of one command, their total, and the mesh band of the total in the commanded direction.
+
+    amplitude : mm or rad, of the command at which the large-displacement share is taken.
+    """
+
+    amplitude: float
+    shares: list[Share]
+    total: Triple
+    band: float
+
+
+class Budget(Record):
+    """The error budget of a stage's own analytic model; `split` by commanded direction."""
+
+    stage: str
+    file: str
+    hash: str
+    mobility: int
+    formula: str
+    assumed: list[str]
+    split: dict[Direction, Split]
+    versions: dict[str, str]
+
+
+def budget(
+    path: Path,
+    stage: Stage,
+    amplitudes: dict[Direction, float] = AMPLITUDES,
+    resolution: int = RESOLUTION,
+    solve: Callable[[Stage, int], Solved] = solve_stage,
+) -> Budget:
+    """Split the error of the paper's model of a feasible stage, in all three directions.
+
+    Raises BadInput when a hinge is not on the hinge chart, ComputationFailed.
+    """
+    paper = analyse(stage)
+    ladder = [
+        paper.compliance,
+        analyse(stage, 21).compliance,
+        analyse(stage, 21, CALIBRATED).compliance,
+        linked_compliance(stage, CALIBRATED),
+    ]
+    solved = [solve(stage, level) for level in levels(resolution)]
+    return Budget(
+        stage=stage.name,
+        file=str(path),
+        hash=stage.hash,
+        mobility=paper.mobility,
+        formula=DEFAULT_FORMULA,
+        assumed=list(stage.assumed),
+        split={
+            direction: _split(stage, paper.stiffness, ladder, solved, direction, amplitudes[direction], resolution)
+            for direction in DIRECTIONS
+        },
+        versions=versions(),
+    )
+
+
+def _split(
+    stage: Stage,
+    stiffness: Array,
+    ladder: list[Array],
+    solved: list[Solved],
+    direction: Direction,
+    amplitude: float,
+    resolution: int,
+) -> Split:
+    """The shares of one command: differences of the error from rung to rung."""
+    lever, axis = stage.chain.link_lengths[2], DIRECTIONS.index(direction)
+    command = np.array([-amplitude, amplitude])
+
+    def percent(compliance: Array) -> Array:
+        return compare(stiffness, compliance, direction, command, lever).percent
+
+    meshes = np.array([percent(each.response.compliance) for each in solved])
+    found = [grid_convergence(np.array(levels(resolution)), meshes[:, k]) for k in range(3)]
+    scale = np.array([1.0, 1.0, lever])
+    force = stiffness[:, axis] * amplitude  # (18)
+    bent = equilibrium(solved[-1].mesh, plate_of(stage), force[None]).pose[0] - amplitude * np.eye(3)[axis]
+    nonlinear = 100.0 * bent * scale / (amplitude * scale[axis])
+    rungs = [percent(compliance) for compliance in ladder] + [np.array([each.extrapolated for each in found])]
+    rungs.append(rungs[-1] + nonlinear - meshes[-1])  # on one mesh, so that its own error drops out
+    shares = [
+        Share(name=name, points=_triple(after - before))
+        for name, (before, after) in zip(SHARES, pairwise(rungs), strict=True)
+    ]
+    return Split(amplitude=amplitude, shares=shares, total=_triple(rungs[-1] - rungs[0]), band=found[axis].band)
+
+
+def _triple(values: Array) -> Triple:
+    return Triple(**dict(zip(DIRECTIONS, values.tolist(), strict=True)))

@@ -1,0 +1,191 @@
+"""What the paper claims, and what comes out: every claim of a file measured, with a verdict and its numbers."""
+
+from __future__ import annotations
+
+import functools
+import os
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from flexfem.design import Label, Stage
+from flexfem.layout.feasibility import load_feasible
+from flexfem.refusals import refusal, suggestion
+from flexfem.tomlfile import Table, validate
+from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
+from flexfem.verify.measures import MEASURES, Evidence, Finding, side_of
+from flexfem.verify.protocol import solve_stage
+from flexfem.verify.result import Record, versions
+
+Answer: TypeAlias = Literal["holds", "does not hold", "cannot be decided"]
+
+
+def _known_measure(name: str) -> str:
+    if name not in MEASURES:
+        raise refusal(f"one of {', '.join(MEASURES)}{suggestion(name, tuple(MEASURES))}")
+    return name
+
+
+class Claim(Table):
+    """One claim: what is measured and which numbers (per cent, or `equals`) bear it out; `missing` leaves it open."""
+
+    id: Label
+    statement: Label
+    where: Label
+    measure: Annotated[str, AfterValidator(_known_measure)]
+    reading: Label | None = None
+    low_percent: float | None = None
+    high_percent: float | None = None
+    equals: tuple[float, ...] | None = Field(default=None, min_length=1)
+    missing: Label | None = None
+
+    @model_validator(mode="after")
+    def _one_expectation(self) -> Claim:
+        limits = self.low_percent is not None or self.high_percent is not None
+        if limits + (self.equals is not None) + (self.missing is not None) != 1:
+            raise refusal("either low_percent and high_percent (or one of them), or equals, or missing", "id")
+        if self.low_percent is not None and self.high_percent is not None and self.low_percent > self.high_percent:
+            raise refusal("at most high_percent", "low_percent")
+        return self
+
+    def answer(self, values: tuple[float, ...]) -> Answer:
+        """Verdict on measured values: all of them must be as expected."""
+        if self.missing is not None:
+            return "cannot be decided"
+        if self.equals is not None:
+            return "holds" if values == self.equals else "does not hold"
+        low, high = self.low_percent, self.high_percent
+        within = all((low is None or value >= low) and (high is None or value <= high) for value in values)
+        return "holds" if within else "does not hold"
+
+
+class StagePair(Table):
+    """The paper's two stages, as files relative to the file of claims."""
+
+    three: Label
+    six: Label
+
+
+class Claims(Table):
+    """A file of claims; the amplitudes are the workspace."""
+
+    name: Label
+    amplitude_um: float = Field(gt=0, le=1e6)
+    amplitude_mrad: float = Field(gt=0, le=1e3)
+    stages: StagePair
+    claim: tuple[Claim, ...] = Field(min_length=1, max_length=100)
+    provenance: dict[str, Label] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _ids_differ(self) -> Claims:
+        ids = [claim.id for claim in self.claim]
+        for index, name in enumerate(ids):
+            if name in ids[:index]:
+                raise refusal("an id that no other claim has", "claim", index, "id")
+        return self
+
+    @model_validator(mode="after")
+    def _provenance_names_keys(self) -> Claims:
+        for key in self.provenance:
+            if key not in type(self).model_fields:
+                raise refusal("a key of this file", "provenance", key)
+        return self
+
+
+class Verdict(Record):
+    """What became of a claim: `values` are what was held against the expectation, `found` says so in a sentence."""
+
+    id: str
+    statement: str
+    where: str
+    reading: str | None
+    verdict: Answer
+    found: str
+    values: list[float]
+    missing: str | None
+
+
+class ClaimsReport(Record):
+    """Verdicts and alternatives of a file of claims; `assumed` are key paths of what is not the paper's."""
+
+    name: str
+    file: str
+    verdicts: list[Verdict]
+    alternatives: list[Alternative]
+    assumed: list[str]
+    versions: dict[str, str]
+
+
+def load_claims(path: str | os.PathLike[str]) -> tuple[Claims, Stage, Stage]:
+    """Read a file of claims and its two stages, mobility three and six. Raises BadInput."""
+    claims = validate(Claims, path)
+    three, six = (
+        load_feasible(Path(os.path.normpath(Path(path).parent / file)))
+        for file in (claims.stages.three, claims.stages.six)
+    )
+    return claims, three, six
+
+
+def measure_claims(path: str | os.PathLike[str], solve: Solve = solve_stage) -> list[Verdict]:
+    """Measure every claim of a file, in its order. Raises BadInput, ComputationFailed."""
+    return _measured(*load_claims(path), functools.cache(solve))
+
+
+def report_claims(path: str | os.PathLike[str], solve: Solve = solve_stage) -> ClaimsReport:
+    """Measure every claim of a file, and what else could explain those that do not come out.
+
+    Raises BadInput, ComputationFailed.
+    """
+    claims, three, six = load_claims(path)
+    solve = functools.cache(solve)
+    workspace = {f"claims: {key}" for key, source in claims.provenance.items() if source.lower().startswith("assumed")}
+    return ClaimsReport(
+        name=claims.name,
+        file=str(path),
+        verdicts=_measured(claims, three, six, solve),
+        alternatives=alternatives(three, six, solve),
+        assumed=sorted({*three.assumed, *six.assumed, *workspace}),
+        versions=versions(),
+    )
+
+
+def _measured(claims: Claims, three: Stage, six: Stage, solve: Solve) -> list[Verdict]:
+    amplitude = 1e-3 * np.array([claims.amplitude_um, claims.amplitude_um, claims.amplitude_mrad])
+    evidence = Evidence(side_of(three, 3, solve), side_of(six, 6, solve), amplitude)
+    assumed = bool(three.assumed or six.assumed)
+    return [_verdict(claim, MEASURES[claim.measure](evidence), assumed) for claim in claims.claim]
+
+
+def _verdict(claim: Claim, finding: Finding, assumed: bool) -> Verdict:
+    found = finding.found + (", on assumed dimensions" if assumed and finding.dimensional else "")
+    return Verdict(
+        id=claim.id,
+        statement=claim.statement,
+        where=claim.where,
+        reading=claim.reading,
+        verdict=claim.answer(finding.values),
+        found=found + (f"; missing: {claim.missing}" if claim.missing else ""),
+        values=list(finding.values),
+        missing=claim.missing,
+    )
+
+
+def markdown_claims(verdicts: list[Verdict]) -> str:
+    """The verdicts as a Markdown table."""
+    lines = ["| claim | where | verdict | found |", "|---|---|---|---|"]
+    for each in verdicts:
+        claimed = each.statement + (f" *Read as: {each.reading}.*" if each.reading else "")
+        cells = (claimed, each.where, f"**{each.verdict}**", each.found)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def markdown_report(report: ClaimsReport) -> str:
+    """Verdicts and alternatives as a Markdown page."""
+    assumed = "Dimensions and workspace are partly assumed.\n\n" if report.assumed else ""
+    return (
+        f"# {report.name}\n\n{assumed}{markdown_claims(report.verdicts)}\n"
+        f"## What else could have produced the errors, in per cent\n\n{markdown_alternatives(report.alternatives)}"
+    )

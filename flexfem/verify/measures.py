@@ -1,0 +1,195 @@
+"""What claims are measured by: each measurement takes the two stages and says what it found, in numbers and words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.mobility import freedoms_of, mobility
+from flexfem.analytic.model import analyse, assemble
+from flexfem.analytic.stiffness import Mechanism, dot, inverse_kinematics, split, stiffness
+from flexfem.arrays import Array
+from flexfem.design import Stage
+from flexfem.fem.mesh import RESOLUTION
+from flexfem.verify.alternatives import Solve, error_matrix
+from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.convergence import grid_convergence, levels
+
+MOTIONS, SEED, STRAY = 1000, 29, 0.1  # random other joint motions, and how far from (29), relative to its size
+
+
+class Side(NamedTuple):
+    """One of the two stages with the mobility the paper models it with.
+
+    percent, band : (3, 3), per cent, error of finite elements under the force of (18) and its mesh band, column j for
+        command j.   stiffness, compliance : (3, 3), of the model and of the finite elements.
+    """
+
+    stage: Stage
+    mobility: int
+    stiffness: Array
+    compliance: Array
+    percent: Array
+    band: Array
+
+
+class Evidence(NamedTuple):
+    """All that claims are measured on; amplitude (3,) of the workspace in mm, mm, rad."""
+
+    three: Side
+    six: Side
+    amplitude: Array
+
+
+class Finding(NamedTuple):
+    """Measured values, a sentence with them, and whether they depend on the stage's dimensions."""
+
+    values: tuple[float, ...]
+    found: str
+    dimensional: bool = True
+
+
+def side_of(stage: Stage, model: int, solve: Solve) -> Side:
+    """Model and finite elements of one stage, with the mesh band of their errors."""
+    K, lever = analyse(stage, model).stiffness, stage.chain.link_lengths[2]
+    found = [solve(stage, level).response.compliance for level in levels(RESOLUTION)]
+    percents = np.array([error_matrix(K, compliance, lever) for compliance in found])
+    curves = percents.reshape(len(found), 9).T
+    band = np.array([grid_convergence(np.array(levels(RESOLUTION)), values).band for values in curves]).reshape(3, 3)
+    return Side(stage, model, K, found[-1], percents[-1], band)
+
+
+def _along(of: Side) -> Array:
+    return np.asarray(np.diag(of.percent))
+
+
+def _across(of: Side) -> Array:
+    return np.asarray(np.abs(of.percent[~np.eye(3, dtype=bool)]))
+
+
+def _listed(values: Array, form: str = ".3f") -> str:
+    return ", ".join(f"{axis} {value:{form}}" for axis, value in zip(DIRECTIONS, values, strict=True))
+
+
+def _mobility(_: Evidence) -> Finding:
+    values = tuple(float(mobility(freedoms_of(model))) for model in (3, 6, 12))  # (1)
+    return Finding(values, "(1) gives {:.0f}, {:.0f} and {:.0f}".format(*values), dimensional=False)
+
+
+def _six_commanded(on: Evidence) -> Finding:
+    said = f"errors of {_listed(_along(on.six))} %, mesh band at most {np.max(np.diag(on.six.band)):.3f} points"
+    return Finding(tuple(np.abs(_along(on.six)).tolist()), said)
+
+
+def _six_across(on: Evidence) -> Finding:
+    return Finding(tuple(_across(on.six).tolist()), f"at most {np.max(_across(on.six)):.1g} % across")
+
+
+def _three_everywhere(on: Evidence) -> Finding:
+    why = ": a three-fold symmetric stage cannot err across under (18)" if on.three.stage.chains_alike else ""
+    said = (
+        f"errors of {_listed(_along(on.three))} % along, against {_listed(_along(on.six))} % with mobility six, and at"
+        f" most {np.max(_across(on.three)):.1g} % across{why}"
+    )
+    return Finding(tuple(np.abs(on.three.percent).ravel().tolist()), said)
+
+
+def _six_better(on: Evidence) -> Finding:
+    less = np.abs(_along(on.three)) - np.abs(_along(on.six))
+    return Finding(tuple(less.tolist()), f"mobility six errs less by {_listed(less)} points of mobility three's error")
+
+
+def _axial_share(on: Evidence) -> Finding:
+    stage, lever = on.six.stage, on.six.stage.chain.link_lengths[2]
+    without = np.diag(error_matrix(analyse(stage, 3).stiffness, on.six.compliance, lever))
+    shares = 100 * (without - _along(on.six)) / without
+    freedoms = np.diag(error_matrix(on.three.stiffness, analyse(on.three.stage, 21).compliance, lever))
+    said = (
+        f"without the axial freedom the model of the mobility-six stage errs {_listed(without)} % instead of"
+        f" {_listed(_along(on.six))} %, so it accounts for {_listed(shares)} % of the error; all freedoms that mobility"
+        f" three leaves out are worth {_listed(freedoms)} of {_listed(_along(on.three))} points on its own stage"
+    )
+    return Finding(tuple(shares.tolist()), said)
+
+
+def _diagonal(on: Evidence) -> Finding:
+    largest = []
+    for side in (on.three, on.six):
+        size = np.sqrt(np.diag(side.stiffness))
+        ratio = 100 * side.stiffness / np.outer(size, size)
+        largest.append(float(np.max(np.abs(ratio - np.diag(np.diag(ratio))))))
+        largest.append(float(100 * abs(side.stiffness[0, 0] / side.stiffness[1, 1] - 1)))
+    said = (
+        "off the diagonal {:.1g} % (mobility three) and {:.1g} % (six) at most, X and Y differ by {:.1g} % and {:.1g} %"
+    )
+    return Finding(tuple(largest), said.format(largest[0], largest[2], largest[1], largest[3]))
+
+
+def _second_order(on: Evidence) -> Finding:
+    of = assemble(on.six.stage, on.six.mobility)
+    lever = on.six.stage.chain.link_lengths[2]
+    grid = np.array([p for p in np.ndindex(3, 3, 3) if p != (1, 1, 1)]) - 1.0
+    moved, terms = _nonlinearity(of, grid * on.amplitude, lever)
+    far, _ = _nonlinearity(of, 10 * grid * on.amplitude, lever)
+    x, _, theta = 1e3 * on.amplitude
+    said = (
+        f"exact and linear position differ by up to {moved:.3f} % within {x:g} um and {theta:g} mrad, the two terms"
+        f" change the tangent compliance by up to {terms:.3f} %; at ten times these commands the positions differ by up"
+        f" to {far:.2f} %"
+    )
+    return Finding((moved,), said)
+
+
+def _nonlinearity(of: Mechanism, poses: Array, lever: float) -> tuple[float, float]:
+    """Largest difference, per cent, of linear and exact position, and of tangents with and without the two terms."""
+    rest, exact, scale = stiffness(of), at_pose(of, poses), np.array([1.0, 1.0, lever])
+    linear = exact.load @ rest.C_uu
+    moved = np.linalg.norm((linear - poses) * scale, axis=-1) / np.linalg.norm(poses * scale, axis=-1)
+    at = stiffness(of, exact.displacement, exact.load)
+    _, tau_p = split(-of.springs * exact.displacement, of.choice)
+    S = dot(tau_p, at.influence.H_p) + dot(exact.load, at.influence.H_u)
+    G_u = at.influence.G_u
+    without = G_u @ np.linalg.inv(at.K_aa + S) @ np.swapaxes(G_u, -1, -2)  # (16) less its last two terms
+    with_, less = (np.diagonal(C, axis1=-2, axis2=-1) for C in (at.C_uu, without))
+    return 100 * float(np.max(moved)), 100 * float(np.max(np.abs(with_ / less - 1)))
+
+
+def _minimum_energy(on: Evidence) -> Finding:
+    of = assemble(on.six.stage, on.six.mobility)
+    at, random = stiffness(of), np.random.default_rng(SEED)
+    best = inverse_kinematics(of, at, on.amplitude).independent  # (29)
+    internal = np.linalg.svd(at.influence.G_u)[2][3:]  # joint motions that leave the platform where it is
+    stray = random.normal(size=(MOTIONS, len(internal))) @ internal
+    stray *= STRAY * np.linalg.norm(best) / np.linalg.norm(stray, axis=1, keepdims=True)
+    energy = np.einsum("ka,ab,kb->k", best + stray, at.K_aa, best + stray)
+    more = 100 * (energy / (best @ at.K_aa @ best) - 1)
+    said = (
+        f"{MOTIONS} random other joint motions to one pose, {STRAY:.0%} away, store {np.min(more):.3g} % more or above"
+    )
+    return Finding((float(np.min(more)),), said)
+
+
+def _measured_stiffness(on: Evidence) -> Finding:
+    softer = 100 * (1 - 1 / np.diag(on.six.compliance @ on.six.stiffness))
+    said = (
+        f"in the same comparison the finite elements are more compliant than the model by {_listed(softer, '.1f')} %,"
+        f" {np.mean(softer):.1f} % on average; the text also finds the real stage more compliant"
+    )
+    return Finding(tuple(softer.tolist()), said)
+
+
+MEASURES: dict[str, Callable[[Evidence], Finding]] = {
+    "mobility": _mobility,
+    "six-commanded": _six_commanded,
+    "six-across": _six_across,
+    "three-everywhere": _three_everywhere,
+    "six-better": _six_better,
+    "axial-share": _axial_share,
+    "diagonal": _diagonal,
+    "second-order": _second_order,
+    "minimum-energy": _minimum_energy,
+    "measured-stiffness": _measured_stiffness,
+}

@@ -1,0 +1,398 @@
+"""Large displacements: exact elasticas, rotations without strain, gradients, conservation, and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
+from flexfem.arrays import Array
+from flexfem.errors import ComputationFailed
+from flexfem.fem import nonlinear
+from flexfem.fem.mesh import StageMesh, build_mesh, jacobians
+from flexfem.fem.nonlinear import equilibrium, imposed
+from flexfem.fem.plane_stress import (
+    Plate,
+    add_nodal_forces,
+    element_matrices,
+    integration,
+    internal_forces,
+    slopes_of,
+    stress_tensor,
+)
+from flexfem.fem.response import plate_of
+from flexfem.fem.tangent import (
+    Model,
+    State,
+    factoriser,
+    first_piola,
+    green_lagrange,
+    held_by,
+    hub_at,
+    model_of,
+    rest,
+    tangent,
+    tangent_matrices,
+)
+from flexfem.layout.frames import CHAIN_TURN, turned
+
+PRINTED = 6e-6  # half a unit in the fifth decimal, and one more for how the table was rounded
+BEAM = 3e-5  # a bar 400 times as long as high is a Bernoulli beam to (h/L)^2, and its mesh is as fine
+ROUND_OFF = 1e-9  # of the largest entry: Newton's last step, and differences of strains near rounding
+RIGID = 1e-6  # a strain of rounding over theta^2 / 2, which linear elements see in a turn by 1e-3
+DIFFERENCE = 3e-7  # central differences with a step of 1e-5 of the length
+SMALL = 1e-6  # a displacement of a millionth of the lengths is linear to about that
+
+PLATE = Plate(youngs_modulus=6.83e4, poissons_ratio=0.29, thickness=1.7)
+LENGTH, HEIGHT = 21.0, 1.3
+SLENDER = Plate(youngs_modulus=6.83e4, poissons_ratio=0.0, thickness=1.7)
+SLENDER_LENGTH, SLENDER_HEIGHT = 400.0, 1.0
+EI = SLENDER.youngs_modulus * SLENDER.thickness * SLENDER_HEIGHT**3 / 12
+OFFSET = np.array([-1.9, 0.8])  # mm, from the bar's end to the hub's centre, off every axis
+LOAD = np.array([31.0, -17.0, 740.0])  # N and N mm: bends the short bar by about 0.4 rad
+
+Bar = Callable[[float, float, int, int], StageMesh]
+
+
+@pytest.fixture(scope="module")
+def slender(bar: Bar) -> StageMesh:
+    """The elastica: clamped on the left, its free end at the origin."""
+    return bar(SLENDER_LENGTH, SLENDER_HEIGHT, 200, 1)
+
+
+@pytest.fixture(scope="module")
+def eccentric(bar: Bar) -> StageMesh:
+    """A short bar whose hub turns about a point outside of it."""
+    mesh = bar(LENGTH, HEIGHT, 8, 1)
+    return mesh._replace(nodes=mesh.nodes + OFFSET)
+
+
+def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> tuple[Model, State]:
+    """Any large displacement, with the hub at a pose, and the stress that belongs to it."""
+    model = model_of(mesh, plate)
+    field = 0.03 * np.random.default_rng(seed).normal(size=mesh.nodes.shape)
+    field[np.unique(mesh.edges["ground"])] = 0.0
+    return model, compatible(model, State(pose, field, []))
+
+
+def compatible(model: Model, state: State) -> State:
+    """The state with its hub at its pose and the stress of its displacements."""
+    field = state.field.copy()
+    field[model.tied.hub] = hub_at(model.arms, state.pose).motion
+    strains = [green_lagrange(slopes_of(strip, field[None])[0]) for strip in model.strips]
+    return State(state.pose, field, [stress_tensor(model.plate, strain) for strain in strains])
+
+
+def moved(model: Model, state: State, change: Array) -> State:
+    """The state after a change (2f + 3,) of the unknowns."""
+    field = state.field.copy()
+    field[model.tied.free] += change[:-3].reshape(-1, 2)
+    return compatible(model, State(state.pose + change[-3:], field, []))
+
+
+def nodal_forces(model: Model, field: Array) -> Array:
+    """Forces (n, 2) on all nodes."""
+    forces = np.zeros((1, *field.shape))
+    for strip in model.strips:
+        slopes = slopes_of(strip, field[None])
+        stress = stress_tensor(model.plate, green_lagrange(slopes))
+        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress))
+    return forces[0]
+
+
+def elastica(alpha: float) -> tuple[float, float]:
+    """Tip displacement over length, along the load and along the beam, under a dead load `alpha = P L^2 / (E I)`.
+
+    With the tip's slope phi, `m = (1 + sin phi) / 2` and `sin^2 a = 1 / (2 m)`: `sqrt(alpha) = K(m) - F(a, m)`,
+    `v/L = 1 - 2 (E(m) - E(a, m)) / sqrt(alpha)`, `u/L = 1 - sqrt(2 sin phi / alpha)` (Bisshopp and Drucker 1945).
+    """
+
+    def parts(phi: float) -> tuple[float, float]:
+        m = (1 + np.sin(phi)) / 2
+        return m, np.arcsin(np.sqrt(1 / (2 * m)))
+
+    def missing(phi: float) -> float:
+        m, a = parts(phi)
+        return float(ellipk(m) - ellipkinc(a, m) - np.sqrt(alpha))
+
+    phi = brentq(missing, 1e-9, np.pi / 2 - 1e-9, xtol=1e-14)
+    m, a = parts(phi)
+    return float(1 - 2 * (ellipe(m) - ellipeinc(a, m)) / np.sqrt(alpha)), float(1 - np.sqrt(2 * np.sin(phi) / alpha))
+
+
+PUBLISHED = {1.0: (0.30172, 0.05643), 5.0: (0.71379, 0.38763), 10.0: (0.81061, 0.55500)}
+
+
+@pytest.mark.parametrize("alpha", PUBLISHED)
+def test_bisshopp_drucker_1945_elliptic_integrals_give_the_published_elastica(alpha: float) -> None:
+    np.testing.assert_allclose(elastica(alpha), PUBLISHED[alpha], rtol=0, atol=PRINTED)
+
+
+def test_bisshopp_drucker_1945_elastica_under_a_dead_tip_load(slender: StageMesh) -> None:
+    loads = np.array([[0.0, alpha * EI / SLENDER_LENGTH**2, 0.0] for alpha in PUBLISHED])
+    found = equilibrium(slender, SLENDER, loads)
+    for alpha, (x, y, _) in zip(PUBLISHED, found.pose / SLENDER_LENGTH, strict=True):
+        assert (y, -x) == pytest.approx(elastica(alpha), abs=BEAM)
+    assert np.all(found.stable)
+
+
+@pytest.mark.parametrize("turns", [0.25, 1.0, -1.0])
+def test_an_end_moment_bends_a_cantilever_into_an_arc_and_2_pi_EI_over_L_into_a_circle(bar: Bar, turns: float) -> None:
+    """A bar of height h and St. Venant-Kirchhoff material bends by `(kappa h)^2 / 2` more than Bernoulli's beam.
+
+    `0.3 (kappa h)^2` come from its law in stretch and compression, `0.2 (kappa h)^2` from the radial stress, which
+    changes its height; its energy is larger by `0.75 (kappa h)^2`. With the moment given, to second order.
+    """
+    mesh = bar(SLENDER_LENGTH, SLENDER_HEIGHT, 400, 1)
+    angle = 2 * np.pi * turns
+    excess = (angle * SLENDER_HEIGHT / SLENDER_LENGTH) ** 2
+    found = equilibrium(mesh, SLENDER, np.array([0.0, 0.0, angle * EI / SLENDER_LENGTH]))
+    turn = angle * (1 + excess / 2)
+    x, y = np.sin(turn) / turn - 1, (1 - np.cos(turn)) / turn
+    np.testing.assert_allclose(found.pose[0, :2] / SLENDER_LENGTH, [x, y], rtol=0, atol=BEAM)
+    assert found.pose[0, 2] == pytest.approx(turn, rel=BEAM)
+    assert found.energy[0] == pytest.approx((1 + 0.75 * excess) * angle**2 * EI / SLENDER_LENGTH / 2, rel=BEAM)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.7, np.pi, -2.3])
+def test_a_rigid_rotation_strains_nothing_and_takes_no_force(each: Any, angle: float) -> None:
+    mesh, plate = each.mesh, plate_of(each.stage)
+    model = model_of(mesh, plate)
+    pose = np.array([3.1, -4.7, angle])
+    field = hub_at(mesh.nodes, pose).motion
+    np.testing.assert_allclose(mesh.nodes + field, turned(mesh.nodes, angle) + pose[:2], atol=1e-12)
+    held = held_by(model, State(pose, field, []))
+    as_if_linear = np.abs(internal_forces(model.strips, plate, field[None])).max()
+    smallest = np.sqrt(jacobians(mesh).min())
+    assert held.strain < 30 * np.finfo(float).eps * np.abs(field).max() / smallest
+    assert np.abs(held.forces).max() < RIGID * as_if_linear
+    assert held.energy < RIGID * plate.youngs_modulus * plate.thickness * np.sum(model.strips[0].weights) * angle**4
+
+
+def test_turning_a_strained_body_turns_its_forces_and_keeps_its_energy(eccentric: StageMesh) -> None:
+    model, state = bent(eccentric, np.array([0.3, -0.2, 0.4]))
+    angle = 1.9
+    field = turned(eccentric.nodes + state.field, angle) - eccentric.nodes
+    forces = nodal_forces(model, state.field)
+    np.testing.assert_allclose(
+        nodal_forces(model, field), turned(forces, angle), rtol=0, atol=ROUND_OFF * np.abs(forces).max()
+    )
+    straight, turned_one = (held_by(model, state._replace(field=f)).energy for f in (state.field, field))
+    assert turned_one == pytest.approx(straight, rel=ROUND_OFF)
+
+
+def test_energy_of_a_uniform_large_deformation_is_that_of_st_venant_and_kirchhoff(eccentric: StageMesh) -> None:
+    F = np.array([[1.19, 0.27], [-0.33, 0.86]])
+    model = model_of(eccentric, PLATE)
+    held = held_by(model, rest(model)._replace(field=eccentric.nodes @ (F - np.eye(2)).T))
+    E = (F.T @ F - np.eye(2)) / 2
+    e, nu = PLATE.youngs_modulus, PLATE.poissons_ratio
+    density = e / (1 - nu**2) / 2 * ((1 - nu) * np.sum(E * E) + nu * np.trace(E) ** 2)
+    assert held.energy == pytest.approx(density * LENGTH * HEIGHT * PLATE.thickness, rel=ROUND_OFF)
+    assert held.strain == pytest.approx(np.abs(E).max(), rel=ROUND_OFF)
+
+
+@pytest.mark.parametrize("pose", [np.zeros(3), np.array([0.7, -1.1, 0.9]), np.array([-9.0, 4.0, -2.6])])
+def test_forces_are_the_gradient_of_the_energy_and_the_tangent_that_of_the_forces(
+    eccentric: StageMesh, pose: Array
+) -> None:
+    model, state = bent(eccentric, pose)
+    step, size = 1e-5, 2 * len(model.tied.free) + 3
+    ends = [[held_by(model, moved(model, state, sign * step * unit)) for sign in (1.0, -1.0)] for unit in np.eye(size)]
+    gradient = np.array([ahead.energy - behind.energy for ahead, behind in ends]) / (2 * step)
+    stiffness = np.array([ahead.forces - behind.forces for ahead, behind in ends]).T / (2 * step)
+    forces, lower = held_by(model, state).forces, tangent(model, state).tocsc()
+    np.testing.assert_allclose(gradient, forces, rtol=0, atol=DIFFERENCE * np.abs(forces).max())
+    whole = (lower + sp.tril(lower, -1).T).toarray()
+    scale = np.abs(whole).max(axis=1, keepdims=True)
+    assert np.abs((whole - stiffness) / scale).max() < DIFFERENCE
+
+
+def test_at_rest_the_tangent_matrices_are_those_of_small_displacements(each: Any) -> None:
+    plate = plate_of(each.stage)
+    for strip in integration(each.mesh):
+        none = np.zeros((len(strip.triangles), 2, 2, strip.weights.shape[1]))
+        K = element_matrices(strip, plate)
+        np.testing.assert_allclose(tangent_matrices(strip, plate, none, none), K, atol=1e-13 * np.abs(K).max())
+
+
+def test_small_loads_and_small_poses_find_the_linear_compliance(each: Any) -> None:
+    C, plate = each.response.compliance, plate_of(each.stage)
+    lever = np.array([1.0, 1.0, 25.0])
+    for load in 1e-5 * np.diag([1.0, 1.0, 25.0]):
+        found, held = equilibrium(each.mesh, plate, load), imposed(each.mesh, plate, C @ load)
+        size = np.abs(lever * (C @ load)).max()
+        np.testing.assert_allclose(lever * found.pose[0], lever * (C @ load), rtol=0, atol=SMALL * size)
+        np.testing.assert_allclose(held.load[0] / lever, load / lever, rtol=0, atol=SMALL * np.abs(load / lever).max())
+        assert found.energy[0] == pytest.approx(load @ C @ load / 2, rel=SMALL)
+        scale = np.outer(lever, lever)
+        np.testing.assert_allclose(found.compliance[0] * scale, C * scale, atol=SMALL * np.abs(C * scale).max())
+
+
+def test_newton_converges_quadratically(eccentric: StageMesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = []
+    step = nonlinear._step
+    monkeypatch.setattr(nonlinear, "_step", lambda *given: steps.append(step(*given)) or steps[-1])
+    found = equilibrium(eccentric, PLATE, LOAD)
+    sizes = np.array([s.size for s in steps]) / np.sqrt(found.energy[0])
+    assert found.iterations[0] == len(sizes)
+    one, two, three = sizes[sizes > 1e-12][-3:]
+    assert np.log(three / two) / np.log(two / one) > 1.7  # two but for its constant; one where the tangent is wrong
+    assert three < 1e-5
+    assert found.residual[0] < 1e-11
+
+
+def test_the_hub_balances_the_ground_where_both_have_moved_to(eccentric: StageMesh) -> None:
+    found = equilibrium(eccentric, PLATE, LOAD)
+    forces = nodal_forces(model_of(eccentric, PLATE), found.fields[0])[np.unique(eccentric.edges["ground"])]
+    x, y = eccentric.nodes[np.unique(eccentric.edges["ground"])].T
+    U, V, _ = found.pose[0]
+    moment = LOAD[2] + U * LOAD[1] - V * LOAD[0]  # of the load about the origin, where the hub's centre was
+    reaction = np.array([*forces.sum(axis=0), x @ forces[:, 1] - y @ forces[:, 0]])
+    np.testing.assert_allclose(reaction, [-LOAD[0], -LOAD[1], -moment], rtol=1e-8)
+    assert abs(moment - LOAD[2]) > 0.05 * abs(LOAD[2])  # otherwise the test would not see the displacement
+
+
+def test_the_hub_keeps_its_shape_when_it_turns(eccentric: StageMesh) -> None:
+    hub = np.unique(eccentric.edges["hub"])
+    found = imposed(eccentric, PLATE, np.array([[0.1, -0.7, 0.1], [-6.0, 14.0, 1.3]]))
+    for pose, field in zip(found.pose, found.fields, strict=True):
+        expected = turned(eccentric.nodes[hub], pose[2]) + pose[:2]
+        np.testing.assert_allclose(eccentric.nodes[hub] + field[hub], expected, atol=1e-13)
+        assert not np.any(field[np.unique(eccentric.edges["ground"])])
+
+
+def test_the_energy_is_the_work_of_the_load_on_the_way(eccentric: StageMesh) -> None:
+    ways = {"straight": lambda s: (s, s), "translation first": lambda s: (s * (2 - s), s * s)}
+    end, works = np.array([-0.25, 3.0, 0.2]), []
+    places, weights = np.polynomial.legendre.leggauss(20)
+    places, weights = (places + 1) / 2, weights / 2
+    for way in ways.values():
+        poses = np.array([end * np.array([way(s)[0], way(s)[0], way(s)[1]]) for s in places])
+        rates = np.array([np.subtract(way(s + 1e-6), way(s - 1e-6)) / 2e-6 for s in places])
+        found = imposed(eccentric, PLATE, poses)
+        works.append(np.sum(weights * np.sum(found.load * end * rates[:, [0, 0, 1]], axis=1)))
+    energy = imposed(eccentric, PLATE, end).energy[0]
+    assert works == pytest.approx([energy, energy], rel=1e-8)
+
+
+def test_the_held_pose_and_the_load_that_holds_it_find_one_another(unlike: Any) -> None:
+    plate = plate_of(unlike.stage)
+    pose = np.array([[0.21, -0.13, 4e-3], [-0.05, 0.02, 9e-3]])
+    held = imposed(unlike.mesh, plate, pose)
+    found = equilibrium(unlike.mesh, plate, held.load)
+    np.testing.assert_allclose(found.pose, pose, rtol=0, atol=ROUND_OFF)
+    np.testing.assert_allclose(found.energy, held.energy, rtol=ROUND_OFF)
+    np.testing.assert_allclose(found.fields, held.fields, rtol=0, atol=ROUND_OFF)
+    assert np.abs(pose - held.load @ unlike.response.compliance).max() > 1e-3  # and the displacement is large
+
+
+def test_thin_necks_leave_no_rounding_in_the_load_that_holds_a_pose(make_stage: Any) -> None:
+    """Stiff bodies on soft necks: rounding of the bodies' stress is up to a millionth of the force on the stage."""
+    stage = make_stage({f"hinges.{name}.neck_mm": 0.01 for name in ("base", "elbow", "platform")})
+    mesh, plate, pose = build_mesh(stage, 2), plate_of(stage), np.array([0.04, -0.02, 1e-3])
+    held = imposed(mesh, plate, pose)
+    np.testing.assert_allclose(equilibrium(mesh, plate, held.load).pose[0], pose, rtol=0, atol=1e-10 * pose[0])
+    assert held.residual[0] < 1e-8
+
+
+def test_the_answer_does_not_depend_on_the_way_to_it(eccentric: StageMesh) -> None:
+    there_and_back = equilibrium(eccentric, PLATE, np.array([-LOAD, LOAD, np.zeros(3), np.zeros(3)]))
+    at_once = equilibrium(eccentric, PLATE, LOAD)
+    np.testing.assert_allclose(there_and_back.pose[1], at_once.pose[0], rtol=ROUND_OFF)
+    assert np.abs(there_and_back.fields[2:]).max() < ROUND_OFF
+    assert np.all(there_and_back.residual < 1e-10)
+    rested = equilibrium(eccentric, PLATE, np.zeros(3))
+    assert not np.any(rested.pose) and rested.energy[0] == 0.0 and rested.residual[0] == 0.0
+
+
+def test_the_tangent_compliance_is_the_change_of_the_equilibrium(eccentric: StageMesh) -> None:
+    found = equilibrium(eccentric, PLATE, LOAD)
+    C, steps = found.compliance[0], np.diag([1e-3, 1e-3, 1e-2])
+    for column, step in enumerate(steps):
+        ahead, behind = equilibrium(eccentric, PLATE, np.array([LOAD + step, LOAD - step])).pose
+        expected = (ahead - behind) / (2 * step[column])
+        np.testing.assert_allclose(C[:, column], expected, rtol=0, atol=1e-6 * np.abs(C[:, column]).max())
+    np.testing.assert_allclose(C, C.T, rtol=0, atol=ROUND_OFF * np.abs(C).max())
+    at_rest = equilibrium(eccentric, PLATE, np.zeros(3)).compliance[0]
+    assert np.abs(C / at_rest - 1).max() > 0.1
+
+
+@pytest.mark.parametrize("angle", [CHAIN_TURN, -0.7])
+def test_turning_the_stage_and_its_load_turns_the_answer(unlike: Any, angle: float) -> None:
+    mesh, plate, load = unlike.mesh, plate_of(unlike.stage), np.array([11.0, -6.0, 290.0])
+    one = equilibrium(mesh, plate, load)
+    other = equilibrium(mesh._replace(nodes=turned(mesh.nodes, angle)), plate, np.append(turned(load[:2], angle), 290))
+    size = np.abs(one.pose).max()
+    np.testing.assert_allclose(other.pose[0, :2], turned(one.pose[0, :2], angle), rtol=0, atol=ROUND_OFF * size)
+    assert other.pose[0, 2] == pytest.approx(one.pose[0, 2], rel=ROUND_OFF)
+    np.testing.assert_allclose(other.fields, turned(one.fields, angle), rtol=0, atol=ROUND_OFF * size)
+
+
+def test_threefold_symmetry_turns_a_large_displacement_with_the_load(alike: Any) -> None:
+    plate, load = plate_of(alike.stage), np.array([14.0, -9.0, 310.0])
+    loads = [np.append(turned(load[:2], k * CHAIN_TURN), load[2]) for k in range(3)]
+    found = equilibrium(alike.mesh, plate, np.array(loads))
+    poses = [np.append(turned(pose[:2], -k * CHAIN_TURN), pose[2]) for k, pose in enumerate(found.pose)]
+    np.testing.assert_allclose(poses, [poses[0]] * 3, rtol=0, atol=ROUND_OFF)
+    mirrored = equilibrium(alike.mesh, plate, -load).pose[0]
+    assert np.abs(mirrored + found.pose[0]).max() > 1e-4  # only the linear answer is odd in the load
+
+
+def test_twice_the_thickness_takes_twice_the_load(eccentric: StageMesh) -> None:
+    one, two = (equilibrium(eccentric, PLATE._replace(thickness=b), b * LOAD) for b in (1.0, 2.0))
+    np.testing.assert_allclose(one.pose, two.pose, rtol=ROUND_OFF)
+    assert two.energy[0] == pytest.approx(2 * one.energy[0], rel=ROUND_OFF)
+
+
+def test_a_straight_column_is_unstable_beyond_eulers_load(bar: Bar) -> None:
+    mesh, euler = bar(60.0, 1.0, 60, 1), np.pi**2 * EI / (4 * 60.0**2)
+    found = equilibrium(mesh, SLENDER, np.array([[-0.99 * euler, 0.0, 0.0], [-1.01 * euler, 0.0, 0.0]]))
+    assert found.stable.tolist() == [True, False]
+    np.testing.assert_allclose(found.pose[:, 1:], 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("load", [LOAD, np.array([-1.01 * np.pi**2 / 4 * 78.0, 0.0, 0.0])], ids=["bent", "unstable"])
+def test_both_factorisations_find_the_same(
+    eccentric: StageMesh, bar: Bar, monkeypatch: pytest.MonkeyPatch, load: Array
+) -> None:
+    mesh = eccentric if load is LOAD else bar(LENGTH, HEIGHT, 8, 1)
+    one = equilibrium(mesh, PLATE, load)
+    monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+    other = equilibrium(mesh, PLATE, load)
+    np.testing.assert_allclose(one.pose, other.pose, rtol=0, atol=ROUND_OFF * np.abs(one.pose).max())
+    assert one.stable == other.stable
+
+
+@pytest.mark.parametrize("installed", [True, False], ids=["the one installed", "superlu"])
+def test_an_indefinite_matrix_is_solved_and_said_to_be_indefinite(
+    monkeypatch: pytest.MonkeyPatch, installed: bool
+) -> None:
+    if not installed:
+        monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+    factorise, x = factoriser(), np.array([[3.0], [-1.0], [2.0]])
+    for corner, definite in ((2.0, True), (-2.0, False), (5.0, True)):
+        K = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, corner]])
+        factor = factorise(sp.coo_array(np.tril(K)))
+        np.testing.assert_allclose(factor.solve(K @ x), x, rtol=1e-12)
+        assert factor.definite == definite
+    other_pattern = np.diag([2.0, 7.0, 1.0])
+    np.testing.assert_allclose(factorise(sp.coo_array(other_pattern)).solve(other_pattern @ x), x, rtol=1e-12)
+    with pytest.raises(ComputationFailed, match=r"singular"):
+        factorise(sp.coo_array(np.diag([2.0, 0.0, 1.0])))
+
+
+@pytest.mark.parametrize("load", [1e6 * LOAD, np.array([-1e5, 0.0, 0.0]), np.array([np.nan, 0.0, 0.0])])
+def test_an_absurd_load_is_refused(eccentric: StageMesh, load: Array) -> None:
+    with pytest.raises(ComputationFailed, match=r"no equilibrium under the load .* % of the way|strain of"):
+        equilibrium(eccentric, PLATE, load)
+
+
+def test_an_absurd_pose_is_refused(eccentric: StageMesh) -> None:
+    with pytest.raises(ComputationFailed, match=r"no equilibrium holding the hub|strain of"):
+        imposed(eccentric, PLATE, np.array([5.0 * LENGTH, 0.0, 0.0]))

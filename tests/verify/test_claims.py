@@ -1,0 +1,198 @@
+"""Claims: read with suspicion, judged by their own expectations; and what else could explain those that fail."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.links import linked_compliance
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.design import load_stage
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.plane_stress import Plate
+from flexfem.fem.response import plate_of, platform_response
+from flexfem.verify import alternatives as other
+from flexfem.verify.budget import CALIBRATED
+from flexfem.verify.claims import (
+    ClaimsReport,
+    load_claims,
+    markdown_claims,
+    markdown_report,
+    measure_claims,
+    report_claims,
+)
+from flexfem.verify.measures import MEASURES
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "cases" / "claims.toml"
+FILE = "cases/claims.toml"
+ROUND_OFF = 1e-8  # per cent; 3 x 3 products of matrices whose entries differ by 1e5
+EXPECTED = {
+    "mobility": "holds",
+    "six-commanded": "does not hold",
+    "six-across": "holds",
+    "three-everywhere": "does not hold",
+    "six-better": "holds",
+    "axial-cause": "does not hold",
+    "diagonal": "holds",
+    "second-order": "does not hold",
+    "minimum-energy": "holds",
+    "measured-stiffness": "cannot be decided",
+}
+
+
+def beams(stage, resolution):
+    """Calibrated hinges and beams in the place of finite elements: the errors differ by 0.1 points, without a mesh."""
+    return SimpleNamespace(mesh=None, response=SimpleNamespace(compliance=linked_compliance(stage, CALIBRATED)))
+
+
+def verdicts(path, solve=beams):
+    return {each.id: each for each in measure_claims(path, solve)}
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return verdicts(SHIPPED)
+
+
+@pytest.fixture(scope="module", params=[("mobility3", 3), ("mobility6", 6)], ids=["three", "six"])
+def modelled(request):
+    name, model = request.param
+    return load_stage(ROOT / "geometry" / f"{name}.toml"), model
+
+
+def test_every_shipped_claim_has_its_verdict(shipped):
+    assert {name: each.verdict for name, each in shipped.items()} == EXPECTED
+
+
+def test_every_measure_is_used_by_the_shipped_file():
+    assert {claim.measure for claim in load_claims(SHIPPED)[0].claim} == set(MEASURES)
+
+
+def test_every_verdict_says_its_numbers_and_where_dimensions_are_assumed(shipped):
+    for name, each in shipped.items():
+        assert re.search(r"\d", each.found) and "\n" not in each.found
+        assert ("assumed dimensions" in each.found) == (name != "mobility")
+    for name, form in (("six-commanded", ".3f"), ("axial-cause", ".3f"), ("second-order", ".3f")):
+        for value in shipped[name].values:
+            assert f"{value:{form}}" in shipped[name].found
+    assert "Table II" in shipped["measured-stiffness"].found
+
+
+@pytest.mark.parametrize(
+    ("claim", "edits", "verdict"),
+    [
+        (
+            "six-commanded",
+            [("low_percent = 5.0", "low_percent = 12.0"), ("high_percent = 10.0", "high_percent = 13.0")],
+            1,
+        ),
+        ("six-commanded", [("high_percent = 10.0", "high_percent = 12.5")], 1),
+        ("mobility", [("[3.0, 6.0, 12.0]", "[3.0, 6.0, 11.0]")], 0),
+        ("three-everywhere", [("low_percent = 10.0", "low_percent = 0.0")], 1),
+        ("axial-cause", [("low_percent = 50.0", "low_percent = 0.0")], 1),
+        ("second-order", [("low_percent = 3.0", "low_percent = 0.1")], 1),
+        ("six-better", [("low_percent = 0.0", "low_percent = 2.0")], 0),
+        ("minimum-energy", [("low_percent = 0.0", "low_percent = 1e9")], 0),
+    ],
+)
+def test_a_claim_whose_expectation_changes_changes_its_verdict(project, claim, edits, verdict):
+    found = verdicts(project.edit(FILE, *edits))
+    assert found[claim].verdict == ("does not hold", "holds")[verdict]
+
+
+def test_a_stage_that_is_not_symmetric_errs_across(project):
+    stage = project.path("geometry/mobility6.toml")
+    stage.write_text(stage.read_text() + '\n[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.55\n')
+    found = verdicts(project.path(FILE))
+    assert found["six-across"].verdict == found["diagonal"].verdict == "does not hold"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('measure = "six-across"', 'measure = "six-acros"', "did you mean six-across?"),
+        ('measure = "mobility"', 'mesure = "mobility"', "mesure"),
+        ("amplitude_um = 50.0 ", "amplitude_um = -50.0 ", "amplitude_um = -50.0"),
+        ("low_percent = 5.0", "low_percent = 15.0", "at most high_percent"),
+        ("equals = [3.0, 6.0, 12.0]", "", "either low_percent"),
+        ("equals = [3.0, 6.0, 12.0]", "equals = [3.0]\nhigh_percent = 1.0", "either low_percent"),
+        ('id = "six-across"', 'id = "mobility"', "an id that no other claim has"),
+        ('amplitude_um = "assumed', 'amplitude_mm = "assumed', "amplitude_mm"),
+        ("geometry/mobility6.toml", "geometry/none.toml", "none.toml: no such file"),
+    ],
+)
+def test_a_file_that_cannot_be_meant_is_refused_in_one_line(project, old, new, said):
+    with pytest.raises(BadInput) as refused:
+        measure_claims(project.edit(FILE, (old, new)), beams)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_table_has_one_row_for_each_claim(shipped):
+    table = markdown_claims(list(shipped.values()))
+    assert len(table.splitlines()) == 2 + len(shipped)
+    assert all(line.count("|") == 5 for line in table.splitlines())
+
+
+def test_without_scatter_nothing_errs_across(modelled):
+    stage, model = modelled
+    exact = other.scatter(stage, model, deviation=0.0, draws=1)[0]
+    lever = stage.chain.link_lengths[2]
+    expected = other.error_matrix(analyse(stage, model).stiffness, linked_compliance(stage, CALIBRATED), lever)
+    np.testing.assert_allclose(exact, expected, atol=ROUND_OFF)
+    assert np.max(np.abs(exact[~np.eye(3, dtype=bool)])) < ROUND_OFF
+
+
+def test_cross_errors_grow_in_proportion_to_a_small_scatter(modelled):
+    one, two = (other.scatter(*modelled, deviation=d, draws=5)[:, 0, 1] for d in (1e-6, 2e-6))
+    np.testing.assert_allclose(two, 2 * one, rtol=1e-4)  # relative scatter of 4e-6, second order below
+
+
+def test_commanding_all_joints_of_the_metal_is_exact(modelled):
+    error = other.joint_command(modelled[0], 21, DEFAULT_FORMULA)
+    assert np.max(np.abs(error)) < 1e-6  # per cent; constraints of stiff shear joints next to soft rotations
+
+
+def test_commanding_few_joints_errs_across_even_in_a_symmetric_stage(modelled):
+    error = other.joint_command(*modelled)
+    assert abs(error[1, 0]) > 1e-3 and error[1, 0] == pytest.approx(-error[0, 1], rel=1e-6)  # no mirror symmetry
+    assert np.max(np.abs([*error[:2, 2], *error[2, :2]])) < ROUND_OFF  # three-fold symmetry
+
+
+def test_linear_triangles_err_to_the_stiff_side(modelled):
+    stage, _ = modelled
+    mesh, plate = build_mesh(stage, 2), plate_of(stage)
+    linear = other.linear_compliance(mesh, plate)
+    np.testing.assert_allclose(linear, linear.T, atol=1e-9 * np.max(np.abs(linear)))
+    assert np.all(np.diag(linear) < 0.9 * np.diag(platform_response(mesh, plate).compliance))  # far stiffer in bending
+
+
+def test_uneven_mesh_of_equal_thirds_is_the_mesh(modelled):
+    stage, _ = modelled
+    one, two = other.uneven_mesh(stage, (2, 2, 2)), build_mesh(stage, 2)
+    found, expected = (other.linear_compliance(mesh, plate_of(stage)) for mesh in (one, two))
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-9)
+
+
+def test_plane_strain_has_the_lame_constants_of_the_solid():
+    E, nu = 207e3, 0.29
+    lame, mu = other.plane_strain(Plate(E, nu, 7.0)).lame
+    assert lame == pytest.approx(E * nu / ((1 + nu) * (1 - 2 * nu)))
+    assert mu == pytest.approx(E / (2 * (1 + nu)))
+
+
+@pytest.mark.slow
+def test_finite_elements_give_the_same_verdicts_and_the_report_keeps_its_alternatives():
+    report = report_claims(SHIPPED)
+    assert {each.id: each.verdict for each in report.verdicts} == EXPECTED
+    assert ClaimsReport.model_validate_json(report.model_dump_json()) == report
+    linear = [each.along.x for each in report.alternatives if each.mobility == 6 and "linear triangles, " in each.name]
+    assert linear == sorted(linear) and linear[0] < 0  # finer is softer
+    across = {each.name: each.across.x for each in report.alternatives}
+    assert across["joints commanded instead of the platform"] > 1e-3
+    assert all(each.name in markdown_report(report) for each in report.alternatives)
