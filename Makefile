@@ -12,7 +12,7 @@ STAGES := $(wildcard geometry/*.toml)
 PLOT_CODE := $(wildcard flexfem/report/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
 
-.PHONY: help reproduce-figures test test-slow check baselines regression bench clean
+.PHONY: help reproduce-figures test test-slow check baselines regression chart bench clean
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -42,6 +42,9 @@ regression: $(SETUP) ## compare every case with its baseline
 
 baselines: $(SETUP) ## accept the present numbers: make baselines REASON="why"
 	@$(FLEXFEM) baseline $(CASES) --reason "$(REASON)"
+
+chart: $(SETUP) ## compute the hinge chart again, by finite elements
+	@$(BIN)/python -m flexfem.fem.chart
 
 bench: $(TEST_SETUP) ## measure, as ratios in one run
 	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done

@@ -229,6 +229,22 @@ def budget(
 
 
 @app.command()
+def formulas(
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the review figure.")] = None,
+    json: Json = False,
+) -> None:
+    """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
+    from flexfem import console
+
+    if output is not None:
+        from flexfem.report.hinge_chart import hinge_chart_figure
+        from flexfem.report.write import write_beside
+
+        write_beside(output / "hinge-chart.json", hinge_chart_figure(console.hinge_review()))
+    console.show(console.formula_facts(), json, console.print_formulas)
+
+
+@app.command()
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
     output: Output = Path("reports"),

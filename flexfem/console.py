@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -14,7 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.notch import FORMULAS
+from flexfem.analytic.notch import FORMULAS, over_calibrated
 from flexfem.arrays import Array
 from flexfem.benchmark.registry import Table as Findings
 from flexfem.design import HINGE_NAMES, Stage, key_paths, provenance_of
@@ -27,6 +27,9 @@ from flexfem.verify.baseline import Move
 from flexfem.verify.case import DIRECTIONS, LoadedCase
 from flexfem.verify.protocol import Solved, run_case, solve_stage
 from flexfem.verify.result import Fields, Result
+
+if TYPE_CHECKING:
+    from flexfem.report.hinge_chart import HingeReview
 
 Facts = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
@@ -198,6 +201,30 @@ def benchmark_facts(table: Findings) -> Facts:
     return {"findings": findings, "seconds": table.seconds, "passed": table.passed}
 
 
+def formula_facts() -> Facts:
+    """What `formulas` says."""
+    return {
+        name: {"freedoms": f.freedoms, "t_over_R": f.valid, "source": f.source, "status": f.status}
+        for name, f in FORMULAS.items()
+    }
+
+
+def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
+    """Every formula over the calibrated hinge, for blocks `height` times as high as the notch."""
+    from flexfem.report.hinge_chart import FormulaCurve, HingeReview
+
+    ratio = np.geomspace(*FORMULAS["calibrated"].valid, 121)
+    found = over_calibrated(ratio, height, poissons_ratio)
+
+    def curve(name: str) -> FormulaCurve:
+        stated = FORMULAS[name].freedoms
+        values = (getattr(found[name], f) if f in stated else None for f in ("rotation", "axial", "shear"))
+        return FormulaCurve(name, FORMULAS[name].valid, *values)
+
+    published = [curve(name) for name in FORMULAS if name != "calibrated"]
+    return HingeReview(ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source)
+
+
 def result_facts(results: Sequence[Result]) -> Any:
     """What `verify` says: one result as it is stored, several as a list."""
     stored = [result.model_dump(mode="json") for result in results]
@@ -351,6 +378,15 @@ def print_budget(facts: Facts) -> None:
     table.add_row("total", *(f"{split['total'][axis]:.3f} ± {split['band']:.3f}" for split, axis in totals))
     out.print(table)
     _print_assumed(out, facts)
+
+
+def print_formulas(facts: Facts) -> None:
+    """Print the hinge formulas, one a line and its source below."""
+    out = _people()
+    for name, fact in facts.items():
+        low, high = fact["t_over_R"]
+        out.print(f"{name}: {', '.join(fact['freedoms'])}; t/R {low:g} to {high:g}", markup=False)
+        out.print(f"    {fact['source']}. {fact['status']}", markup=False)
 
 
 def print_moves(facts: Facts) -> None:

@@ -219,3 +219,44 @@ def test_a_folder_that_takes_no_file_is_one_line(flexfem, tmp_path):
     code, _, err = flexfem("verify", ROOT / "cases/fig5.toml", "--output", tmp_path / "taken")
     assert code == 2
     assert err.splitlines()[-1].startswith("flexfem: ") and "cannot be written" in err
+
+
+def test_a_mesh_study_is_stored_and_drawn(flexfem, tmp_path):
+    levels = ["--level", 2, "--level", 3, "--level", 4]
+    facts = machine(flexfem, "converge", STAGE, *levels, "--output", tmp_path)
+    assert facts["resolutions"] == [2, 3, 4]
+    assert facts["unknowns"] == sorted(facts["unknowns"])
+    assert json.loads((tmp_path / "mobility6-convergence.json").read_text()) == facts
+    assert (tmp_path / "mobility6-convergence.png").stat().st_size > 10_000
+    finest = facts["compliance"][-1][0][0]
+    assert abs(facts["uncertainty"]["x"]["extrapolated"] / finest - 1) < 0.01
+    code, _, err = flexfem("converge", STAGE, "--level", 4, "--level", 5)
+    assert code == 2 and "three or more" in err
+
+
+def test_a_budget_is_stored_and_drawn(flexfem, tmp_path):
+    facts = machine(flexfem, "budget", STAGE, "--output", tmp_path)
+    assert set(facts["split"]) == {"x", "y", "theta"}
+    assert (tmp_path / "mobility6-budget.png").stat().st_size > 10_000
+    assert "hinge formula" in (tmp_path / "mobility6-budget.json").read_text()
+
+
+def test_formulas_name_their_sources(flexfem):
+    facts = machine(flexfem, "formulas")
+    assert {"paros-weisbord", "calibrated", "koster"} <= set(facts)
+    assert all(fact["source"] and fact["freedoms"] for fact in facts.values())
+
+
+def test_a_cross_check_passes_and_an_unknown_solver_is_refused(flexfem):
+    facts = machine(flexfem, "cross-check", STAGE, "--solver", "ngsolve", "--resolution", 3)
+    assert facts["passed"] and all(check["passed"] for check in facts["checks"])
+    code, out, err = flexfem("cross-check", STAGE, "--solver", "crystal-ball")
+    assert (code, out) == (2, "") and "ngsolve" in err
+
+
+def test_one_benchmark_alone(flexfem, tmp_path):
+    facts = machine(flexfem, "benchmark", "--name", "patch-test", "--output", tmp_path)
+    assert facts["passed"]
+    assert {finding["name"] for finding in facts["findings"]} == {"patch test"}
+    assert "patch test" in (tmp_path / "benchmarks.md").read_text()
+    assert flexfem("benchmark", "--name", "guess")[0] == 2

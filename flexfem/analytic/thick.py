@@ -54,7 +54,8 @@ class ThicknessChart(NamedTuple):
     def positions(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> Positions:
         """Positions (...) at t/R, b/t and nu, broadcast against each other."""
         at = [np.asarray(values, dtype=float) for values in (ratio, width, poissons_ratio)]
-        along = [_vander(k, np.clip(at[k], *self[k]), self[k], self.series.shape[k + 1]) for k in range(3)]
+        ends = (self.ratios, self.widths, self.poissons)
+        along = [_vander(k, np.clip(at[k], *ends[k]), ends[k], self.series.shape[k + 1]) for k in range(3)]
         found = np.einsum("fijk,...i,...j,...k->f...", self.series, *along, optimize=True)
         return Positions(*np.where(self.covers(*at), found, np.nan))
 

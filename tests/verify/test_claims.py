@@ -17,6 +17,7 @@ from flexfem.fem.mesh import build_mesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.verify import alternatives as other
+from flexfem.verify import measures
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.claims import (
     ClaimsReport,
@@ -111,6 +112,14 @@ def test_a_stage_that_is_not_symmetric_errs_across(project):
     stage.write_text(stage.read_text() + '\n[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.55\n')
     found = verdicts(project.path(FILE))
     assert found["six-across"].verdict == found["diagonal"].verdict == "does not hold"
+
+
+def test_unweighted_inverse_does_not_store_the_least_energy(monkeypatch):
+    def unweighted(of, at, du):
+        return SimpleNamespace(independent=np.linalg.pinv(at.influence.G_u) @ du)
+
+    monkeypatch.setattr(measures, "inverse_kinematics", unweighted)
+    assert verdicts(SHIPPED)["minimum-energy"].verdict == "does not hold"
 
 
 @pytest.mark.parametrize(
