@@ -245,6 +245,25 @@ def formulas(
 
 
 @app.command()
+def claims(
+    path: Annotated[Path, typer.Argument(help="Claims file, see cases/README.md.", metavar="CLAIMS")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for claims.json and claims.md.")] = None,
+    json: Json = False,
+) -> None:
+    """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
+    from flexfem import console
+    from flexfem.files import write_atomically
+    from flexfem.verify.claims import markdown_report, report_claims
+    from flexfem.verify.result import write_record
+
+    report = report_claims(path)
+    if output is not None:
+        write_record(report, output / "claims.json")
+        write_atomically(output / "claims.md", lambda file: file.write(markdown_report(report).encode()))
+    console.show(report.model_dump(mode="json"), json, console.print_claims)
+
+
+@app.command()
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
     output: Output = Path("reports"),

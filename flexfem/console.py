@@ -389,6 +389,20 @@ def print_formulas(facts: Facts) -> None:
         out.print(f"    {fact['source']}. {fact['status']}", markup=False)
 
 
+def print_claims(facts: Facts) -> None:
+    """Print the verdicts, and the alternatives with their magnitudes."""
+    out = _people()
+    for verdict in facts["verdicts"]:
+        out.print(f"{verdict['verdict']}: {verdict['statement']} ({verdict['where']})", markup=False)
+        out.print(f"    {verdict['found']}", markup=False)
+    out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
+    table = Table("alternative", "model", "X", "Y", "theta", box=None, padding=(0, 2, 0, 0))
+    for row in facts["alternatives"]:
+        pairs = (f"{row['along'][axis]:z.3f}, {row['across'][axis]:z.3f}" for axis in DIRECTIONS)
+        table.add_row(row["name"], f"mobility {row['mobility']}", *pairs)
+    out.print(table)
+
+
 def print_moves(facts: Facts) -> None:
     """Print one line for every number that moved."""
     for move in facts["moved"]:

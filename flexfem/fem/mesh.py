@@ -70,7 +70,7 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = T
         if hinges not in made:
             made[hinges] = run_mesher(sector_job(stage, chain, resolution), time_limit)
         thirds.append(made[hinges])
-    mesh = _welded(thirds)
+    mesh = welded(thirds)
     check_mesh(mesh, stage)
     return mesh
 
@@ -143,7 +143,7 @@ def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
         return dict(arrays)
 
 
-def _welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
+def welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
     """The whole stage from three meshed thirds: `cut ahead` of each is `cut behind` of the next."""
     counts = [len(third["nodes"]) for third in thirds]
     first = np.concatenate([[0], np.cumsum(counts)])

@@ -178,6 +178,7 @@ def factoriser() -> Factorise:
 
     Matrices with the pattern of the one before share its ordering and symbolic factorisation (CHOLMOD). A matrix that
     is not positive definite is factorised by SuperLU with pivoting. Raises ComputationFailed for a singular one.
+    A factor is good until the next one is made.
     """
     if find_spec("cvxopt") is None:
         return _by_superlu

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,7 +19,8 @@ WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, PANEL_GAP, FOOT = 8.27, 7.6, 0.85, 5.2, 0.
 TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 LEGEND, LETTERS = 1.45, 8.5  # width of the legend's text, in, and its size, points
 ROOM = 0.07  # of the distance between the limits, above and below
-MARK = 7.0  # points
+MARKS = "os^Dv"
+MARK: Any = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6}
 
 
 class ThicknessReview(NamedTuple):
@@ -70,21 +71,15 @@ def thickness_figure(review: ThicknessReview) -> Figure:
 
 def _draw_panel(axes: Axes, review: ThicknessReview, freedom: str) -> None:
     strain, x = 1 - review.poissons_ratio**2, review.width
-    _draw_limit(axes, 1.0, "plane stress", 4)
-    _draw_limit(axes, strain, f"plane strain, 1 - ν² = {strain:.3f}", -4)
+    _draw_limit(axes, 1.0, "plane stress", "top")
+    _draw_limit(axes, strain, f"plane strain, 1 - ν² = {strain:.3f}", "bottom")
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
         axes.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
     for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
         value = found[FREEDOMS.index(freedom)]
         text = wrapped(f"{name}: t/R = {ratio:.3g}, b/t = {width:.3g}, factor {value:.3f}", LEGEND, LETTERS)
-        mark: dict[str, Any] = {
-            "marker": "os^Dv"[index % 5],
-            "markersize": MARK,
-            "markerfacecolor": "white",
-            "markeredgewidth": 1.6,
-        }
-        axes.plot([width], [value], linestyle="none", color=INK, label=text, zorder=4, **mark)
+        axes.plot([width], [value], MARKS[index % len(MARKS)], color=INK, label=text, zorder=4, **MARK)
     room = ROOM * (1 - strain)
     axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(strain - room, 1 + room))
     axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
@@ -96,9 +91,9 @@ def _draw_panel(axes: Axes, review: ThicknessReview, freedom: str) -> None:
     axes.legend(**place, frameon=False, fontsize=LETTERS, handlelength=3.2, labelspacing=0.7)
 
 
-def _draw_limit(axes: Axes, value: float, name: str, shift: int) -> None:
-    """A line across the panel with its name, that many points beside it, where no curve comes near: on the inside."""
+def _draw_limit(axes: Axes, value: float, name: str, side: Literal["top", "bottom"]) -> None:
+    """A line across the panel with its name on the inside, at the end where no curve comes near."""
     axes.axhline(value, color=INK, linewidth=1.4, zorder=1.5)
-    at, start, side = ("left", 0.015, "bottom") if shift < 0 else ("right", 0.985, "top")
+    at, start, shift = ("right", 0.985, -4) if side == "top" else ("left", 0.015, 4)
     place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(name, (start, value), (0, -shift), ha=at, va=side, size=8.5, color=GREY, **place)
+    axes.annotate(name, (start, value), (0, shift), ha=at, va=side, size=8.5, color=GREY, **place)

@@ -23,7 +23,7 @@ from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, _welded, check_mesh, run_mesher, sector_job
+from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, welded, check_mesh, run_mesher, sector_job
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
 from flexfem.layout.frames import stage_frames
@@ -157,7 +157,7 @@ def uneven_mesh(stage: Stage, resolutions: tuple[int, int, int]) -> StageMesh:
     """Mesh of a stage whose thirds have different resolutions. Raises ComputationFailed when their cuts do not fit."""
     made = functools.cache(lambda chain, n: run_mesher(sector_job(stage, chain, n), TIME_LIMIT))
     chains = (1, 1, 1) if stage.chains_alike else (1, 2, 3)
-    mesh = _welded([made(chain, n) for chain, n in zip(chains, resolutions, strict=True)])
+    mesh = welded([made(chain, n) for chain, n in zip(chains, resolutions, strict=True)])
     check_mesh(mesh, stage)
     return mesh
 

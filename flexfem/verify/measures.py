@@ -162,6 +162,7 @@ def _minimum_energy(on: Evidence) -> Finding:
     at, random = stiffness(of), np.random.default_rng(SEED)
     best = inverse_kinematics(of, at, on.amplitude).independent  # (29)
     internal = np.linalg.svd(at.influence.G_u)[2][3:]  # joint motions that leave the platform where it is
+    assert np.max(np.abs(internal @ at.influence.G_u.T)) < 1e-9 * np.max(np.abs(at.influence.G_u))  # rounding
     stray = random.normal(size=(MOTIONS, len(internal))) @ internal
     least = best @ at.K_aa @ best
     stray *= STRAY * np.sqrt(least / np.einsum("ka,ab,kb->k", stray, at.K_aa, stray))[:, None]

@@ -139,6 +139,7 @@ def test_bisshopp_drucker_1945_elastica_under_a_dead_tip_load(slender: StageMesh
     for alpha, (x, y, _) in zip(PUBLISHED, found.pose / SLENDER_LENGTH, strict=True):
         assert (y, -x) == pytest.approx(elastica(alpha), abs=BEAM)
     assert np.all(found.stable)
+    assert found.iterations.sum() < 40  # 25; about twice as many when the tangent takes the stress of the displacements
 
 
 @pytest.mark.parametrize("turns", [0.25, 1.0, -1.0])
@@ -381,10 +382,19 @@ def test_an_indefinite_matrix_is_solved_and_said_to_be_indefinite(
         factor = factorise(sp.coo_array(np.tril(K)))
         np.testing.assert_allclose(factor.solve(K @ x), x, rtol=1e-12)
         assert factor.definite == definite
-    other_pattern = np.array([[4.0, 1.0, 2.0], [1.0, 3.0, -1.0], [2.0, -1.0, 5.0]])
-    np.testing.assert_allclose(factorise(sp.coo_array(np.tril(other_pattern))).solve(other_pattern @ x), x, rtol=1e-12)
     with pytest.raises(ComputationFailed, match=r"singular"):
         factorise(sp.coo_array(np.diag([2.0, 0.0, 1.0])))
+
+
+def test_a_matrix_with_another_pattern_is_ordered_anew() -> None:
+    factorise, size = factoriser(), 60
+    chain = sp.diags_array([np.full(size, 4.0), np.full(size - 1, -1.0)], offsets=[0, -1]).tocoo()
+    places = (np.arange(size - 1, size // 2 - 1, -1), np.arange(size // 2))
+    far = sp.coo_array((np.full(size // 2, -0.9), places), shape=(size, size))
+    x = np.random.default_rng(3).normal(size=(size, 1))
+    for lower in (chain, sp.coo_array(chain + far), chain):
+        whole = lower + sp.tril(lower.tocsc(), -1).T
+        np.testing.assert_allclose(factorise(lower).solve(whole @ x), x, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("load", [1e6 * LOAD, np.array([-1e5, 0.0, 0.0]), np.array([np.nan, 0.0, 0.0])])

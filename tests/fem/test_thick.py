@@ -1,0 +1,296 @@
+"""Finite elements of one hinge in three dimensions: bars of known stiffness, both limits, and what must not matter."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from flexfem.benchmark.meshes import mapped
+from flexfem.benchmark.problem import edge_force, nodes_on
+from flexfem.fem.hinge import Hinge
+from flexfem.fem.hinge import sample as plane_sample
+from flexfem.fem.mesh import StageMesh, least_scaled_jacobian, ordered
+from flexfem.fem.plane_stress import Plate
+from flexfem.fem.thick import (
+    FREEDOMS,
+    ThickHinge,
+    displacement,
+    factor,
+    layers,
+    line_integrals,
+    position,
+    sample,
+    section_integrals,
+    section_mesh,
+    solid_stiffness,
+    thick_limit,
+)
+from flexfem.fem.thick_chart import SHAPE, chart_points, main, make_thickness_chart, thickness_chart_path
+
+NU = 0.29
+EXACT = 1e-9  # relative: the solution is in the space of the elements, round-off is left
+COARSE = (1, 2, 3)  # levels of the quick tests
+BAR_LENGTH, BAR_HEIGHT = 3.7, 1.3  # of the quarter of a bar; full height 2.6
+Z = 0.9 * np.array([0.0, 0.3, 0.7, 1.0])
+
+
+class Solid:
+    """A section times a line, and its degrees of freedom by direction and place."""
+
+    def __init__(self, mesh: StageMesh, z: np.ndarray, nu: float = NU) -> None:
+        self.mesh, self.line = mesh, line_integrals(z)
+        self.stiffness = solid_stiffness(section_integrals(mesh), self.line, nu)
+        self.z = np.sort(np.concatenate([z, (z[1:] + z[:-1]) / 2]))
+        self.shape = (3, len(mesh.nodes), len(self.z))
+
+    def at(self, direction: int, nodes=slice(None), along=slice(None)) -> np.ndarray:
+        return np.arange(np.prod(self.shape)).reshape(self.shape)[direction][nodes][..., along].ravel()
+
+    def end_force(self, stress) -> np.ndarray:
+        """Nodal forces of a stress sxx(y) on the edges `right`."""
+        flat = edge_force(
+            self.mesh,
+            Plate(1.0, 0.0, 1.0),
+            self.mesh.edges["right"],
+            lambda points, _: np.stack([stress(points[..., 1]), np.zeros(points.shape[:-1])], axis=-1),
+        )
+        force = np.zeros(self.shape)
+        force[:2] = flat.T[:, :, None] * self.line.whole
+        return force.ravel()
+
+    def solve(self, force: np.ndarray, held: list[np.ndarray]) -> np.ndarray:
+        return displacement(self.stiffness, force, np.concatenate(held), np.ones(len(force)))
+
+    def coordinates(self) -> np.ndarray:
+        flat = np.broadcast_to(self.mesh.nodes.T[:, :, None], (2, *self.shape[1:]))
+        return np.concatenate([flat, np.broadcast_to(self.z, (1, *self.shape[1:]))])
+
+
+def bar(columns: int = 3, rows: int = 2, length: float = BAR_LENGTH) -> StageMesh:
+    return mapped(columns, rows, lambda u, v: np.stack([length * u, BAR_HEIGHT * v], axis=-1))
+
+
+def bent(y: np.ndarray) -> np.ndarray:
+    """Stress of a unit moment per thickness on the full height."""
+    return 12 * y / (2 * BAR_HEIGHT) ** 3
+
+
+def bar_compliance(solid: Solid, stress, held: list[np.ndarray]) -> float:
+    force = solid.end_force(stress)
+    return 2 * float(force @ solid.solve(force, held)) / float(solid.line.whole.sum())
+
+
+def pulled(solid: Solid) -> list[np.ndarray]:
+    neck, axis = nodes_on(solid.mesh, "left"), nodes_on(solid.mesh, "bottom")
+    return [solid.at(0, neck), solid.at(1, axis), solid.at(2, along=[0])]
+
+
+def turned(solid: Solid) -> list[np.ndarray]:
+    neck, axis = nodes_on(solid.mesh, "left"), nodes_on(solid.mesh, "bottom")
+    return [solid.at(0, neck), solid.at(0, axis), solid.at(2, axis), solid.at(2, along=[0]), solid.at(1, axis[:1], [0])]
+
+
+def test_a_linear_displacement_needs_no_forces_inside_and_has_the_energy_of_its_strain() -> None:
+    """Patch test on a distorted, curved mesh."""
+    wavy = mapped(
+        4, 3, lambda u, v: np.stack([2 * u + 0.1 * np.sin(3 * v + u), v + 0.08 * np.sin(4 * u) * (1 + v)], axis=-1)
+    )
+    solid = Solid(wavy, Z)
+    G = np.random.default_rng(3).normal(size=(3, 3))
+    u = np.einsum("ab,bnm->anm", G, solid.coordinates()).ravel()
+    inside = np.setdiff1d(np.arange(len(wavy.nodes)), np.concatenate([nodes_on(wavy, side) for side in wavy.edges]))
+    forces = (solid.stiffness @ u).reshape(solid.shape)
+    np.testing.assert_allclose(forces[:, inside, 1:-1], 0.0, atol=1e-12 * np.abs(forces).max())
+    strain = (G + G.T) / 2
+    stress = (NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3) + strain) / (1 + NU)
+    volume = np.ones(len(wavy.nodes)) @ section_integrals(wavy).mass @ np.ones(len(wavy.nodes)) * Z[-1]
+    assert u @ solid.stiffness @ u == pytest.approx(np.sum(stress * strain) * volume, rel=EXACT)
+
+
+def test_rigid_motions_need_no_forces() -> None:
+    solid = Solid(bar(), Z)
+    x, y, z = solid.coordinates()
+    for motion in ([y, -x, 0 * x], [z, 0 * x, -x], [0 * x, z, -y], [1 + 0 * x, 0 * x, 2 + 0 * x]):
+        np.testing.assert_allclose(solid.stiffness @ np.ravel(motion), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("thickness", [0.07, 1.0, 23.0])
+def test_a_pulled_bar_has_youngs_modulus_whatever_its_thickness(thickness: float) -> None:
+    solid = Solid(bar(), thickness * Z)
+    found = bar_compliance(solid, lambda y: np.full_like(y, 1 / (2 * BAR_HEIGHT)), pulled(solid))
+    assert found == pytest.approx(BAR_LENGTH / (2 * BAR_HEIGHT), rel=EXACT)
+
+
+@pytest.mark.parametrize("thickness", [0.07, 1.0, 23.0])
+def test_a_bar_free_to_bend_across_has_youngs_modulus_whatever_its_thickness(thickness: float) -> None:
+    """Saint-Venant's bending with its anticlastic curvature, which blocks take part in: they need no correction."""
+    solid = Solid(bar(), thickness * Z)
+    assert bar_compliance(solid, bent, turned(solid)) == pytest.approx(
+        12 * BAR_LENGTH / (2 * BAR_HEIGHT) ** 3, rel=EXACT
+    )
+
+
+def test_a_bar_held_from_bending_across_is_a_plate() -> None:
+    """E/(1 - nu^2)."""
+    solid = Solid(bar(), Z)
+    plate = (1 - NU**2) * 12 * BAR_LENGTH / (2 * BAR_HEIGHT) ** 3
+    assert bar_compliance(solid, bent, [*turned(solid), solid.at(2)]) == pytest.approx(plate, rel=EXACT)
+
+
+def test_a_wide_clamped_strip_bends_as_a_plate_and_a_narrow_one_as_a_beam() -> None:
+    """The clamp keeps a strip wider than long from bending across, but for its edges; a narrow one is free."""
+    mesh, found = bar(8, 2, 12.0), []
+    for width in (0.5, 4.0, 30.0, 400.0):
+        solid = Solid(mesh, width * (1 - np.linspace(1, 0, 7) ** 2))
+        clamp = [solid.at(direction, nodes_on(mesh, "left")) for direction in (0, 2)]
+        found.append(bar_compliance(solid, bent, [*clamp, *turned(solid)]) / (12 * 12.0 / (2 * BAR_HEIGHT) ** 3))
+    assert np.all(np.diff(found) < 0)
+    EDGES = 12.0 / 400.0 * NU**2  # as much as the strip is long is free of the plate's constraint
+    assert 1 - 0.02 < found[0] < 1 and 0 < found[-1] - (1 - NU**2) < EDGES
+
+
+def test_work_is_energy() -> None:
+    solid = Solid(section_mesh(ThickHinge(0.4, 3.0, NU), 1), Z)
+    force = solid.end_force(lambda y: y + 0.3)
+    u = solid.solve(force, pulled(solid))
+    assert force @ u == pytest.approx(u @ solid.stiffness @ u, rel=EXACT)
+
+
+def mirrored(mesh: StageMesh) -> StageMesh:
+    """The section and its mirror image in y = 0, as one."""
+    other = mesh.triangles[:, [0, 2, 1, 5, 4, 3]]
+    nodes = np.concatenate([mesh.nodes, mesh.nodes * [1, -1]])
+    _, first, of = np.unique(np.round(nodes, 9) + 0.0, axis=0, return_index=True, return_inverse=True)
+    join = lambda one, two: of.ravel()[np.concatenate([one, two + len(mesh.nodes)])]  # noqa: E731
+    edges = {side: join(mesh.edges[side], mesh.edges[side]) for side in ("left", "right")}
+    triangles = join(mesh.triangles, other)
+    return ordered(StageMesh(nodes[first], triangles, np.zeros(len(triangles), dtype=np.int64), edges))
+
+
+@pytest.mark.parametrize(("stress", "held"), [(bent, turned), (np.ones_like, pulled)], ids=["bent", "pulled"])
+def test_symmetric_halves_stand_for_the_whole(stress, held) -> None:
+    """Whole height and whole thickness, held only against rigid motions, against the quarter of it."""
+    quarter = section_mesh(ThickHinge(0.6, 3.0, NU), 1)
+    half = Solid(quarter, Z)
+    force = half.end_force(stress)
+    expected = 4 * float(force @ half.solve(force, held(half)))
+    full = Solid(mirrored(quarter), np.concatenate([-Z[:0:-1], Z]))
+    nodes, neck = full.mesh.nodes, nodes_on(full.mesh, "left")
+    centre = np.flatnonzero(np.hypot(*nodes.T) < 1e-9)
+    ends = [full.at(1, centre, [0]), full.at(1, centre, [-1])]
+    middle = [full.at(2, centre, [len(full.z) // 2])]
+    force = full.end_force(stress)
+    assert force @ full.solve(force, [full.at(0, neck), *ends, *middle]) == pytest.approx(expected, rel=EXACT)
+
+
+@pytest.mark.parametrize("hinge", [ThickHinge(0.03, 40.0, NU), ThickHinge(0.4, 0.7, NU), ThickHinge(1.1, 9.0, NU)])
+def test_the_mesh_is_that_of_a_hinge(hinge: ThickHinge) -> None:
+    mesh, (high, length) = section_mesh(hinge, 2), hinge.block
+    x, y = mesh.nodes[nodes_on(mesh, "top")].T
+    on_arc = x < 1 - 1e-12
+    np.testing.assert_allclose(np.hypot(x[on_arc], y[on_arc] - 1 - hinge.ratio / 2), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(y[~on_arc], high / 2, rtol=1e-12)
+    area = section_integrals(mesh).mass.sum()
+    CHORDS = 1e-4  # a parabola is not quite an arc
+    assert 4 * area == pytest.approx(2 * high * (1 + length) - np.pi, rel=CHORDS)
+    assert least_scaled_jacobian(mesh) > 0.3
+    z = layers(hinge, 2)
+    assert z[0] == 0 and z[-1] == pytest.approx(hinge.width * hinge.ratio / 2) and np.all(np.diff(z, 2) < 1e-12)
+
+
+@pytest.mark.parametrize("width", [0.6, 7.0, 45.0])
+def test_without_contraction_across_thickness_makes_no_difference(width: float) -> None:
+    np.testing.assert_allclose(factor(ThickHinge(0.17, width, 0.0), 1), 1.0, rtol=EXACT)
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.9])
+def test_a_thin_hinge_is_in_plane_stress(ratio: float) -> None:
+    """As the square of the thickness, which the positions of halved thicknesses show."""
+    thick, thin = (sample(ThickHinge(ratio, width, NU), COARSE) for width in (0.4, 0.2))
+    assert np.all(np.abs(thin.values) < 0.004)  # of the nine per cent between the limits
+    assert np.all(thin.values < 0.4 * thick.values + thin.bands)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.7])
+def test_a_thick_hinge_is_in_plane_strain_but_for_contracting_as_a_whole(ratio: float) -> None:
+    """The closed form of the limit; what is left is the edges', in proportion to 1/b."""
+    high = 2 + ratio
+    plane = plane_sample(Hinge(ratio, 1.0), (2, 3, 4)).values[:2]
+    wide = [ThickHinge(ratio, width / ratio, NU, 2 * high) for width in (200.0, 400.0)]
+    limit = thick_limit(wide[0], plane)
+    left = np.array([limit - sample(hinge, COARSE).values for hinge in wide])
+    MESH = 6e-4  # of a position, 5e-5 of the compliance
+    assert np.all(np.abs(left[1]) < 0.006)
+    np.testing.assert_allclose(left[0], 2 * left[1], atol=2 * MESH)
+
+
+def test_plane_strain_itself_is_the_thick_limit_of_a_bent_slender_neck_alone() -> None:
+    plane = plane_sample(Hinge(0.02, 1.0), (2, 3, 4)).values[:2]
+    rotation, axial = thick_limit(ThickHinge(0.02, 1.0, NU), plane)
+    assert 1 - 1e-4 < rotation < 1 and 0.9 < axial < 0.95
+    stout = thick_limit(ThickHinge(1.2, 1.0, NU), plane_sample(Hinge(1.2, 1.0), (2, 3, 4)).values[:2])
+    assert np.all(stout < [0.9, 0.5])
+
+
+@pytest.mark.parametrize("ratio", [0.04, 0.5])
+def test_a_hinge_goes_from_plane_stress_to_plane_strain_as_it_gets_thicker(ratio: float) -> None:
+    found = np.array([position(ThickHinge(ratio, width, NU), 2) for width in (1.0, 2.0, 5.0, 12.0, 30.0, 50.0)])
+    assert np.all(found > 0) and np.all(found < 1) and np.all(np.diff(found, axis=0) > 0)
+    assert np.all(found[:, 0] > found[:, 1])  # bending is held back more than pulling
+
+
+def test_the_position_hardly_depends_on_poissons_ratio() -> None:
+    found = np.array([position(ThickHinge(0.3, 6.0, nu), 2) for nu in (0.1, 0.25, 0.45)])
+    assert np.all(np.ptp(found, axis=0) < 0.015)
+
+
+def test_longer_blocks_make_no_difference() -> None:
+    hinge = ThickHinge(0.35, 12.0, NU)
+    longer = hinge._replace(length=1.7 * hinge.block[1])
+    LENGTH = 5e-4  # of a position
+    np.testing.assert_allclose(sample(longer, COARSE).values, sample(hinge, COARSE).values, atol=LENGTH)
+
+
+@pytest.mark.parametrize("hinge", [ThickHinge(0.05, 9.0, NU), ThickHinge(1.0, 3.0, NU)])
+def test_positions_converge_and_the_band_covers_a_finer_mesh(hinge: ThickHinge) -> None:
+    coarse, fine = sample(hinge, COARSE), sample(hinge, (2, 3, 5))
+    assert np.all(np.abs(fine.values - coarse.values) < coarse.bands + 2e-5)
+    assert np.all(np.abs(np.diff(coarse.levels, axis=0)[1]) < 0.5 * np.abs(np.diff(coarse.levels, axis=0)[0]))
+
+
+def test_the_chart_is_made_the_same_whoever_makes_it(tmp_path) -> None:
+    seen: list[tuple[int, int]] = []
+    for workers, name in ((1, "one"), (2, "two")):
+        make_thickness_chart(
+            tmp_path / name, workers, (2, 1, 1), (1, 2, 3), "2026-01-01", lambda *done: seen.append(done)
+        )
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    assert seen == [(1, 2), (2, 2)] * 2
+    found = json.loads((tmp_path / "one").read_text())
+    assert found["date"] == "2026-01-01" and {"flexfem", "scikit-fem", "numpy"} <= set(found["versions"])
+    assert np.shape(found["axial"]) == np.shape(found["bands"]["axial"]) == (2, 1, 1)
+
+
+def test_the_packaged_chart_can_be_made_anew() -> None:
+    """One sample of it at the full resolution, and the points it stands on."""
+    found = json.loads(thickness_chart_path().read_text())
+    for name, points in zip(("t/R", "b/t", "nu"), chart_points(SHAPE), strict=True):
+        np.testing.assert_allclose(found[name], points, rtol=1e-7)
+    at = (4, 3, 1)
+    made = sample(ThickHinge(*(found[name][k] for name, k in zip(("t/R", "b/t", "nu"), at, strict=True))))
+    DIGITS = 1e-5  # kept in the file
+    for k, name in enumerate(FREEDOMS):
+        assert np.array(found[name])[at] == pytest.approx(made.values[k], abs=DIGITS)
+        worth = np.array(found["bands"][name]) * np.array(found["nu"]) ** 2
+        assert worth.max() == pytest.approx(found["largest_band"][name], rel=0.05) and worth.max() < 1e-3
+
+
+def test_the_command_makes_a_chart_where_it_is_told(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path / "chart.json")])
+    monkeypatch.setattr(
+        "flexfem.fem.thick_chart.make_thickness_chart", lambda path, workers, progress: progress(20, 80)
+    )
+    main()
+    assert capsys.readouterr().out == f"sample 20 of 80\n{tmp_path / 'chart.json'}\n"
