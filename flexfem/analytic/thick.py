@@ -18,7 +18,7 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic.beam import SHEAR_CORRECTION
-from flexfem.analytic.chart import ROUND_OFF, Factors, beam_integrals
+from flexfem.analytic.chart import ROUND_OFF, Factors, beam_integrals, hinge_chart
 from flexfem.arrays import Array
 
 FREEDOMS = ("rotation", "axial")
@@ -71,12 +71,15 @@ def factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_r
     -----
     Shear is taken as far from plane stress to plane strain as rotation. Its plane-strain limit follows from its
     plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/hinge.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
-    and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`; of S0 the beam integrals are enough here.
+    and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))
     tau = t / R
     rotation, axial = thickness_chart().positions(tau, b / t, nu)
-    slender, stretch = beam_integrals(tau)[2], 4.0 * SHEAR_CORRECTION / (2.0 + tau)
+    slender, stretch = (
+        beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear,
+        4.0 * SHEAR_CORRECTION / (2.0 + tau),
+    )
     softening = (slender - stretch) / (slender + stretch * nu)
     return Factors(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
 
@@ -109,7 +112,7 @@ def _vander(axis: int, values: Array, ends: tuple[float, float], terms: int) -> 
     """Chebyshev polynomials (..., terms) of values on the scale of an axis: root, logarithm, linear."""
     measure = (np.sqrt, np.log, np.positive)[axis]
     low, high = measure(ends)
-    return np.asarray(chebvander(2.0 * (measure(values) - low) / (high - low) - 1.0, terms - 1))
+    return chebvander(2.0 * (measure(values) - low) / (high - low) - 1.0, terms - 1).reshape(*values.shape, terms)
 
 
 def _within(values: ArrayLike, ends: tuple[float, float]) -> NDArray[np.bool_]:

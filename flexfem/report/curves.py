@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from flexfem.arrays import Array
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
 from flexfem.report.units import Unit, banded, scientific, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.case import DIRECTIONS, Analysis, Direction
 from flexfem.verify.result import Result
 
 ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
 HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
+FORCES: dict[Analysis, str] = {"linear": "force by (18)", "nonlinear": "large displacements in both models"}
 NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
@@ -97,7 +98,7 @@ def error_figure(result: Result) -> Figure:
     """
     figure = new_figure(WIDTH, HEIGHT)
     lines = [
-        "Finite-element displacement minus commanded displacement, force by (18). ±, shaded: band of the meshes.",
+        f"Finite-element displacement minus commanded displacement, {FORCES[result.analysis]}. ±, shaded: mesh band.",
         normalisation(result),
     ]
     top = HEIGHT - header(figure, result.name, lines, result.assumed) - 0.3

@@ -23,7 +23,7 @@ from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, welded, check_mesh, run_mesher, sector_job
+from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_mesher, sector_job, welded
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
 from flexfem.layout.frames import stage_frames

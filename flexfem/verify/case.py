@@ -20,6 +20,7 @@ from flexfem.refusals import refusal
 from flexfem.tomlfile import Table, validate
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
+Analysis: TypeAlias = Literal["linear", "nonlinear"]
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 
 
@@ -47,6 +48,8 @@ class Case(Table):
     ----------
     amplitude_um, amplitude_mrad : the largest commanded displacement, in um for x and y, in mrad for theta.
     points : odd number of commanded displacements between minus and plus the amplitude.
+    analysis : `nonlinear` takes the force from the exact equilibrium of the pseudo-rigid stage instead of (18), and
+        the displacement from geometrically nonlinear finite elements.
     resolution : triangles across every neck.
     """
 
@@ -55,6 +58,7 @@ class Case(Table):
     amplitude_um: float | None = Field(default=None, gt=0, le=1e6)
     amplitude_mrad: float | None = Field(default=None, gt=0, le=1e3)
     points: int = Field(ge=3, le=10_001)
+    analysis: Analysis = "linear"
     resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
     provenance: dict[str, Label] = Field(default_factory=dict)

@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import AnalyticResult, analyse
+from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
 from flexfem.layout.frames import stage_frames
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
@@ -64,6 +66,25 @@ def compare(stiffness: Array, compliance: Array, direction: Direction, commanded
     return Comparison(force, error, percent)
 
 
+def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direction, commanded: Array) -> Comparison:
+    """As `compare`, by the exact equilibrium of the pseudo-rigid stage and geometrically nonlinear finite elements.
+
+    The loads are reached outwards from rest, on each side of it. Raises ComputationFailed when one is not reached.
+    """
+    axis, lever = DIRECTIONS.index(direction), stage.chain.link_lengths[2]
+    command = np.zeros((len(commanded), 3))
+    command[:, axis] = commanded
+    force = at_pose(assemble(stage, curve.mobility, curve.formula), command).load
+    pose = np.zeros_like(command)
+    for side in (np.flatnonzero(commanded > 0), np.flatnonzero(commanded < 0)[::-1]):
+        if len(side):
+            pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
+    error = pose - command
+    scale = np.array([1.0, 1.0, lever])
+    largest = int(np.argmax(commanded))
+    return Comparison(force, error, 100.0 * error[largest] * scale / (command[largest, axis] * scale[axis]))
+
+
 def run_case(
     loaded: LoadedCase, solve: Callable[[Stage, int], Solved] = solve_stage
 ) -> tuple[Result, dict[str, Fields]]:
@@ -77,6 +98,8 @@ def run_case(
         analytic, solved = analyse(stage, curve.mobility, curve.formula), solve(stage, case.resolution)
         lever = stage.chain.link_lengths[2]
         found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
+        if case.analysis == "nonlinear":
+            found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
         meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
         uncertainties[curve.label] = _uncertainty(case, analytic.stiffness, meshes, lever)
         full = load_case(stage, solved.mesh, solved.response, found.force[-1])
@@ -89,6 +112,7 @@ def run_case(
         case=loaded.stem,
         name=case.name,
         direction=case.direction,
+        analysis=case.analysis,
         commanded=case.commanded.tolist(),
         curves=curves,
         error_percent=percents,

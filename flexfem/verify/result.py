@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
 from flexfem.files import read_arrays, write_atomically
-from flexfem.verify.case import Direction
+from flexfem.verify.case import Analysis, Direction
 from flexfem.verify.convergence import Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
@@ -105,6 +105,7 @@ class Result(Record):
     case: str
     name: str
     direction: Direction
+    analysis: Analysis = "linear"
     commanded: list[float]
     curves: dict[str, Series]
     error_percent: dict[str, Triple]

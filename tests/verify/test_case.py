@@ -9,6 +9,7 @@ import pytest
 
 from flexfem.errors import BadInput
 from flexfem.verify.case import LoadedCase
+from flexfem.verify.protocol import run_case
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,6 +30,26 @@ def test_commands_are_symmetric_and_in_millimetres_or_radians(figure, largest):
     assert commanded[-1] == pytest.approx(largest)
 
 
+def test_small_nonlinear_cases_are_the_linear_ones(project):
+    small = ("amplitude_um = 50.0", "amplitude_um = 0.01"), ("points = 21", "points = 3\nresolution = 4")
+    linear, _ = run_case(LoadedCase(project.edit("cases/fig5.toml", *small)))
+    bent = project.edit("cases/fig5.toml", ("points = 3", 'points = 3\nanalysis = "nonlinear"'))
+    nonlinear, _ = run_case(LoadedCase(bent))
+    for label, percent in linear.error_percent.items():
+        assert nonlinear.error_percent[label].x == pytest.approx(percent.x, abs=1e-4)  # falls with the command
+
+
+def test_large_commands_bend_the_error_curve(project):
+    large = (
+        ("amplitude_um = 50.0", "amplitude_um = 500.0"),
+        ("points = 21", 'points = 3\nanalysis = "nonlinear"\nresolution = 4'),
+    )
+    result, _ = run_case(LoadedCase(project.edit("cases/fig5.toml", *large)))
+    for curve in result.curves.values():
+        assert curve.x[1] == pytest.approx(0.0, abs=1e-12)
+        assert abs(curve.x[0] + curve.x[2]) > 1e-4 * abs(curve.x[2])  # no longer odd in the command
+
+
 HOSTILE = {
     "unit of the other direction": (('direction = "x"', 'direction = "theta"'), "amplitude_mrad"),
     "unknown direction": (('direction = "x"', 'direction = "z"'), "direction"),
@@ -42,6 +63,7 @@ HOSTILE = {
     "negative amplitude": (("amplitude_um = 50.0", "amplitude_um = -50.0"), "amplitude_um"),
     "infinite amplitude": (("amplitude_um = 50.0", "amplitude_um = inf"), "amplitude_um"),
     "two amplitudes": (("amplitude_um = 50.0", "amplitude_um = 50.0\namplitude_mrad = 1.0"), "direction"),
+    "analysis that nobody does": (("points = 21", 'points = 21\nanalysis = "plastic"'), "analysis"),
     "unknown key": (("points = 21", "points = 21\nspeed = 3"), "speed"),
     "resolution out of reach": (("points = 21", "points = 21\nresolution = 1"), "resolution"),
     "provenance of nothing": (("[provenance]", '[provenance]\nweight = "assumed"'), "weight"),

@@ -1,0 +1,121 @@
+"""The factors out of plane: their chart against direct finite elements, its limits and its ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.thick import covers, factors, read_chart, thickness_chart
+from flexfem.fem.hinge import Hinge
+from flexfem.fem.hinge import sample as plane_sample
+from flexfem.fem.thick import ThickHinge, sample
+from flexfem.fem.thick_chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
+
+R, NU = 1.7, 0.29
+INTERPOLATION = 5e-4  # of the compliance, half of what is promised; measured at 40 random points: see below
+LEVELS = (1, 2, 3)
+
+
+def random_hinges(number: int, seed: int) -> list[ThickHinge]:
+    rng = np.random.default_rng(seed)
+    ratio, width = (np.exp(rng.uniform(*np.log(ends), number)) for ends in (RATIOS, WIDTHS))
+    return [ThickHinge(*map(float, hinge)) for hinge in zip(ratio, width, rng.uniform(*POISSONS, number), strict=True)]
+
+
+def charted(hinge: ThickHinge) -> np.ndarray:
+    t = hinge.ratio * R
+    return np.array(factors(R, t, hinge.width * t, hinge.poissons_ratio)[:2])
+
+
+def worst_against_finite_elements(hinges: list[ThickHinge], levels: tuple[int, ...]) -> float:
+    direct = [1 - hinge.poissons_ratio**2 * sample(hinge, levels).values for hinge in hinges]
+    return float(np.max(np.abs(np.array([charted(hinge) for hinge in hinges]) / direct - 1)))
+
+
+def test_charted_factors_are_those_of_direct_finite_elements() -> None:
+    assert worst_against_finite_elements(random_hinges(5, seed=4), LEVELS) < INTERPOLATION
+
+
+@pytest.mark.slow
+def test_charted_factors_are_those_of_direct_finite_elements_everywhere() -> None:
+    corners = [ThickHinge(ratio, width, nu) for ratio in RATIOS for width in WIDTHS for nu in POISSONS]
+    assert worst_against_finite_elements([*corners, *random_hinges(20, seed=5)], LEVELS) < INTERPOLATION
+
+
+def test_the_chart_goes_through_its_samples() -> None:
+    chart = thickness_chart()
+    hinge = ThickHinge(0.34596913, 2.0, 0.275)
+    assert (chart.ratios, chart.widths, chart.poissons) == (RATIOS, WIDTHS, POISSONS)
+    assert np.all(chart.bands < 1e-3)
+    assert np.all(np.isfinite(chart.positions(*hinge[:3])))
+
+
+def test_factors_lie_between_plane_strain_and_plane_stress() -> None:
+    ratio, width, nu = np.meshgrid(
+        np.geomspace(*RATIOS, 25), np.geomspace(*WIDTHS, 31), np.linspace(*POISSONS, 7), indexing="ij"
+    )
+    t = ratio * R
+    for factor in factors(R, t, width * t, nu):
+        assert np.all(factor < 1 + INTERPOLATION) and np.all(factor > 1 - nu**2 - INTERPOLATION)
+        assert np.all(np.diff(factor, axis=1) < INTERPOLATION)  # the thicker, the stiffer
+
+
+def test_a_thin_neck_is_in_plane_stress_and_a_wide_slender_one_nearly_in_plane_strain() -> None:
+    t = 0.02 * R
+    thin, wide = (factors(R, t, width * t, NU) for width in (0.5, 50.0))
+    np.testing.assert_allclose(np.array(thin), 1.0, atol=2e-4)
+    assert 0.8 < (1 - wide.rotation) / NU**2 < 0.95
+    assert 0.1 < (1 - wide.axial) / NU**2 < 0.25
+
+
+def test_only_ratios_of_lengths_matter() -> None:
+    small, large = factors(R, 0.4, 7.0, NU), factors(3.7 * R, 3.7 * 0.4, 3.7 * 7.0, NU)
+    np.testing.assert_allclose(np.array(small), np.array(large), rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.07, 0.8])
+def test_shear_at_the_position_of_plane_strain_is_that_of_plane_strain_finite_elements(ratio: float) -> None:
+    """Plane strain is plane stress with E/(1 - nu^2) and nu/(1 - nu)."""
+    stress, strain = (plane_sample(Hinge(ratio, 1.0), (2, 3, 4), nu).values[2] for nu in (NU, NU / (1 - NU)))
+    exact = 1 - (1 - NU**2) * strain / stress
+    found = factors(R, ratio * R, 15 * ratio * R, NU)
+    CHARTS = 1e-4  # relative, of what plane strain takes away: the interpolation of the hinge chart
+    assert (1 - found.shear) / (1 - found.rotation) * NU**2 == pytest.approx(exact, rel=CHARTS)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "width", "nu"),
+    [
+        (0.0199, 9.0, NU),
+        (1.21, 9.0, NU),
+        (0.3, 0.49, NU),
+        (0.3, 50.5, NU),
+        (0.3, 9.0, 0.09),
+        (0.3, 9.0, 0.46),
+        (np.nan, 9.0, NU),
+        (0.3, np.nan, NU),
+    ],
+)
+def test_beyond_the_chart_there_is_nothing(ratio: float, width: float, nu: float) -> None:
+    t = np.array([0.3, ratio]) * R
+    b, nus = np.array([9.0, width]) * t, np.array([NU, nu])
+    assert covers(R, t, b, nus).tolist() == [True, False]
+    found = np.array(factors(R, t, b, nus))
+    assert np.isfinite(found[:, 0]).all() and np.isnan(found[:, 1]).all()
+
+
+def test_the_edge_of_the_chart_is_on_it_whatever_the_round_off() -> None:
+    t = np.array(RATIOS) * R
+    assert np.isfinite(np.array(factors(R, t, np.array(WIDTHS) * t * (1 - 1e-15), np.array(POISSONS)))).all()
+
+
+def test_designs_broadcast() -> None:
+    t, b = np.linspace(0.2, 0.7, 6).reshape(2, 1, 3), np.linspace(2.0, 8.0, 4)[:, None]
+    found = factors(R, t, b, np.full((5, 1, 1, 1), NU))
+    assert {part.shape for part in found} == {(5, 2, 4, 3)}
+    assert found.axial[3, 1, 2, 0] == pytest.approx(factors(R, t[1, 0, 0], b[2, 0], NU).axial, rel=1e-12)
+
+
+def test_a_chart_is_read_with_the_range_it_states() -> None:
+    text = thickness_chart_path().read_text()
+    assert read_chart(text.replace("[0.02, 1.2]", "[0.021, 1.19]")).ratios == (0.021, 1.19)
