@@ -12,7 +12,7 @@ STAGES := $(wildcard geometry/*.toml)
 PLOT_CODE := $(wildcard flexfem/report/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
 
-.PHONY: help reproduce-figures test test-slow check baselines regression chart bench clean
+.PHONY: help reproduce-figures full-report test test-slow check baselines regression chart bench clean
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -27,6 +27,14 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 
 reports/%.json: cases/%.toml $(STAGES) $(MODEL_CODE) $(SETUP)
 	@$(FLEXFEM) verify $< --output reports
+
+full-report: reproduce-figures ## also error budgets, mesh studies, benchmarks, hinge formulas and the paper's claims
+	@for stage in mobility3 mobility6; do \
+	    $(FLEXFEM) budget geometry/$$stage.toml --output reports && \
+	    $(FLEXFEM) converge geometry/$$stage.toml --output reports || exit 1; done
+	@$(FLEXFEM) benchmark --output reports
+	@$(FLEXFEM) formulas --output reports
+	@$(FLEXFEM) claims cases/claims.toml --output reports
 
 test: $(TEST_SETUP) ## the tests but the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"

@@ -76,10 +76,8 @@ def factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_r
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))
     tau = t / R
     rotation, axial = thickness_chart().positions(tau, b / t, nu)
-    slender, stretch = (
-        beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear,
-        4.0 * SHEAR_CORRECTION / (2.0 + tau),
-    )
+    slender = beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear
+    stretch = 4.0 * SHEAR_CORRECTION / (2.0 + tau)
     softening = (slender - stretch) / (slender + stretch * nu)
     return Factors(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
 
