@@ -30,10 +30,10 @@ Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is
 @app.command()
 def check(stage: Stage, json: Json = False) -> None:
     """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.layout.feasibility import load_feasible
 
-    console.show(console.stage_facts(stage, load_feasible(stage)), json, console.print_stage)
+    console.show(facts.stage_facts(stage, load_feasible(stage)), json, tables.print_stage)
 
 
 @app.command()
@@ -44,14 +44,12 @@ def stiffness(
     json: Json = False,
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.analytic.model import analyse
     from flexfem.layout.feasibility import load_feasible
 
     loaded = load_feasible(stage)
-    console.show(
-        console.analytic_facts(stage, loaded, analyse(loaded, mobility, formula)), json, console.print_analytic
-    )
+    console.show(facts.analytic_facts(stage, loaded, analyse(loaded, mobility, formula)), json, tables.print_analytic)
 
 
 @app.command()
@@ -62,7 +60,7 @@ def mesh(
     json: Json = False,
 ) -> None:
     """Mesh a stage and write it with the groups stage, ground and hub."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.response import plate_of
@@ -72,7 +70,7 @@ def mesh(
     check_format(output)
     made = build_mesh(loaded, resolution or RESOLUTION)
     write_mesh(made, plate_of(loaded), output)
-    console.show(console.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, console.print_facts)
+    console.show(facts.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, tables.print_facts)
 
 
 @app.command()
@@ -88,7 +86,7 @@ def solve(
     """Platform compliance, displacement and neck stresses by plane-stress finite elements."""
     import numpy as np
 
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.fem.export import write_vtu
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import load_case
@@ -104,8 +102,8 @@ def solve(
     case = load_case(loaded, solved.mesh, solved.response, np.array(force))
     if vtu is not None:
         write_vtu(solved.mesh, vtu, {"displacement": case.field, "von_mises": case.stress})
-    facts = console.solution_facts(stage, loaded, solved, case, resolution or RESOLUTION)
-    console.show(facts, json, console.print_solution)
+    found = facts.solution_facts(stage, loaded, solved, case, resolution or RESOLUTION)
+    console.show(found, json, tables.print_solution)
 
 
 @app.command()
@@ -119,7 +117,7 @@ def verify(
     json: Json = False,
 ) -> None:
     """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.verify import baseline
     from flexfem.verify.result import write_result
 
@@ -135,9 +133,9 @@ def verify(
         if check:
             moves += baseline.check(case, result, folder)
     if check:
-        console.show(console.move_facts(results, moves), json, console.print_moves)
+        console.show(facts.move_facts(results, moves), json, tables.print_moves)
         raise typer.Exit(1 if moves else 0)
-    console.show(console.result_facts(results), json, lambda _: console.print_results(results, output))
+    console.show(facts.result_facts(results), json, lambda _: tables.print_results(results, output))
 
 
 @app.command()
@@ -152,7 +150,7 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
-    from flexfem import console
+    from flexfem import console, tables
     from flexfem.layout.feasibility import load_feasible
     from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge
     from flexfem.verify.result import write_record
@@ -165,7 +163,7 @@ def converge(
         from flexfem.report.write import write_beside
 
         write_beside(write_record(study, output / f"{stage.stem}-convergence.json"), convergence_figure(study))
-    console.show(study.model_dump(mode="json"), json, console.print_convergence)
+    console.show(study.model_dump(mode="json"), json, tables.print_convergence)
 
 
 @app.command("cross-check")
@@ -176,14 +174,14 @@ def cross_check_stage(
     json: Json = False,
 ) -> None:
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.layout.feasibility import load_feasible
     from flexfem.peers.compare import cross_check
 
     loaded = load_feasible(stage)
     found = cross_check(loaded, resolution or RESOLUTION, solver)
-    console.show(console.cross_check_facts(stage, loaded, found), json, console.print_cross_check)
+    console.show(facts.cross_check_facts(stage, loaded, found), json, tables.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 
 
@@ -194,13 +192,13 @@ def benchmark(
     json: Json = False,
 ) -> None:
     """Solve published problems with known answers and compare: the verification of the code itself."""
-    from flexfem import console
+    from flexfem import console, facts, tables
     from flexfem.benchmark.registry import run_benchmarks, write_benchmarks
 
     table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
         write_benchmarks(table, output)
-    console.show(console.benchmark_facts(table), json, console.print_benchmarks)
+    console.show(facts.benchmark_facts(table), json, tables.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)
 
 
@@ -213,7 +211,7 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
-    from flexfem import console
+    from flexfem import console, tables
     from flexfem.layout.feasibility import load_feasible
     from flexfem.verify.budget import budget as split_error
     from flexfem.verify.result import write_record
@@ -225,7 +223,7 @@ def budget(
         from flexfem.report.write import write_beside
 
         write_beside(write_record(found, output / f"{stage.stem}-budget.json"), budget_figure(found))
-    console.show(found.model_dump(mode="json"), json, console.print_budget)
+    console.show(found.model_dump(mode="json"), json, tables.print_budget)
 
 
 @app.command()
@@ -234,14 +232,14 @@ def formulas(
     json: Json = False,
 ) -> None:
     """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
-    from flexfem import console
+    from flexfem import console, facts, tables
 
     if output is not None:
         from flexfem.report.hinge_chart import hinge_chart_figure
         from flexfem.report.write import write_beside
 
-        write_beside(output / "hinge-chart.json", hinge_chart_figure(console.hinge_review()))
-    console.show(console.formula_facts(), json, console.print_formulas)
+        write_beside(output / "hinge-chart.json", hinge_chart_figure(facts.hinge_review()))
+    console.show(facts.formula_facts(), json, tables.print_formulas)
 
 
 @app.command()
@@ -251,7 +249,7 @@ def claims(
     json: Json = False,
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
-    from flexfem import console
+    from flexfem import console, tables
     from flexfem.files import write_atomically
     from flexfem.verify.claims import markdown_report, report_claims
     from flexfem.verify.result import write_record
@@ -260,7 +258,7 @@ def claims(
     if output is not None:
         write_record(report, output / "claims.json")
         write_atomically(output / "claims.md", lambda file: file.write(markdown_report(report).encode()))
-    console.show(report.model_dump(mode="json"), json, console.print_claims)
+    console.show(report.model_dump(mode="json"), json, tables.print_claims)
 
 
 @app.command()
@@ -270,13 +268,13 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
-    from flexfem import console
+    from flexfem import console, tables
     from flexfem.report.write import write_figures
     from flexfem.verify.result import read_fields, read_result
 
     read = [(path, read_result(path)) for path in results]
     written = write_figures([(result, read_fields(path, result)) for path, result in read], output)
-    console.show({"written": [str(path) for path in written]}, json, console.print_written)
+    console.show({"written": [str(path) for path in written]}, json, tables.print_written)
 
 
 @app.command("baseline")
@@ -287,7 +285,7 @@ def accept_baseline(
     json: Json = False,
 ) -> None:
     """Accept the present numbers of cases as their baselines."""
-    from flexfem import console
+    from flexfem import console, tables
     from flexfem.verify.baseline import accept, baseline_folder
 
     if not reason.strip():
@@ -298,7 +296,7 @@ def accept_baseline(
         accept(case, result, baselines or baseline_folder(case), reason)
         for case, (result, _) in zip(loaded, runs, strict=True)
     ]
-    console.show({"written": [str(path) for path in written]}, json, console.print_written)
+    console.show({"written": [str(path) for path in written]}, json, tables.print_written)
 
 
 def main() -> None:

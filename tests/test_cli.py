@@ -132,6 +132,11 @@ def test_every_table_for_people_says_that_numbers_are_assumed(flexfem, tmp_path)
     assert "assumed" in flexfem("verify", ROOT / "cases/fig5.toml", "-o", tmp_path)[1]
 
 
+def test_meshing_says_what_was_written(flexfem, tmp_path):
+    code, out, _ = flexfem("mesh", STAGE, "-o", tmp_path / "stage.vtu", "--resolution", 2)
+    assert code == 0 and f"written: {tmp_path / 'stage.vtu'}" in out
+
+
 BROKEN = {
     "no such file": ("", None, "no such file"),
     "not TOML": ("name", "name = = ", "not TOML"),

@@ -18,7 +18,7 @@ SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$"}
 WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, PANEL_GAP, FOOT = 8.27, 7.6, 0.85, 5.2, 0.5, 0.62  # in
 TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 LEGEND, LETTERS = 1.45, 8.5  # width of the legend's text, in, and its size, points
-ROOM = 0.07  # of the distance between the limits, above and below
+ROOM = 0.14  # of the distance between the limits, above and below: for their names
 MARKS = "os^Dv"
 MARK: Any = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6}
 
@@ -53,7 +53,7 @@ def thickness_figure(review: ThicknessReview) -> Figure:
     nu = review.poissons_ratio
     lines = [
         f"Compliance of a circular hinge of thickness b in three dimensions over that in plane stress, "
-        f"ν{SPACE}={SPACE}{nu:g}, blocks as high as the notch. Below 1 plane stress makes the hinge too compliant; "
+        f"ν{SPACE}={SPACE}{nu:g}, blocks as high as the notch. Below 1 the hinge is stiffer than plane stress says: "
         "a wide neck is held by its blocks from contracting out of plane, more so when bent than when pulled.",
         review.source,
     ]
@@ -71,14 +71,18 @@ def thickness_figure(review: ThicknessReview) -> Figure:
 
 def _draw_panel(axes: Axes, review: ThicknessReview, freedom: str) -> None:
     strain, x = 1 - review.poissons_ratio**2, review.width
-    _draw_limit(axes, 1.0, "plane stress", "top")
-    _draw_limit(axes, strain, f"plane strain, 1 - ν² = {strain:.3f}", "bottom")
+    _draw_limit(axes, 1.0, "plane stress", "above")
+    _draw_limit(axes, strain, f"plane strain, 1 − ν² = {strain:.3f}", "below")
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
         axes.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
     for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
         value = found[FREEDOMS.index(freedom)]
-        text = wrapped(f"{name}: t/R = {ratio:.3g}, b/t = {width:.3g}, factor {value:.3f}", LEGEND, LETTERS)
+        text = wrapped(
+            f"{name}: t/R{SPACE}={SPACE}{ratio:.3g}, b/t{SPACE}={SPACE}{width:.3g}, factor{SPACE}{value:.3f}",
+            LEGEND,
+            LETTERS,
+        )
         axes.plot([width], [value], MARKS[index % len(MARKS)], color=INK, label=text, zorder=4, **MARK)
     room = ROOM * (1 - strain)
     axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(strain - room, 1 + room))
@@ -91,9 +95,9 @@ def _draw_panel(axes: Axes, review: ThicknessReview, freedom: str) -> None:
     axes.legend(**place, frameon=False, fontsize=LETTERS, handlelength=3.2, labelspacing=0.7)
 
 
-def _draw_limit(axes: Axes, value: float, name: str, side: Literal["top", "bottom"]) -> None:
-    """A line across the panel with its name on the inside, at the end where no curve comes near."""
+def _draw_limit(axes: Axes, value: float, name: str, side: Literal["above", "below"]) -> None:
+    """A line across the panel with its name on the side that has no curves."""
     axes.axhline(value, color=INK, linewidth=1.4, zorder=1.5)
-    at, start, shift = ("right", 0.985, -4) if side == "top" else ("left", 0.015, 4)
+    align, shift = ("bottom", 2.5) if side == "above" else ("top", -3.5)
     place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(name, (start, value), (0, shift), ha=at, va=side, size=8.5, color=GREY, **place)
+    axes.annotate(name, (0.985, value), (0, shift), ha="right", va=align, size=8.5, color=GREY, **place)

@@ -1,0 +1,201 @@
+"""What commands print for people: tables of the facts."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from flexfem.arrays import Array
+from flexfem.facts import Facts
+from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.result import Result
+
+
+def _people() -> Console:
+    """Standard output; wide when it is no terminal, so that no table is folded in a file."""
+    return Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else 200)
+
+
+def print_stage(facts: Facts) -> None:
+    """Print what `check` found."""
+    out = _people()
+    out.print(f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}")
+    table = Table(
+        "chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms", box=None, padding=(0, 2, 0, 0)
+    )
+    for h in facts["hinges"]:
+        x, y = h["centre_mm"]
+        freedoms = "rotation, axial" if h["prismatic"] else "rotation"
+        numbers = (f"{x:z.4f}", f"{y:z.4f}", f"{h['axis_deg']:.2f}", f"{h['radius_mm']:g}", f"{h['neck_mm']:g}")
+        table.add_row(str(h["chain"]), h["hinge"], *numbers, freedoms)
+    out.print(table)
+    out.print("where the numbers come from:")
+    for key, source in facts["provenance"].items():
+        out.print(f"  {key}: {source}", markup=False)
+    if facts["assumed"]:
+        out.print(f"assumed, not the paper's: {', '.join(facts['assumed'])}", markup=False)
+
+
+def print_analytic(facts: Facts) -> None:
+    """Print what `stiffness` found."""
+    out = _people()
+    outside = "" if facts["formula_in_range"] else " (outside its range of t/R at some hinge)"
+    out.print(
+        f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}", markup=False
+    )
+    _print_matrix(out, "stiffness K_uu, N/mm and N mm/rad", np.array(facts["stiffness"]))
+    _print_matrix(out, "compliance C_uu, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    _print_assumed(out, facts)
+
+
+def print_solution(facts: Facts) -> None:
+    """Print what `solve` found."""
+    out = _people()
+    out.print(f"{facts['name']}: finite elements, {facts['triangles']} triangles, {facts['unknowns']} unknowns")
+    _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
+    _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    if any(facts["force"]):
+        out.print("force        " + "  ".join(f"{v: .6e}" for v in facts["force"]) + "  N, N, N mm")
+        out.print("displacement " + "  ".join(f"{v: .6e}" for v in facts["displacement"]) + "  mm, mm, rad")
+        out.print("largest von Mises stress at the necks, MPa, chain by chain (base, elbow, platform):")
+        for chain, row in enumerate(facts["neck_stress"], start=1):
+            out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
+    _print_assumed(out, facts)
+
+
+def print_facts(facts: Facts) -> None:
+    """Print plain facts, one a line."""
+    out = _people()
+    for key, value in facts.items():
+        if key != "assumed":
+            out.print(f"{key}: {value}", markup=False)
+    _print_assumed(out, facts)
+
+
+def print_results(results: Sequence[Result], output: Path) -> None:
+    """Print the error percentages of every case."""
+    out = _people()
+    table = Table("case", "commanded", "model", "X %", "Y %", "theta %", box=None, padding=(0, 2, 0, 0))
+    for result in results:
+        for label, percent in result.error_percent.items():
+            bands = result.uncertainty[label]
+            numbers = (f"{getattr(percent, axis):z.3f} ± {bands[axis].band:.3f}" for axis in DIRECTIONS)
+            table.add_row(result.case, result.direction, label, *numbers)
+    out.print("error of the finite-element displacement, in per cent of the command")
+    out.print("(rotations against translations by the lever l3; ± is the mesh, by grid convergence)")
+    out.print(table)
+    out.print(f"stored in {output}/", markup=False)
+    _print_assumed(out, {"assumed": {key for result in results for key in result.assumed}})
+
+
+def print_convergence(facts: Facts) -> None:
+    """Print the levels of a mesh study, and what they tend to."""
+    out = _people()
+    out.print(f"{facts['stage']}: platform compliance on finer and finer meshes", markup=False)
+    names = ("triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)")
+    table = Table(*names, box=None, padding=(0, 2, 0, 0))
+    for resolution, unknowns, matrix in zip(facts["resolutions"], facts["unknowns"], facts["compliance"], strict=True):
+        table.add_row(str(resolution), str(unknowns), *(f"{matrix[k][k]:.9e}" for k in range(3)))
+    found = [facts["uncertainty"][axis] for axis in DIRECTIONS]
+    table.add_row("extrapolated", "", *(f"{u['extrapolated']:.9e}" for u in found))
+    table.add_row("band of the finest", "", *(f"{u['band'] / u['extrapolated']:.1e} relative" for u in found))
+    table.add_row("observed order", "", *("none" if u["observed"] is None else f"{u['observed']:.2f}" for u in found))
+    table.add_row("verdict", "", *(u["verdict"] for u in found))
+    out.print(table)
+    _print_assumed(out, facts)
+
+
+def print_cross_check(facts: Facts) -> None:
+    """Print how far another solver's answer is from ours."""
+    out = _people()
+    out.print(f"{facts['name']}: {facts['unknowns']} unknowns, flexfem against {facts['solver']} {facts['version']}")
+    table = Table("largest relative difference", "is", "allowed", "", box=None, padding=(0, 2, 0, 0))
+    for check in facts["checks"]:
+        allowed = "only stated" if check["allowed"] is None else f"{check['allowed']:.1e}"
+        table.add_row(check["quantity"], f"{check['difference']:.1e}", allowed, "" if check["passed"] else "TOO FAR")
+    out.print(table)
+    out.print(f"{facts['seconds']:.2f} s here, {facts['their_seconds']:.2f} s there; passed: {facts['passed']}")
+    _print_assumed(out, facts)
+
+
+def print_benchmarks(facts: Facts) -> None:
+    """Print what the published problems came to."""
+    out = _people()
+    table = Table("benchmark", "quantity", "target", "ours", "off by", "allowed", "", box=None, padding=(0, 2, 0, 0))
+    for f in facts["findings"]:
+        numbers = ["none" if v is None else f"{v:.6g}" for v in (f["target"], f["ours"])]
+        limits = (f"{f['difference']:.2g}", f"{f['allowed']:.2g}")
+        table.add_row(f["name"], f["quantity"], *numbers, *limits, "" if f["passed"] else "FAILED")
+    out.print(table)
+    out.print(f"{len(facts['findings'])} findings in {sum(facts['seconds'].values()):.0f} s; passed: {facts['passed']}")
+    out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
+
+
+def print_budget(facts: Facts) -> None:
+    """Print the shares of the error in the commanded directions."""
+    out = _people()
+    out.print(
+        f"{facts['stage']}: error of mobility {facts['mobility']}, {facts['formula']}, in per cent of the command"
+    )
+    table = Table("share", "x", "y", "theta", box=None, padding=(0, 2, 0, 0))
+    splits = [facts["split"][axis] for axis in DIRECTIONS]
+    for rows in zip(*(split["shares"] for split in splits), strict=True):
+        points = (row["points"][axis] for row, axis in zip(rows, DIRECTIONS, strict=True))
+        table.add_row(rows[0]["name"], *(f"{value:+z.3f}" for value in points))
+    totals = zip(splits, DIRECTIONS, strict=True)
+    table.add_row("total", *(f"{split['total'][axis]:.3f} ± {split['band']:.3f}" for split, axis in totals))
+    out.print(table)
+    _print_assumed(out, facts)
+
+
+def print_formulas(facts: Facts) -> None:
+    """Print the hinge formulas, one a line and its source below."""
+    out = _people()
+    for name, fact in facts.items():
+        low, high = fact["t_over_R"]
+        out.print(f"{name}: {', '.join(fact['freedoms'])}; t/R {low:g} to {high:g}", markup=False)
+        out.print(f"    {fact['source']}. {fact['status']}", markup=False)
+
+
+def print_claims(facts: Facts) -> None:
+    """Print the verdicts, and the alternatives with their magnitudes."""
+    out = _people()
+    for verdict in facts["verdicts"]:
+        out.print(f"{verdict['verdict']}: {verdict['statement']} ({verdict['where']})", markup=False)
+        out.print(f"    {verdict['found']}", markup=False)
+    out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
+    table = Table("alternative", "model", "X", "Y", "theta", box=None, padding=(0, 2, 0, 0))
+    for row in facts["alternatives"]:
+        pairs = (f"{row['along'][axis]:z.3f}, {row['across'][axis]:z.3f}" for axis in DIRECTIONS)
+        table.add_row(row["name"], f"mobility {row['mobility']}", *pairs)
+    out.print(table)
+
+
+def print_moves(facts: Facts) -> None:
+    """Print one line for every number that moved."""
+    for move in facts["moved"]:
+        print(move["line"])
+    count = len(facts["moved"])
+    print(f"checked {', '.join(facts['checked'])}: " + (f"{count} numbers moved" if count else "no number moved"))
+
+
+def print_written(facts: Facts) -> None:
+    """Print the files written."""
+    for path in facts["written"]:
+        print(path)
+
+
+def _print_matrix(out: Console, title: str, matrix: Array) -> None:
+    out.print(f"{title} (x, y, theta)")
+    for row in matrix:
+        out.print("  " + "  ".join(f"{value: .9e}" for value in row))
+
+
+def _print_assumed(out: Console, facts: Facts) -> None:
+    if facts["assumed"]:
+        out.print(f"{len(facts['assumed'])} of these numbers are assumed, not the paper's: flexfem check lists them")
