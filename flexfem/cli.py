@@ -236,9 +236,11 @@ def formulas(
 
     if output is not None:
         from flexfem.report.hinge_chart import hinge_chart_figure
+        from flexfem.report.thickness import thickness_figure
         from flexfem.report.write import write_beside
 
         write_beside(output / "hinge-chart.json", hinge_chart_figure(facts.hinge_review()))
+        write_beside(output / "hinge-thickness.json", thickness_figure(facts.thickness_review()))
     console.show(facts.formula_facts(), json, tables.print_formulas)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import FORMULAS, over_calibrated
+from flexfem.analytic.thick import factors
 from flexfem.benchmark.registry import Table
 from flexfem.design import HINGE_NAMES, Stage, key_paths, provenance_of
 from flexfem.fem.mesh import StageMesh
@@ -22,6 +23,7 @@ from flexfem.verify.result import Result
 
 if TYPE_CHECKING:
     from flexfem.report.hinge_chart import HingeReview
+    from flexfem.report.thickness import ThicknessReview
 
 Facts = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
@@ -156,6 +158,16 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
 
     published = [curve(name) for name in FORMULAS if name != "calibrated"]
     return HingeReview(ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source)
+
+
+def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
+    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout."""
+    from flexfem.report.thickness import ThicknessReview
+
+    width, ratio = np.geomspace(0.5, 50.0, 121), np.array([0.02, 0.1, 0.3, 1.0])
+    found = factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
+    source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
+    return ThicknessReview(width, ratio, poissons_ratio, found.rotation, found.axial, {}, source)
 
 
 def result_facts(results: Sequence[Result]) -> Any:

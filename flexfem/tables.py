@@ -147,8 +147,12 @@ def print_budget(facts: Facts) -> None:
     for rows in zip(*(split["shares"] for split in splits), strict=True):
         points = (row["points"][axis] for row, axis in zip(rows, DIRECTIONS, strict=True))
         table.add_row(rows[0]["name"], *(f"{value:+z.3f}" for value in points))
+    outside = [split["out_of_plane"] for split in splits]
     totals = zip(splits, DIRECTIONS, strict=True)
     table.add_row("total", *(f"{split['total'][axis]:.3f} ± {split['band']:.3f}" for split, axis in totals))
+    if all(outside):
+        points = (share[axis] for share, axis in zip(outside, DIRECTIONS, strict=True))
+        table.add_row("outside it: out of plane", *(f"{value:+z.3f}" for value in points))
     out.print(table)
     _print_assumed(out, facts)
 

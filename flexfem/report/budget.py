@@ -21,7 +21,8 @@ def budget_figure(budget: Budget) -> Figure:
     figure = new_figure(WIDTH, HEIGHT)
     lines = [
         f"Error of the finite elements under the force of (18), mobility {budget.mobility}, {budget.formula}, and what "
-        "it is made of. The shares add up to the total; the bar there is the band of the meshes."
+        "it is made of. The shares add up to the total; the bar there is the band of the meshes.",
+        _outside(budget),
     ]
     top = HEIGHT - header(figure, f"{budget.stage}: error budget", lines, budget.assumed) - 0.3
     height = (top - 0.6 - 2 * GAP) / 3
@@ -33,6 +34,15 @@ def budget_figure(budget: Budget) -> Figure:
         if row == 2:
             axes.set_xlabel("error in the commanded direction (per cent of the command)")
     return figure
+
+
+def _outside(budget: Budget) -> str:
+    """What is outside the planar total, in words."""
+    shares = [(NAMES[axis], split.out_of_plane, axis) for axis, split in budget.split.items()]
+    if any(share is None for _, share, _ in shares):
+        return "Outside the planar total: out of plane, not known, a hinge is not on the thickness chart."
+    said = ", ".join(f"{name} {getattr(share, axis):+.2f}" for name, share, axis in shares)
+    return f"Outside the planar total, three-dimensional necks against plane stress: {said} percentage points."
 
 
 def _waterfall(axes: Axes, split: Split, direction: Direction) -> None:

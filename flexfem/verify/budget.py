@@ -14,6 +14,8 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.analytic.notch import Compliance
+from flexfem.analytic.thick import factors
 from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
@@ -46,12 +48,15 @@ class Split(Record):
     """The shares of one command, their total, and the mesh band of the total in the commanded direction.
 
     amplitude : mm or rad, of the command at which the large-displacement share is taken.
+    out_of_plane : outside the planar total: what necks as thick as the sheet stiffen the stage by, against plane
+        stress; None when a hinge is not on the thickness chart.
     """
 
     amplitude: float
     shares: list[Share]
     total: Triple
     band: float
+    out_of_plane: Triple | None
 
 
 class Budget(Record):
@@ -85,6 +90,7 @@ def budget(
         analyse(stage, 21, CALIBRATED).compliance,
         linked_compliance(stage, CALIBRATED),
     ]
+    thick = thick_compliance(stage)
     solved = [solve(stage, level) for level in levels(resolution)]
     return Budget(
         stage=stage.name,
@@ -94,17 +100,29 @@ def budget(
         formula=DEFAULT_FORMULA,
         assumed=list(stage.assumed),
         split={
-            direction: _split(stage, paper.stiffness, ladder, solved, direction, amplitudes[direction], resolution)
+            direction: _split(
+                stage, paper.stiffness, ladder, thick, solved, direction, amplitudes[direction], resolution
+            )
             for direction in DIRECTIONS
         },
         versions=versions(),
     )
 
 
+def thick_compliance(stage: Stage) -> Array | None:
+    """As `linked_compliance`, the hinges as three-dimensional bodies; None when one is not on the thickness chart."""
+    width = np.full((3, 3), stage.thickness)
+    factor = factors(stage.array("radius"), stage.array("neck"), width, stage.material.poissons_ratio)
+    if not np.all(np.isfinite([factor.rotation, factor.axial, factor.shear])):
+        return None
+    return linked_compliance(stage, CALIBRATED, Compliance(factor.rotation, factor.axial, factor.shear))
+
+
 def _split(
     stage: Stage,
     stiffness: Array,
     ladder: list[Array],
+    thick: Array | None,
     solved: list[Solved],
     direction: Direction,
     amplitude: float,
@@ -129,7 +147,13 @@ def _split(
         Share(name=name, points=_triple(after - before))
         for name, (before, after) in zip(SHARES, pairwise(rungs), strict=True)
     ]
-    return Split(amplitude=amplitude, shares=shares, total=_triple(rungs[-1] - rungs[0]), band=found[axis].band)
+    return Split(
+        amplitude=amplitude,
+        shares=shares,
+        total=_triple(rungs[-1] - rungs[0]),
+        band=found[axis].band,
+        out_of_plane=None if thick is None else _triple(percent(thick) - percent(ladder[-1])),
+    )
 
 
 def _triple(values: Array) -> Triple:

@@ -9,6 +9,7 @@ import pytest
 
 from flexfem.benchmark.meshes import mapped
 from flexfem.benchmark.problem import edge_force, nodes_on
+from flexfem.fem.extrusion import displacement, line_integrals, section_integrals, solid_stiffness
 from flexfem.fem.hinge import Hinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.mesh import StageMesh, least_scaled_jacobian, ordered
@@ -16,15 +17,11 @@ from flexfem.fem.plane_stress import Plate
 from flexfem.fem.thick import (
     FREEDOMS,
     ThickHinge,
-    displacement,
     factor,
     layers,
-    line_integrals,
     position,
     sample,
-    section_integrals,
     section_mesh,
-    solid_stiffness,
     thick_limit,
 )
 from flexfem.fem.thick_chart import SHAPE, chart_points, main, make_thickness_chart, thickness_chart_path
