@@ -13,7 +13,7 @@ ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 FORBIDDEN = {
     "analytic": ("flexfem.fem", "flexfem.verify", "flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
-    "fem": ("flexfem.analytic", "flexfem.peers", "flexfem.verify", "flexfem.report", "matplotlib"),
+    "fem": ("flexfem.analytic", "flexfem.benchmark", "flexfem.peers", "flexfem.verify", "flexfem.report", "matplotlib"),
     "layout": ("flexfem.analytic", "flexfem.fem", "flexfem.verify", "flexfem.report", "gmsh", "skfem", "matplotlib"),
     "verify": ("flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
     "peers": ("flexfem.analytic", "flexfem.verify", "flexfem.report", "gmsh", "matplotlib", "meshio"),

@@ -6,10 +6,10 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
-from flexfem.benchmark.meshes import mapped, on_chords, size_of
-from flexfem.benchmark.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve, traction_of, uniform
+from flexfem.fem.grids import mapped, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve, traction_of, uniform
 
 MACNEAL_HARDER = "R. H. MacNeal, R. L. Harder, Finite Elem. Anal. Des. 1, 3-20 (1985), straight beam; beam theory"
 TIMOSHENKO = (

@@ -8,10 +8,10 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding
-from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import clamp, edge_force, errors, nodes_on, solve, traction_of, uniform
+from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import clamp, edge_force, errors, nodes_on, solve, traction_of, uniform
 
 NAME = "MacNeal-Harder curved beam"
 GOLOVIN = (

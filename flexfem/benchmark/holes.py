@@ -6,10 +6,10 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
-from flexfem.benchmark.meshes import mapped, meshed, size_of
-from flexfem.benchmark.problem import Support, edge_force, errors, nearest_node, nodes_on, pressure, solve, traction_of
+from flexfem.fem.grids import mapped, meshed, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
+from flexfem.fem.problem import Support, edge_force, errors, nearest_node, nodes_on, pressure, solve, traction_of
 from flexfem.layout.outline import Face, Segment
 
 KIRSCH = "E. G. Kirsch, Z. Ver. Dtsch. Ing. 42, 797-807 (1898); Timoshenko and Goodier, Theory of Elasticity, art. 35"

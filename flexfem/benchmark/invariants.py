@@ -7,11 +7,11 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding
 from flexfem.benchmark.manufactured import hooke, plate_mesh
-from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import Solution, clamp, edge_force, nodes_on, solve, uniform
 from flexfem.fem.assembly import stiffness_matrix
+from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress
+from flexfem.fem.problem import Solution, clamp, edge_force, nodes_on, solve, uniform
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 SLOPES = np.array([[1.3e-3, -0.4e-3], [2.1e-3, 0.7e-3]])  # d_b u_a: stretch, shear and rotation

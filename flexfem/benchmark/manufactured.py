@@ -9,10 +9,10 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding, order
-from flexfem.benchmark.meshes import meshed, on_chords, size_of
-from flexfem.benchmark.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve, traction_of
+from flexfem.fem.grids import meshed, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve, traction_of
 from flexfem.layout.outline import Face, Segment
 
 NAME = "manufactured solution"

@@ -6,8 +6,10 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, extrapolated, finding
-from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import (
+from flexfem.fem.grids import mapped
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate, nodal_stress
+from flexfem.fem.problem import (
     Solution,
     Support,
     clamp,
@@ -18,8 +20,6 @@ from flexfem.benchmark.problem import (
     solve,
     uniform,
 )
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, nodal_stress
 
 NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB rev. 3 (1990), test LE1"
 COOK = (

@@ -15,7 +15,7 @@ import numpy as np
 from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.benchmark.finding import Finding, finding
-from flexfem.benchmark.meshes import meshed
+from flexfem.fem.grids import meshed
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import platform_response

@@ -12,10 +12,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
-from flexfem.benchmark.problem import shape_values
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, Strip, integration
+from flexfem.fem.problem import shape_values
 
 DEGREE = 4  # of the quadrature: products of two quadratic shape functions
 SOLVES = 2  # the second removes what the factors rounded off

@@ -26,10 +26,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import Support, Traction, edge_force, nodes_on, solve
+from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import Support, Traction, edge_force, nodes_on, solve
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine

@@ -28,8 +28,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.benchmark.meshes import mapped
-from flexfem.benchmark.problem import edge_force, nodes_on
 from flexfem.fem.extrusion import (
     displacement,
     line_integrals,
@@ -37,9 +35,11 @@ from flexfem.fem.extrusion import (
     section_integrals,
     solid_stiffness,
 )
+from flexfem.fem.grids import mapped
 from flexfem.fem.hinge import richardson
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import edge_force, nodes_on
 
 FREEDOMS = ("rotation", "axial")
 LEVELS = (2, 3, 4)  # refinements, coarse to fine

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.benchmark.meshes import meshed
 from flexfem.benchmark.notches import differences
 from flexfem.fem.chart import SHAPE, chart_path, chart_points, main, make_chart
+from flexfem.fem.grids import meshed
 from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_mesh, richardson, sample
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.layout.outline import Face, Segment, area

@@ -8,10 +8,10 @@ import pytest
 
 from flexfem.benchmark import curved, holes, manufactured, membranes
 from flexfem.benchmark.finding import Finding
-from flexfem.benchmark.meshes import on_chords
-from flexfem.benchmark.problem import nearest_node
 from flexfem.benchmark.registry import BENCHMARKS
+from flexfem.fem.grids import on_chords
 from flexfem.fem.plane_stress import nodal_stress
+from flexfem.fem.problem import nearest_node
 
 
 @cache

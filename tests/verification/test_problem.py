@@ -12,8 +12,12 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.benchmark import beams, curved, holes, invariants, manufactured
 from flexfem.benchmark.finding import extrapolated, finding, order
-from flexfem.benchmark.meshes import mapped, on_chords
-from flexfem.benchmark.problem import (
+from flexfem.benchmark.registry import Table, markdown_table, run_benchmarks, write_benchmarks
+from flexfem.errors import BadInput
+from flexfem.fem.grids import mapped, on_chords
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate, integration
+from flexfem.fem.problem import (
     Support,
     body_force,
     clamp,
@@ -27,10 +31,6 @@ from flexfem.benchmark.problem import (
     solve,
     uniform,
 )
-from flexfem.benchmark.registry import Table, markdown_table, run_benchmarks, write_benchmarks
-from flexfem.errors import BadInput
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, integration
 
 PLATE = manufactured.PLATE
 STEP = 1e-5  # mm, of central differences

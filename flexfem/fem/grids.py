@@ -1,4 +1,4 @@
-"""Meshes of the benchmarks: mapped grids with every node on the exact geometry, and gmsh's for lines and arcs."""
+"""Meshes of plain regions: mapped grids with every node on the exact geometry, and gmsh's for lines and arcs."""
 
 from __future__ import annotations
 
