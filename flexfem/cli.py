@@ -19,6 +19,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
+
 Stage = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
 Cases = Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
@@ -45,11 +47,17 @@ def stiffness(
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
     from flexfem import console, facts, tables
+    from flexfem.analytic import notch
+    from flexfem.analytic.mobility import freedoms_of
     from flexfem.analytic.model import analyse
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.layout.feasibility import load_feasible, naming
 
     loaded = load_feasible(stage)
-    console.show(facts.analytic_facts(stage, loaded, analyse(loaded, mobility, formula)), json, tables.print_analytic)
+    notch.formula(formula)
+    freedoms_of(mobility or 3)
+    with naming(stage):
+        found = analyse(loaded, mobility, formula)
+    console.show(facts.analytic_facts(stage, loaded, found), json, tables.print_analytic)
 
 
 @app.command()
@@ -64,10 +72,12 @@ def mesh(
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.response import plate_of
+    from flexfem.files import check_folder
     from flexfem.layout.feasibility import load_feasible
 
     loaded = load_feasible(stage)
     check_format(output)
+    check_folder(output.parent)
     made = build_mesh(loaded, resolution or RESOLUTION)
     write_mesh(made, plate_of(loaded), output)
     console.show(facts.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, tables.print_facts)
@@ -94,8 +104,8 @@ def solve(
     from flexfem.verify.protocol import solve_stage
 
     loaded = load_feasible(stage)
-    if not np.all(np.isfinite(force)):
-        raise BadInput(f"--force {' '.join(map(str, force))}, expected three finite numbers")
+    if not np.all(np.abs(force) <= LARGEST_FORCE):
+        raise BadInput(f"--force {' '.join(map(str, force))}, expected three numbers within ±{LARGEST_FORCE:g}")
     if vtu is not None and vtu.suffix != ".vtu":
         raise BadInput(f"--vtu {vtu}, expected a file name that ends in .vtu")
     solved = solve_stage(loaded, resolution or RESOLUTION)
@@ -118,10 +128,12 @@ def verify(
 ) -> None:
     """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
     from flexfem import console, facts, tables
+    from flexfem.files import check_folder
     from flexfem.verify import baseline
     from flexfem.verify.result import write_result
 
     loaded = console.load_cases(cases)
+    check_folder(output)
     folders = [baselines or baseline.baseline_folder(case) for case in loaded]
     if check:
         for case, folder in zip(loaded, folders, strict=True):
@@ -142,7 +154,8 @@ def verify(
 def converge(
     stage: Stage,
     level: Annotated[
-        list[int] | None, typer.Option(help="Triangles across every neck, coarse to fine; give three or more.")
+        list[int] | None,
+        typer.Option(min=2, max=64, help="Triangles across every neck, coarse to fine; give three or more."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the numbers and the figure.")
@@ -151,12 +164,15 @@ def converge(
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
     from flexfem import console, tables
+    from flexfem.files import check_folder
     from flexfem.layout.feasibility import load_feasible
     from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
     resolutions = checked_resolutions(level or RESOLUTIONS)
+    if output is not None:
+        check_folder(output)
     study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
         from flexfem.report.convergence import convergence_figure
@@ -212,12 +228,16 @@ def budget(
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
     from flexfem import console, tables
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.files import check_folder
+    from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.verify.budget import budget as split_error
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
-    found = split_error(stage, loaded, solve=console.with_progress(3, "meshing and solving"))
+    if output is not None:
+        check_folder(output)
+    with naming(stage):
+        found = split_error(stage, loaded, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
         from flexfem.report.budget import budget_figure
         from flexfem.report.write import write_beside
@@ -252,10 +272,12 @@ def claims(
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
     from flexfem import console, tables
-    from flexfem.files import write_atomically
+    from flexfem.files import check_folder, write_atomically
     from flexfem.verify.claims import markdown_report, report_claims
     from flexfem.verify.result import write_record
 
+    if output is not None:
+        check_folder(output)
     report = report_claims(path)
     if output is not None:
         write_record(report, output / "claims.json")
@@ -288,11 +310,14 @@ def accept_baseline(
 ) -> None:
     """Accept the present numbers of cases as their baselines."""
     from flexfem import console, tables
+    from flexfem.files import check_folder
     from flexfem.verify.baseline import accept, baseline_folder
 
     if not reason.strip():
         raise BadInput("--reason is empty, expected why the numbers may move")
     loaded = console.load_cases(cases)
+    for case in loaded:
+        check_folder(baselines or baseline_folder(case))
     runs = list(console.run_cases(loaded))
     written = [
         accept(case, result, baselines or baseline_folder(case), reason)
@@ -304,7 +329,11 @@ def accept_baseline(
 def main() -> None:
     """Run the command line; refusals are one line on standard error."""
     try:
-        app(prog_name="flexfem")
+        try:
+            app(prog_name="flexfem")
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except BadInput as refusal:
         sys.exit(_say(refusal, 2))
     except ComputationFailed as failure:
@@ -314,6 +343,9 @@ def main() -> None:
     except BrokenPipeError:  # the reader, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(_say(error, 1))
 
 
 def _say(error: Exception, code: int) -> int:

@@ -17,6 +17,17 @@ from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
 
 
+def check_folder(folder: Path) -> None:
+    """Raise BadInput when files cannot go to a folder because something else is there; nothing is made."""
+    for place in (folder, *folder.parents):
+        if place.is_dir():
+            if not os.access(place, os.W_OK):
+                raise BadInput(f"{folder}: no permission to write in {place}")
+            return
+        if place.exists() or place.is_symlink():
+            raise BadInput(f"{folder}: {place} is a file, expected a folder")
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`, of the same extension, that takes its place when all went well.
@@ -50,5 +61,7 @@ def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return dict(arrays)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise BadInput(f"{path}: expected {what}: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise BadInput(f"{path}: expected {what}: {error.strerror or 'cannot be read'}") from None
+    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+        raise BadInput(f"{path}: expected {what}: not an .npz file, or a damaged one") from None

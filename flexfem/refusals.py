@@ -118,7 +118,13 @@ def _value_at(path: KeyPath, data: Any) -> Any:
 
 
 def merged(problems: list[Problem]) -> list[Problem]:
-    """Keep one problem a mistake: a short array is one, and so are a misspelt key and the key then missing."""
+    """Keep one problem a mistake.
+
+    A short array is one, so are a misspelt key and the key then missing, and an array that pydantic takes for too short
+    because it does not count its broken members.
+    """
+    inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
+    problems = [problem for problem in problems if problem.kind != "too_short" or problem.path not in inner]
     unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:MAX_DEPTH]
     kept: dict[tuple[str, KeyPath], Problem] = {}
     for problem in problems:

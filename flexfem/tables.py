@@ -18,7 +18,8 @@ from flexfem.verify.result import Result
 
 def _people() -> Console:
     """Standard output; wide when it is no terminal, so that no table is folded in a file."""
-    return Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else 200)
+    terminal = sys.stdout is not None and sys.stdout.isatty()
+    return Console(soft_wrap=True, highlight=False, markup=False, width=None if terminal else 200)
 
 
 def print_stage(facts: Facts) -> None:

@@ -29,12 +29,13 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
         write_vtu(mesh, path, {})
         return
     if path.suffix == ".inp":
-        with replacing(path) as temporary:
-            write_deck(mesh, plate, temporary)
+        write_deck(mesh, plate, path)
         return
     groups = {"ground": mesh.edges["ground"], "hub": mesh.edges["hub"]}
     with replacing(path) as temporary:
         run_mesher(Export(str(temporary), mesh.nodes, mesh.triangles, groups), time_limit=600.0)
+        if b"$EndElements" not in temporary.read_bytes()[-64:]:  # gmsh does not say when the disk is full
+            raise BadInput(f"{path}: cannot be written whole, expected more room on the disk")
 
 
 def check_format(path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import combinations
 
 import numpy as np
@@ -23,11 +25,18 @@ TOUCHING = 1e-6  # mm^2; round-off of polygons that share an edge
 def load_feasible(path: Path) -> Stage:
     """Read a stage file and refuse what cannot be made. Raises BadInput, naming the file."""
     stage = load_stage(path)
-    try:
+    with naming(path):
         check_feasible(stage)
+    return stage
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put file and line in front of refusals that begin with a key path of the file."""
+    try:
+        yield
     except BadInput as refusal:
         raise BadInput(f"{place_of(path, read_toml(path).lines.line(_key_path(str(refusal))))}: {refusal}") from None
-    return stage
 
 
 def check_feasible(stage: Stage) -> None:

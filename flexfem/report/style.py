@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -74,7 +75,8 @@ def new_figure(width: float, height: float) -> Figure:
 def rendered(figure: Figure, form: str) -> bytes:
     """The figure as the bytes of a file, `form` png or pdf; the same figure gives the same bytes."""
     buffer = io.BytesIO()
-    with house_style():
+    with house_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box stands for it
         figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata=METADATA[form])
     return buffer.getvalue()
 

@@ -12,9 +12,11 @@ from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
+from flexfem.errors import ComputationFailed
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
+from flexfem.layout.feasibility import naming
 from flexfem.layout.frames import stage_frames
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
 from flexfem.verify.convergence import Convergence, grid_convergence, levels
@@ -95,11 +97,16 @@ def run_case(
     assumed = {f"case: {key}" for key in case.assumed}
     for curve in case.curve:
         stage = loaded.stages[curve.label]
-        analytic, solved = analyse(stage, curve.mobility, curve.formula), solve(stage, case.resolution)
+        with naming(loaded.stage_path(curve)):
+            analytic = analyse(stage, curve.mobility, curve.formula)
+        solved = solve(stage, case.resolution)
         lever = stage.chain.link_lengths[2]
         found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
         if case.analysis == "nonlinear":
-            found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
+            try:
+                found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
+            except ComputationFailed as failure:
+                raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
         meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
         uncertainties[curve.label] = _uncertainty(case, analytic.stiffness, meshes, lever)
         full = load_case(stage, solved.mesh, solved.response, found.force[-1])
