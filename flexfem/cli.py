@@ -43,11 +43,13 @@ def stiffness(
     stage: Stage,
     mobility: Annotated[int | None, typer.Option(help="3, 6, 12 or 21; default: the file's prismatic hinges.")] = None,
     formula: Annotated[str, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = "paros-weisbord",
+    links: Annotated[bool, typer.Option("--links", help="Links, pads and arms as beams; mobility 21.")] = False,
     json: Json = False,
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
     from flexfem import console, facts, tables
     from flexfem.analytic import notch
+    from flexfem.analytic.links import linked
     from flexfem.analytic.mobility import freedoms_of
     from flexfem.analytic.model import analyse
     from flexfem.layout.feasibility import load_feasible, naming
@@ -55,8 +57,10 @@ def stiffness(
     loaded = load_feasible(stage)
     notch.formula(formula)
     freedoms_of(mobility or 3)
+    if links and mobility not in (None, 21):
+        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: beams go with all freedoms of the hinges")
     with naming(stage):
-        found = analyse(loaded, mobility, formula)
+        found = linked(loaded, formula) if links else analyse(loaded, mobility, formula)
     console.show(facts.analytic_facts(stage, loaded, found), json, tables.print_analytic)
 
 

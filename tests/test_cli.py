@@ -295,3 +295,14 @@ def test_a_wrong_value_in_a_curve_is_named_itself(flexfem, project):
     path = project.edit("cases/fig5.toml", ("mobility = 6", "mobility = 7"))
     code, _, err = flexfem("verify", path)
     assert code == 2 and "curve[1].mobility = 7, expected 3, 6, 12 or 21" in err
+
+
+def test_links_soften_the_stage_and_go_with_all_freedoms(flexfem):
+    rigid = machine(flexfem, "stiffness", STAGE, "--mobility", 21, "--formula", "calibrated")
+    elastic = machine(flexfem, "stiffness", STAGE, "--links", "--formula", "calibrated")
+    assert elastic["mobility"] == 21
+    for k in range(3):
+        assert 0.99 < elastic["stiffness"][k][k] / rigid["stiffness"][k][k] < 1.0
+    np.testing.assert_allclose(np.array(elastic["stiffness"]) @ elastic["compliance"], np.eye(3), atol=1e-9)
+    code, _, err = flexfem("stiffness", STAGE, "--links", "--mobility", 6)
+    assert code == 2 and "--links" in err

@@ -9,7 +9,7 @@ import shapely
 
 from flexfem.analytic.linear import inverse
 from flexfem.analytic.mobility import freedoms_of
-from flexfem.analytic.model import hinge_compliance
+from flexfem.analytic.model import AnalyticResult, analyse, hinge_compliance
 from flexfem.analytic.notch import Compliance
 from flexfem.analytic.serial import chain_compliance
 from flexfem.arrays import AnyArray, Array
@@ -104,6 +104,12 @@ def _turned(compliance: Array, angle: float) -> Array:
     spin = cmath.exp(1j * angle)
     R = np.array([[spin.real, -spin.imag, 0.0], [spin.imag, spin.real, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(R @ compliance @ R.T)
+
+
+def linked(stage: Stage, formula: str) -> AnalyticResult:
+    """As `model.analyse` with mobility 21, and pads, links and arms as beams. Raises BadInput as it does."""
+    compliance = linked_compliance(stage, formula)
+    return analyse(stage, 21, formula)._replace(compliance=compliance, stiffness=inverse(compliance))
 
 
 def linked_compliance(stage: Stage, formula: str, factors: Compliance | None = None) -> Array:

@@ -1,0 +1,83 @@
+"""Calibrated hinges with links as beams against finite elements extrapolated in the mesh, on random feasible stages.
+
+    python benchmarks/random_stages.py [--stages 40] [--seed 2003]
+
+All dimensions are drawn, notches differ by position, and what cannot be made or is off the hinge chart is drawn again.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from flexfem.analytic.links import linked_compliance
+from flexfem.arrays import Array
+from flexfem.design import Stage
+from flexfem.errors import BadInput
+from flexfem.layout.feasibility import check_feasible
+from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.protocol import solve_stage
+
+RESOLUTIONS = (4, 6, 8)
+
+
+def draw(rng: np.random.Generator) -> Stage:
+    def number(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    width = number(7, 12)
+
+    def hinge() -> dict[str, float]:
+        radius = number(0.9, min(4.5, 0.45 * width))
+        return {"radius_mm": radius, "neck_mm": min(number(0.06, 0.6) * radius, width - 2 * radius - 1e-3)}
+
+    sheet = {
+        "name": "random",
+        "thickness_mm": number(4, 20),
+        "material": {
+            "name": "random",
+            "youngs_modulus_gpa": number(60, 210),
+            "poissons_ratio": number(0.22, 0.38),
+            "density_kg_m3": 2700.0,
+            "yield_strength_mpa": 400.0,
+        },
+    }
+    chain = {
+        "link_lengths_mm": [number(22, 45), number(24, 45), number(18, 34)],
+        "joint_angles_deg": [180 + number(-25, 25), -90 + number(-25, 25), 90 + number(-25, 25)],
+        "link_width_mm": width,
+    }
+    hinges = {name: hinge() for name in ("base", "elbow", "platform")}
+    platform = {"radius_mm": number(11, 24), "hub_radius_mm": number(4, 10)}
+    return Stage.model_validate({**sheet, "chain": chain, "hinges": hinges, "platform": platform})
+
+
+def deviation(stage: Stage) -> Array:
+    """Per cent (3,) by which the analytic compliance is off the extrapolated one, in x, y, theta."""
+    analytic = np.diag(linked_compliance(stage, "calibrated"))
+    solved = np.array([np.diag(solve_stage(stage, n).response.compliance) for n in RESOLUTIONS])
+    limits = [grid_convergence(np.array(RESOLUTIONS), solved[:, k], 0.0).extrapolated for k in range(3)]
+    return 100 * (analytic / np.array(limits) - 1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--stages", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=2003)
+    arguments = parser.parse_args()
+    rng, found = np.random.default_rng(arguments.seed), []
+    while len(found) < arguments.stages:
+        stage = draw(rng)
+        try:
+            check_feasible(stage)
+            linked_compliance(stage, "calibrated")
+        except BadInput:
+            continue
+        found.append(deviation(stage))
+        print(f"{len(found):3}  {found[-1].round(3)}", flush=True)
+    print("median", np.median(np.abs(found), axis=0).round(3), "worst", np.max(np.abs(found), axis=0).round(3))
+
+
+if __name__ == "__main__":
+    main()
