@@ -87,50 +87,66 @@ def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direct
     return Comparison(force, error, 100.0 * error[largest] * scale / (command[largest, axis] * scale[axis]))
 
 
+class CurveRun(NamedTuple):
+    """One curve of a case, as it is stored."""
+
+    series: Series
+    percent: Triple
+    uncertainty: dict[Direction, Uncertainty]
+    model: Model
+    fields: Fields
+
+
 def run_case(
     loaded: LoadedCase, solve: Callable[[Stage, int], Solved] = solve_stage
 ) -> tuple[Result, dict[str, Fields]]:
-    """Run every curve of a case; `solve` may remember stages that several cases share."""
+    """Run every curve of a case; `solve` may remember stages that several cases share.
+
+    Raises BadInput when a stage does not suit the formula, ComputationFailed.
+    """
     started = time.perf_counter()
     case = loaded.case
-    curves, percents, uncertainties, models, fields = {}, {}, {}, {}, {}
-    assumed = {f"case: {key}" for key in case.assumed}
-    for curve in case.curve:
-        stage = loaded.stages[curve.label]
-        with naming(loaded.stage_path(curve)):
-            analytic = analyse(stage, curve.mobility, curve.formula)
-        solved = solve(stage, case.resolution)
-        lever = stage.chain.link_lengths[2]
-        found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
-        if case.analysis == "nonlinear":
-            try:
-                found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
-            except ComputationFailed as failure:
-                raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
-        meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
-        uncertainties[curve.label] = _uncertainty(case, analytic.stiffness, meshes, lever)
-        full = load_case(stage, solved.mesh, solved.response, found.force[-1])
-        curves[curve.label] = Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True)))
-        percents[curve.label] = Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True)))
-        models[curve.label] = _model(loaded, curve, analytic, solved, found, full)
-        fields[curve.label] = _fields(solved.mesh, full)
-        assumed |= set(stage.assumed)
+    runs = {curve.label: _run_curve(loaded, curve, solve) for curve in case.curve}
+    assumed = {f"case: {key}" for key in case.assumed}.union(*(stage.assumed for stage in loaded.stages.values()))
     result = Result(
         case=loaded.stem,
         name=case.name,
         direction=case.direction,
         analysis=case.analysis,
         commanded=case.commanded.tolist(),
-        curves=curves,
-        error_percent=percents,
-        uncertainty=uncertainties,
-        models=models,
+        curves={label: run.series for label, run in runs.items()},
+        error_percent={label: run.percent for label, run in runs.items()},
+        uncertainty={label: run.uncertainty for label, run in runs.items()},
+        models={label: run.model for label, run in runs.items()},
         assumed=sorted(assumed),
         versions=versions(),
         written=stamp(),
         seconds=round(time.perf_counter() - started, 3),
     )
-    return result, fields
+    return result, {label: run.fields for label, run in runs.items()}
+
+
+def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], Solved]) -> CurveRun:
+    case, stage = loaded.case, loaded.stages[curve.label]
+    lever = stage.chain.link_lengths[2]
+    with naming(loaded.stage_path(curve)):
+        analytic = analyse(stage, curve.mobility, curve.formula)
+    solved = solve(stage, case.resolution)
+    found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
+    if case.analysis == "nonlinear":
+        try:
+            found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
+        except ComputationFailed as failure:
+            raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
+    meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
+    full = load_case(stage, solved.mesh, solved.response, found.force[-1])
+    return CurveRun(
+        series=Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True))),
+        percent=Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True))),
+        uncertainty=_uncertainty(case, analytic.stiffness, meshes, lever),
+        model=_model(loaded, curve, analytic, solved, found, full),
+        fields=_fields(solved.mesh, full),
+    )
 
 
 def _uncertainty(case: Case, stiffness: Array, compliances: list[Array], lever: float) -> dict[Direction, Uncertainty]:
