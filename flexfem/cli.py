@@ -26,7 +26,20 @@ Cases = Annotated[list[Path], typer.Argument(help="Case files, see cases/README.
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
 Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default tests/baselines beside the cases.")]
-Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written.")]
+
+
+def _usable(folder: Path | None) -> Path | None:
+    """Refuse an output folder before anything is computed for it."""
+    if folder is not None:
+        from flexfem.files import check_folder
+
+        check_folder(folder)
+    return folder
+
+
+FOLDER = typer.Option("--output", "-o", callback=_usable, help="Folder for what is written.")
+Output = Annotated[Path, FOLDER]
+Wanted = Annotated[Path | None, FOLDER]
 
 
 @app.command()
@@ -132,12 +145,10 @@ def verify(
 ) -> None:
     """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
     from flexfem import console, facts, tables
-    from flexfem.files import check_folder
     from flexfem.verify import baseline
     from flexfem.verify.result import write_result
 
     loaded = console.load_cases(cases)
-    check_folder(output)
     folders = [baselines or baseline.baseline_folder(case) for case in loaded]
     if check:
         for case, folder in zip(loaded, folders, strict=True):
@@ -161,22 +172,17 @@ def converge(
         list[int] | None,
         typer.Option(min=2, max=64, help="Triangles across every neck, coarse to fine; give three or more."),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the numbers and the figure.")
-    ] = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
     from flexfem import console, tables
-    from flexfem.files import check_folder
     from flexfem.layout.feasibility import load_feasible
     from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
     resolutions = checked_resolutions(level or RESOLUTIONS)
-    if output is not None:
-        check_folder(output)
     study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
         from flexfem.report.convergence import convergence_figure
@@ -208,7 +214,7 @@ def cross_check_stage(
 @app.command()
 def benchmark(
     name: Annotated[list[str] | None, typer.Option(help="A benchmark by name, more than once for more; all.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the table, benchmarks.md.")] = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Solve published problems with known answers and compare: the verification of the code itself."""
@@ -225,21 +231,16 @@ def benchmark(
 @app.command()
 def budget(
     stage: Stage,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the numbers and the figure.")
-    ] = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
     from flexfem import console, tables
-    from flexfem.files import check_folder
     from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.verify.budget import budget as split_error
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
-    if output is not None:
-        check_folder(output)
     with naming(stage):
         found = split_error(stage, loaded, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
@@ -252,7 +253,7 @@ def budget(
 
 @app.command()
 def formulas(
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the review figure.")] = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
@@ -271,17 +272,15 @@ def formulas(
 @app.command()
 def claims(
     path: Annotated[Path, typer.Argument(help="Claims file, see cases/README.md.", metavar="CLAIMS")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for claims.json and claims.md.")] = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
     from flexfem import console, tables
-    from flexfem.files import check_folder, write_atomically
+    from flexfem.files import write_atomically
     from flexfem.verify.claims import markdown_report, report_claims
     from flexfem.verify.result import write_record
 
-    if output is not None:
-        check_folder(output)
     report = report_claims(path)
     if output is not None:
         write_record(report, output / "claims.json")
