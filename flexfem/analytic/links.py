@@ -7,6 +7,7 @@ import cmath
 import numpy as np
 import shapely
 
+from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.linear import inverse
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import AnalyticResult, analyse, hinge_compliance
@@ -18,7 +19,6 @@ from flexfem.layout.bodies import centrelines, draw_sector, necks
 from flexfem.layout.frames import CHAIN_TURN, stage_frames
 from flexfem.layout.outline import Segment, polygon_points
 
-SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
 POINTS = 12  # Gauss points along each line or arc: their integrands are quadratics and trigonometric functions
 ARM_POINTS = 24  # along a platform arm, whose width varies
 

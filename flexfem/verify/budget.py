@@ -23,7 +23,7 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import grid_convergence, levels
-from flexfem.verify.protocol import Solved, compare, solve_stage
+from flexfem.verify.protocol import Solved, compare, percentages, solve_stage
 from flexfem.verify.result import Record, Triple, versions
 
 CALIBRATED = "calibrated"
@@ -137,10 +137,9 @@ def _split(
 
     meshes = np.array([percent(each.response.compliance) for each in solved])
     found = [grid_convergence(np.array(levels(resolution)), meshes[:, k]) for k in range(3)]
-    scale = np.array([1.0, 1.0, lever])
     force = stiffness[:, axis] * amplitude  # (18)
     bent = equilibrium(solved[-1].mesh, plate_of(stage), force[None]).pose[0] - amplitude * np.eye(3)[axis]
-    nonlinear = 100.0 * bent * scale / (amplitude * scale[axis])
+    nonlinear = percentages(bent, amplitude, direction, lever)
     rungs = [percent(compliance) for compliance in ladder] + [np.array([each.extrapolated for each in found])]
     rungs.append(rungs[-1] + nonlinear - meshes[-1])  # on one mesh, so that its own error drops out
     shares = [

@@ -62,10 +62,14 @@ def compare(stiffness: Array, compliance: Array, direction: Direction, commanded
     command[:, axis] = commanded
     force = command @ stiffness.T  # (18)
     error = force @ compliance.T - command
-    scale = np.array([1.0, 1.0, lever])
     largest = int(np.argmax(commanded))
-    percent = 100.0 * error[largest] * scale / (command[largest, axis] * scale[axis])
-    return Comparison(force, error, percent)
+    return Comparison(force, error, percentages(error[largest], commanded[largest], direction, lever))
+
+
+def percentages(error: Array, commanded: float, direction: Direction, lever: float) -> Array:
+    """Error (3,), mm, mm, rad, in per cent of one command; the lever makes rotations and translations comparable."""
+    scale = np.array([1.0, 1.0, lever])
+    return np.asarray(100.0 * error * scale / (commanded * scale[DIRECTIONS.index(direction)]))
 
 
 def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direction, commanded: Array) -> Comparison:
@@ -82,9 +86,8 @@ def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direct
         if len(side):
             pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
     error = pose - command
-    scale = np.array([1.0, 1.0, lever])
     largest = int(np.argmax(commanded))
-    return Comparison(force, error, 100.0 * error[largest] * scale / (command[largest, axis] * scale[axis]))
+    return Comparison(force, error, percentages(error[largest], commanded[largest], direction, lever))
 
 
 class CurveRun(NamedTuple):
@@ -131,19 +134,19 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], S
     lever = stage.chain.link_lengths[2]
     with naming(loaded.stage_path(curve)):
         analytic = analyse(stage, curve.mobility, curve.formula)
-    solved = solve(stage, case.resolution)
+    meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
+    solved = meshes[-1]
     found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
     if case.analysis == "nonlinear":
         try:
             found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
         except ComputationFailed as failure:
             raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
-    meshes = [solve(stage, resolution).response.compliance for resolution in levels(case.resolution)]
     full = load_case(stage, solved.mesh, solved.response, found.force[-1])
     return CurveRun(
         series=Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True))),
         percent=Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True))),
-        uncertainty=_uncertainty(case, analytic.stiffness, meshes, lever),
+        uncertainty=_uncertainty(case, analytic.stiffness, [each.response.compliance for each in meshes], lever),
         model=_model(loaded, curve, analytic, solved, found, full),
         fields=_fields(solved.mesh, full),
     )
