@@ -90,13 +90,15 @@ def mesh(
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.response import plate_of
     from flexfem.files import check_folder
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.layout.feasibility import load_feasible, naming
 
     loaded = load_feasible(stage)
     check_format(output)
     check_folder(output.parent)
+    with naming(stage):
+        plate = plate_of(loaded)
     made = build_mesh(loaded, resolution or RESOLUTION)
-    write_mesh(made, plate_of(loaded), output)
+    write_mesh(made, plate, output)
     console.show(facts.mesh_facts(stage, loaded, made, resolution or RESOLUTION, output), json, tables.print_facts)
 
 
@@ -110,14 +112,14 @@ def solve(
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
-    """Platform compliance, displacement and neck stresses by plane-stress finite elements."""
+    """Platform compliance, displacement and neck stresses by finite elements in the plane."""
     import numpy as np
 
     from flexfem import console, facts, tables
     from flexfem.fem.export import write_vtu
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import load_case
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.verify.protocol import solve_stage
 
     loaded = load_feasible(stage)
@@ -125,7 +127,8 @@ def solve(
         raise BadInput(f"--force {' '.join(map(str, force))}, expected three numbers within ±{LARGEST_FORCE:g}")
     if vtu is not None and vtu.suffix != ".vtu":
         raise BadInput(f"--vtu {vtu}, expected a file name that ends in .vtu")
-    solved = solve_stage(loaded, resolution or RESOLUTION)
+    with naming(stage):
+        solved = solve_stage(loaded, resolution or RESOLUTION)
     case = load_case(loaded, solved.mesh, solved.response, np.array(force))
     if vtu is not None:
         write_vtu(solved.mesh, vtu, {"displacement": case.field, "von_mises": case.stress})
@@ -177,13 +180,14 @@ def converge(
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
     from flexfem import console, tables
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.verify.converge import RESOLUTIONS, checked_resolutions, converge
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
     resolutions = checked_resolutions(level or RESOLUTIONS)
-    study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    with naming(stage):
+        study = converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
         from flexfem.report.convergence import convergence_figure
         from flexfem.report.write import write_beside
@@ -202,11 +206,12 @@ def cross_check_stage(
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
     from flexfem import console, facts, tables
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.peers.compare import cross_check
 
     loaded = load_feasible(stage)
-    found = cross_check(loaded, resolution or RESOLUTION, solver)
+    with naming(stage):
+        found = cross_check(loaded, resolution or RESOLUTION, solver)
     console.show(facts.cross_check_facts(stage, loaded, found), json, tables.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 

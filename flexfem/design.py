@@ -12,10 +12,10 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeAlias, get_args, overload
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, BaseModel, Field, field_validator, model_validator
 
 from flexfem.arrays import Array
@@ -24,6 +24,7 @@ from flexfem.tomlfile import Path, Table, validate
 
 HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
+Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
 CHAINS = (1, 2, 3)
 LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
 
@@ -118,10 +119,33 @@ class Platform(Table):
     hub_radius: Length = Field(alias="hub_radius_mm")
 
 
+class Elastic(NamedTuple):
+    """Constants that make the equations of plane stress those of a stage's model: E (...) in MPa, Poisson's ratio."""
+
+    youngs_modulus: Array
+    poissons_ratio: Array
+
+
+def elastic(model: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
+    """Elastic constants (...) of a plane model of a material; the arguments broadcast.
+
+    Notes
+    -----
+    Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. A corrected model is plane stress with
+    factors on the hinges alone (`analytic/thick.py`): links are about as wide as thick.
+    """
+    E, nu = np.broadcast_arrays(np.asarray(youngs_modulus, dtype=float), np.asarray(poissons_ratio, dtype=float))
+    return Elastic(E / (1 - nu**2), nu / (1 - nu)) if model == "plane_strain" else Elastic(E, nu)
+
+
 class Stage(Table):
-    """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file."""
+    """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
+
+    model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
+    """
 
     name: Label
+    model: Plane = "plane_stress"
     thickness: Length = Field(alias="thickness_mm")
     material: Material
     chain: Chain
@@ -186,6 +210,11 @@ class Stage(Table):
         return 3 + int(self.array("prismatic").sum())  # (1)
 
     @property
+    def elastic(self) -> Elastic:
+        """Elastic constants of the plane problem, by `model`; `material` keeps the metal's own."""
+        return elastic(self.model, self.material.youngs_modulus, self.material.poissons_ratio)
+
+    @property
     def chains_alike(self) -> bool:
         """Whether the hinges of chains 2 and 3 equal those of chain 1, so that the stage is three-fold symmetric."""
         return all(self.hinge(i, name) == self.hinge(1, name) for i in CHAINS for name in HINGE_NAMES)
@@ -200,6 +229,8 @@ class Stage(Table):
     def hash(self) -> str:
         """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance."""
         content = self.model_dump(exclude={"name": True, "provenance": True, "override": True, "material": {"name"}})
+        if self.model == "plane_stress":  # the hashes of stages older than the key stay
+            del content["model"]
         content["hinges"] = [[self.hinge(i, name).model_dump() for name in HINGE_NAMES] for i in CHAINS]
         text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -276,7 +307,7 @@ def _canonical(value: Any) -> Any:
         return {key: _canonical(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_canonical(item) for item in value]
-    if isinstance(value, bool) or value is None:
+    if isinstance(value, bool | str) or value is None:
         return value
     return float(value) + 0.0  # -0.0 is 0.0
 

@@ -22,10 +22,19 @@ def _people() -> Console:
     return Console(soft_wrap=True, highlight=False, markup=False, width=None if terminal else 200)
 
 
+def _plane(facts: Facts) -> str:
+    """How the stage is made a plane problem, in words."""
+    words = {"plane_stress": "plane stress", "plane_strain": "plane strain"}
+    return words.get(facts["model"], "plane stress corrected by the thickness chart")
+
+
 def print_stage(facts: Facts) -> None:
     """Print what `check` found."""
     out = _people()
-    out.print(f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}")
+    out.print(
+        f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}, "
+        f"{_plane(facts)}"
+    )
     table = Table(
         "chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms", box=None, padding=(0, 2, 0, 0)
     )
@@ -47,7 +56,8 @@ def print_analytic(facts: Facts) -> None:
     out = _people()
     outside = "" if facts["formula_in_range"] else " (outside its range of t/R at some hinge)"
     out.print(
-        f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}", markup=False
+        f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}, {_plane(facts)}",
+        markup=False,
     )
     _print_matrix(out, "stiffness K_uu, N/mm and N mm/rad", np.array(facts["stiffness"]))
     _print_matrix(out, "compliance C_uu, mm/N and rad/(N mm)", np.array(facts["compliance"]))
@@ -57,7 +67,9 @@ def print_analytic(facts: Facts) -> None:
 def print_solution(facts: Facts) -> None:
     """Print what `solve` found."""
     out = _people()
-    out.print(f"{facts['name']}: finite elements, {facts['triangles']} triangles, {facts['unknowns']} unknowns")
+    out.print(
+        f"{facts['name']}: finite elements, {_plane(facts)}, {facts['triangles']} triangles, {facts['unknowns']} unknowns"
+    )
     _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
     _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
     if any(facts["force"]):

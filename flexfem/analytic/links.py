@@ -11,7 +11,6 @@ from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.linear import inverse
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import AnalyticResult, analyse, hinge_compliance
-from flexfem.analytic.notch import Compliance
 from flexfem.analytic.serial import chain_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.design import Stage
@@ -58,7 +57,8 @@ def _strip(stage: Stage, segment: Segment) -> Array:
 
 def _density(stage: Stage, width: float, segment: Segment | None = None) -> Array:
     """Compliance per length (3, 3) of a section: rotation, along, across; moments counter-clockwise."""
-    E, G = stage.material.youngs_modulus, stage.material.youngs_modulus / (2 * (1 + stage.material.poissons_ratio))
+    E, nu = stage.elastic
+    G = E / (2 * (1 + nu))
     A = stage.thickness * width
     density = np.diag([12 / (E * A * width**2), 1 / (E * A), SHEAR_CORRECTION / (G * A)])
     if segment is not None and segment.centre is not None:
@@ -112,15 +112,11 @@ def linked(stage: Stage, formula: str) -> AnalyticResult:
     return analyse(stage, 21, formula)._replace(compliance=compliance, stiffness=inverse(compliance))
 
 
-def linked_compliance(stage: Stage, formula: str, factors: Compliance | None = None) -> Array:
+def linked_compliance(stage: Stage, formula: str) -> Array:
     """Platform compliance (3, 3) at rest with every hinge's three freedoms, and pads, links and arms as beams.
-
-    factors : what the nine hinges' compliances are multiplied with, fields (3, 3); None for one.
 
     Raises BadInput as `model.hinge_compliance` does.
     """
     hinges = hinge_compliance(stage, formula)
-    if factors is not None:
-        hinges = Compliance(*(one * other for one, other in zip(hinges, factors, strict=True)))
     chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21)) + body_compliance(stage)
     return np.asarray(inverse(np.sum(inverse(chains), axis=0)))

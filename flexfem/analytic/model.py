@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic import notch
+from flexfem.analytic import notch, thick
 from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.mobility import mobility as mobility_of
 from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
@@ -45,14 +45,13 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
     """Compliances of the nine hinges, fields (3 chains, 3 hinges).
 
     Raises BadInput for an unknown formula, for one that is not even positive at some hinge's t/R, and for a chart that
-    some hinge is not on.
+    some hinge is not on: the formula's, or that of the thickness when the stage's model is "corrected".
     """
-    material, radius, neck = stage.material, stage.array("radius"), stage.array("neck")
-    entry, width = notch.formula(formula), stage.chain.link_width
+    radius, neck, entry = stage.array("radius"), stage.array("neck"), notch.formula(formula)
     _refuse_off_chart(stage, entry)
-    found = entry.compliance(
-        radius, neck, stage.thickness, material.youngs_modulus, material.poissons_ratio, block_height=width
-    )
+    found = entry.compliance(radius, neck, stage.thickness, *stage.elastic, block_height=stage.chain.link_width)
+    if stage.model == "corrected":
+        found = thickened(stage, found)
     senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)
     if np.any(senseless):
         ratio = (neck / radius)[senseless][0]
@@ -60,6 +59,26 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
             f"hinge formula {formula!r} has no positive compliance at t/R = {ratio:.3g}, expected another one"
         )
     return found
+
+
+def thickened(stage: Stage, compliance: Compliance) -> Compliance:
+    """Compliances of the nine hinges, fields (3, 3), with the factors of the thickness chart.
+
+    Raises BadInput naming the first hinge that is not on the chart.
+    """
+    nu, b = stage.material.poissons_ratio, stage.thickness
+    for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
+        hinge = stage.hinge(chain, name)
+        if not thick.covers(hinge.radius, hinge.neck, b, nu):
+            values = zip(("t/R", "b/t", "nu"), (hinge.neck / hinge.radius, b / hinge.neck, nu), strict=True)
+            ends = thick.thickness_chart()[:3]
+            raise BadInput(
+                f"{key_of(stage, chain, name, 'neck_mm')} = {hinge.neck:g}: not on the thickness chart of model = "
+                f'"corrected" with {", ".join(f"{axis} = {value:.4g}" for axis, value in values)}, expected '
+                f"{', '.join(f'{low:g} to {high:g}' for low, high in ends)}"
+            )
+    factors = thick.factors(stage.array("radius"), stage.array("neck"), b, nu)
+    return Compliance(*(one * factor for one, factor in zip(compliance, factors, strict=True)))
 
 
 def _refuse_off_chart(stage: Stage, entry: Formula) -> None:

@@ -148,10 +148,11 @@ def nodal_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
     return np.stack([np.bincount(mesh.triangles.ravel(), part.ravel()) / around for part in parts], axis=-1)
 
 
-def von_mises(stress: Array) -> Array:
-    """Von Mises stress (...) in plane stress from xx, yy, xy (..., 3), MPa."""
+def von_mises(stress: Array, pull: float = 0.0) -> Array:
+    """Von Mises stress (...) from xx, yy, xy (..., 3), MPa; zz is `pull` times xx + yy: 0 in plane stress, nu in strain."""
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    return np.asarray(np.sqrt(xx**2 - xx * yy + yy**2 + 3 * xy**2))
+    zz = pull * (xx + yy)
+    return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2))
 
 
 def _gradients_at_nodes(mesh: StageMesh) -> Array:

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
 from flexfem.design import HINGE_NAMES, Stage
-from flexfem.errors import ComputationFailed
+from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.assembly import blocks, with_rigid_part
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
@@ -52,8 +52,14 @@ class LoadCase(NamedTuple):
 
 
 def plate_of(stage: Stage) -> Plate:
-    """The stage's sheet."""
-    return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
+    """The stage's sheet. Raises BadInput for a model that finite elements in the plane cannot have."""
+    if stage.model == "corrected":
+        raise BadInput(
+            'model = "corrected", which has hinges of three dimensions, expected "plane_stress" or "plane_strain": '
+            "the finite elements are plane"
+        )
+    E, nu = stage.elastic
+    return Plate(float(E), float(nu), stage.thickness)
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Response:
@@ -149,7 +155,8 @@ def load_case(stage: Stage, mesh: StageMesh, response: Response, force: Array) -
     """Combine the unit responses to one load (3,), N, N and N mm, at the platform centre."""
     force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)
-    stress = von_mises(nodal_stress(mesh, plate_of(stage), field))
+    pull = stage.material.poissons_ratio if stage.model == "plane_strain" else 0.0
+    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), pull)
     return LoadCase(
         force=force,
         pose=response.compliance @ force,

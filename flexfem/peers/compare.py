@@ -85,15 +85,16 @@ class Finding(NamedTuple):
 def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsolve") -> CrossCheck:
     """Solve a feasible stage here and by another solver of `SOLVERS`, on one mesh, and compare.
 
-    Raises BadInput for an unknown solver and for one that is not installed, ComputationFailed.
+    Raises BadInput for an unknown solver, for one that is not installed and for a stage not plane, ComputationFailed.
     """
     if solver not in SOLVERS:
         raise BadInput(f"solver {solver!r}, expected one of {', '.join(SOLVERS)}")
     require, compare = SOLVERS[solver]
     require()
+    plate = plate_of(stage)
     problem = Problem(stage, build_mesh(stage, resolution), resolution)
     started = time.perf_counter()
-    shipped = platform_response(problem.mesh, plate_of(stage))
+    shipped = platform_response(problem.mesh, plate)
     seconds = time.perf_counter() - started
     found = compare(problem, shipped)
     return CrossCheck(

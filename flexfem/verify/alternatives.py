@@ -21,7 +21,7 @@ from flexfem.analytic.notch import formula
 from flexfem.analytic.serial import chain_compliance
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Hinge, Stage
+from flexfem.design import HINGE_NAMES, Hinge, Stage, elastic
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_mesher, sector_job, welded
 from flexfem.fem.plane_stress import Plate
@@ -163,9 +163,9 @@ def uneven_mesh(stage: Stage, resolutions: tuple[int, int, int]) -> StageMesh:
 
 
 def plane_strain(plate: Plate) -> Plate:
-    """The plate whose plane stress is plane strain of the given one: `E / (1 - nu^2)`, `nu / (1 - nu)`."""
-    nu = plate.poissons_ratio
-    return Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
+    """The plate whose plane stress is plane strain of the given one."""
+    E, nu = elastic("plane_strain", plate.youngs_modulus, plate.poissons_ratio)
+    return Plate(float(E), float(nu), plate.thickness)
 
 
 def with_necks(stage: Stage, ratio: float) -> Stage:
@@ -180,14 +180,13 @@ def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = D
 
     The metal is the calibrated hinges with links and pads as beams; the model knows the drawn dimensions.
     """
-    material, lever = stage.material, stage.chain.link_lengths[2]
+    lever = stage.chain.link_lengths[2]
     neck = stage.array("neck") + deviation * np.random.default_rng(seed).normal(size=(draws, 3, 3))
     hinges = formula(CALIBRATED).compliance(
         stage.array("radius"),
         neck,
         stage.thickness,
-        material.youngs_modulus,
-        material.poissons_ratio,
+        *stage.elastic,
         block_height=stage.chain.link_width,
     )
     chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21)) + body_compliance(stage)

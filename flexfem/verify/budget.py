@@ -14,8 +14,7 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.thick import factors
+from flexfem.analytic.thick import covers
 from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
@@ -48,8 +47,8 @@ class Split(Record):
     """The shares of one command, their total, and the mesh band of the total in the commanded direction.
 
     amplitude : mm or rad, of the command at which the large-displacement share is taken.
-    out_of_plane : outside the planar total: what necks as thick as the sheet stiffen the stage by, against plane
-        stress; None when a hinge is not on the thickness chart.
+    out_of_plane : outside the planar total: what hinges of three dimensions change, against the stage's own plane
+        model; None when a hinge is not on the thickness chart.
     """
 
     amplitude: float
@@ -65,6 +64,7 @@ class Budget(Record):
     stage: str
     file: str
     hash: str
+    plane: str
     mobility: int
     formula: str
     assumed: list[str]
@@ -96,6 +96,7 @@ def budget(
         stage=stage.name,
         file=str(path),
         hash=stage.hash,
+        plane=stage.model,
         mobility=paper.mobility,
         formula=DEFAULT_FORMULA,
         assumed=list(stage.assumed),
@@ -111,11 +112,9 @@ def budget(
 
 def thick_compliance(stage: Stage) -> Array | None:
     """As `linked_compliance`, the hinges as three-dimensional bodies; None when one is not on the thickness chart."""
-    width = np.full((3, 3), stage.thickness)
-    factor = factors(stage.array("radius"), stage.array("neck"), width, stage.material.poissons_ratio)
-    if not np.all(np.isfinite([factor.rotation, factor.axial, factor.shear])):
-        return None
-    return linked_compliance(stage, CALIBRATED, Compliance(factor.rotation, factor.axial, factor.shear))
+    on_chart = covers(stage.array("radius"), stage.array("neck"), stage.thickness, stage.material.poissons_ratio)
+    thick = stage.model_copy(update={"model": "corrected"})
+    return linked_compliance(thick, CALIBRATED) if np.all(on_chart) else None
 
 
 def _split(

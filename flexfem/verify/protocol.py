@@ -43,9 +43,10 @@ class Comparison(NamedTuple):
 
 
 def solve_stage(stage: Stage, resolution: int) -> Solved:
-    """Mesh and solve a feasible stage. Raises ComputationFailed."""
+    """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
+    plate = plate_of(stage)
     mesh = build_mesh(stage, resolution)
-    return Solved(mesh, platform_response(mesh, plate_of(stage)))
+    return Solved(mesh, platform_response(mesh, plate))
 
 
 def compare(stiffness: Array, compliance: Array, direction: Direction, commanded: Array, lever: float) -> Comparison:
@@ -134,6 +135,7 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], S
     lever = stage.chain.link_lengths[2]
     with naming(loaded.stage_path(curve)):
         analytic = analyse(stage, curve.mobility, curve.formula)
+        plate_of(stage)
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]
     found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
@@ -184,6 +186,7 @@ def _model(
         stage=stage.name,
         file=curve.stage,
         hash=stage.hash,
+        plane=stage.model,
         mobility=analytic.mobility,
         formula=analytic.formula,
         formula_in_range=bool(np.all(analytic.in_range)),

@@ -69,6 +69,7 @@ class HingeDrawing(Record):
 class Model(Record):
     """The two models behind a curve.
 
+    plane : the stage's own choice of plane problem.
     stiffness : (3, 3) analytic, order x, y, theta; compliance : (3, 3) of the finite elements.
     force : (points, 3) applied loads by (18).  lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
     """
@@ -76,6 +77,7 @@ class Model(Record):
     stage: str
     file: str
     hash: str
+    plane: str = "plane_stress"
     mobility: int
     formula: str
     formula_in_range: bool

@@ -1,0 +1,110 @@
+"""The stage's own choice of plane problem, through both models: plane stress, plane strain, corrected for thickness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.links import linked_compliance
+from flexfem.analytic.model import analyse, hinge_compliance
+from flexfem.analytic.thick import factors
+from flexfem.design import Stage, elastic, load_stage
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.plane_stress import von_mises
+from flexfem.fem.response import load_case, plate_of, platform_response
+from flexfem.verify.protocol import solve_stage
+
+REFERENCE = load_stage(Path(__file__).parents[1] / "geometry" / "mobility6.toml")
+ROUND_OFF = 1e-12
+
+
+def of(model: str, **material: float) -> Stage:
+    changed = REFERENCE.material.model_copy(update={"poissons_ratio": 0.29, **material})
+    return REFERENCE.model_copy(update={"model": model, "material": changed})
+
+
+def test_the_constants_of_plane_strain_keep_the_shear_modulus_and_hold_a_sheet_that_cannot_contract():
+    E, nu = 68.3e3, 0.29
+    strain = elastic("plane_strain", E, nu)
+    assert strain.youngs_modulus / (1 + strain.poissons_ratio) == pytest.approx(E / (1 + nu), rel=ROUND_OFF)
+    # Hooke's law with eps_xx = 1 and eps_yy = eps_zz = 0
+    lame = E * nu / ((1 + nu) * (1 - 2 * nu))
+    modulus = strain.youngs_modulus / (1 - strain.poissons_ratio**2)
+    assert modulus == pytest.approx(lame + E / (1 + nu), rel=ROUND_OFF)
+
+
+def test_the_analytic_model_is_stiffer_in_plane_strain_by_the_sheet_modulus_of_its_hinges():
+    stress, strain = (analyse(of(model), 3).stiffness for model in ("plane_stress", "plane_strain"))
+    np.testing.assert_allclose(strain, stress / (1 - 0.29**2), rtol=ROUND_OFF, atol=1e-9)
+
+
+def test_both_models_take_plane_strain_alike():
+    """The calibrated analytic model is as near to the finite elements in plane strain as in plane stress."""
+    near = 3e-3  # 1.0e-3 in x, y and 1.5e-3 in theta in plane stress, and the mesh of resolution 6
+    for model in ("plane_stress", "plane_strain"):
+        solved = np.diag(solve_stage(of(model), 6).response.compliance)
+        np.testing.assert_allclose(np.diag(linked_compliance(of(model), "calibrated")), solved, rtol=near)
+
+
+def test_under_one_load_necks_in_plane_strain_have_the_von_mises_stress_of_a_held_uniaxial_one():
+    """The load fixes the stress in the plane; at a neck's edge it is uniaxial, and zz = nu xx in plane strain."""
+    uneven = 2e-2  # in-plane stress depends on the constants through the links alone, and nodal averages on the mesh
+    mesh, force = build_mesh(of("plane_strain"), 4), np.array([3.0, -2.0, 40.0])
+    stress, strain = (
+        load_case(stage, mesh, platform_response(mesh, plate_of(stage)), force).neck_stress
+        for stage in (of("plane_stress"), of("plane_strain"))
+    )
+    np.testing.assert_allclose(strain / stress, np.sqrt(1 - 0.29 + 0.29**2), rtol=uneven)
+
+
+@pytest.mark.parametrize("pull", [0.0, 0.29])
+def test_von_mises_is_that_of_the_three_principal_stresses(pull):
+    xx, yy, xy = 41.0, -17.0, 23.0
+    tensor = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, pull * (xx + yy)]])
+    one, two, three = np.linalg.eigvalsh(tensor)
+    expected = np.sqrt(((one - two) ** 2 + (two - three) ** 2 + (three - one) ** 2) / 2)
+    assert float(von_mises(np.array([xx, yy, xy]), pull)) == pytest.approx(expected, rel=ROUND_OFF)
+
+
+def test_a_corrected_stage_has_hinges_between_plane_stress_and_plane_strain():
+    stress, corrected, strain = (
+        hinge_compliance(of(model), "calibrated") for model in ("plane_stress", "corrected", "plane_strain")
+    )
+    for freedom in ("rotation", "axial"):
+        assert np.all(getattr(strain, freedom) < getattr(corrected, freedom))
+        assert np.all(getattr(corrected, freedom) < getattr(stress, freedom))
+
+
+def test_a_corrected_stage_multiplies_its_hinges_by_the_thickness_chart_and_leaves_its_links():
+    stage = of("corrected")
+    plain, found = hinge_compliance(of("plane_stress"), "koster"), hinge_compliance(stage, "koster")
+    expected = factors(stage.array("radius"), stage.array("neck"), stage.thickness, 0.29)
+    for one, other, factor in zip(plain, found, expected, strict=True):
+        np.testing.assert_allclose(other, one * factor, rtol=ROUND_OFF)
+    assert stage.elastic == of("plane_stress").elastic
+
+
+def test_plane_stress_is_the_default_and_leaves_the_hash_while_the_others_change_it():
+    said = Stage.model_validate({**_file(), "model": "plane_stress"})
+    assert said.hash == Stage.model_validate(_file()).hash
+    assert len({of(model).hash for model in ("plane_stress", "plane_strain", "corrected")}) == 3
+
+
+def test_finite_elements_refuse_a_corrected_stage_in_one_line():
+    with pytest.raises(BadInput, match=r'^model = "corrected".*expected "plane_stress" or "plane_strain"'):
+        solve_stage(of("corrected"), 4)
+
+
+def test_a_corrected_stage_off_the_thickness_chart_names_the_hinge():
+    thin = of("corrected").model_copy(update={"thickness": 0.2})
+    with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = 0\.5: .*thickness chart.*b/t = 0\.4"):
+        hinge_compliance(thin)
+
+
+def _file() -> dict[str, object]:
+    import tomllib
+
+    return tomllib.loads((Path(__file__).parents[1] / "geometry" / "mobility6.toml").read_text())
