@@ -67,9 +67,8 @@ def print_analytic(facts: Facts) -> None:
 def print_solution(facts: Facts) -> None:
     """Print what `solve` found."""
     out = _people()
-    out.print(
-        f"{facts['name']}: finite elements, {_plane(facts)}, {facts['triangles']} triangles, {facts['unknowns']} unknowns"
-    )
+    size = f"{facts['triangles']} triangles, {facts['unknowns']} unknowns"
+    out.print(f"{facts['name']}: finite elements, {_plane(facts)}, {size}")
     _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
     _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
     if any(facts["force"]):

@@ -149,7 +149,7 @@ def nodal_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
 
 
 def von_mises(stress: Array, pull: float = 0.0) -> Array:
-    """Von Mises stress (...) from xx, yy, xy (..., 3), MPa; zz is `pull` times xx + yy: 0 in plane stress, nu in strain."""
+    """Von Mises stress (...) from xx, yy, xy (..., 3), MPa; zz = `pull` (xx + yy): 0 in plane stress, nu in strain."""
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     zz = pull * (xx + yy)
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2))
