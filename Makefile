@@ -28,9 +28,10 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 reports/%.json: cases/%.toml $(STAGES) $(MODEL_CODE) $(SETUP)
 	@$(FLEXFEM) verify $< --output reports
 
-full-report: reproduce-figures ## also error budgets, mesh studies, benchmarks, hinge formulas and the paper's claims
+full-report: reproduce-figures ## also error budgets, large displacements, mesh studies, benchmarks, hinge formulas and the paper's claims
 	@for stage in mobility3 mobility6; do \
 	    $(FLEXFEM) budget geometry/$$stage.toml --output reports && \
+	    $(FLEXFEM) workspace geometry/$$stage.toml --output reports && \
 	    $(FLEXFEM) converge geometry/$$stage.toml --output reports || exit 1; done
 	@$(FLEXFEM) benchmark --output reports
 	@$(FLEXFEM) formulas --output reports

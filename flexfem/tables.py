@@ -169,6 +169,34 @@ def print_budget(facts: Facts) -> None:
     _print_assumed(out, facts)
 
 
+def print_workspace(facts: Facts) -> None:
+    """Print what the terms of (16) and large displacements are worth, at a tenth of the commands and at all of them."""
+    out = _people()
+    out.print(
+        f"{facts['stage']}: large displacements, mobility {facts['mobility']}, {facts['formula']}, against nonlinear "
+        f"finite elements of {facts['unknowns']} unknowns"
+    )
+    kinds = {"stiffness": "tangent stiffness, change from rest", "position": "linear position error, along"}
+    kinds["across"] = "linear position error, across"
+    models = ("without", "tangent", "exact", "elements", "loaded")
+    columns = ("(16) less its terms", "(16)", "exact", "elements", "elements, same load")
+    table = Table("per cent", "commanded", "at", *columns, box=None, padding=(0, 2, 0, 0))
+    for kind, name in kinds.items():
+        for axis in DIRECTIONS:
+            for point in facts["travel"][axis]["points"]:
+                unit = "mrad" if axis == "theta" else "um"
+                numbers = (f"{point[kind][m]:+z.4f}" if m in point[kind] else "" for m in models)
+                table.add_row(name, axis, f"{1e3 * point['commanded']:+g} {unit}", *numbers)
+    out.print(table)
+    for part, size in (("small", "a tenth of these commands"), ("box", "all of them")):
+        box = facts[part]
+        out.print(
+            f"anywhere within {size}: linear position off by up to {box['position']:.3f} %, the second-order terms of "
+            f"(16) change the tangent compliance by up to {box['terms']:.3f} %"
+        )
+    _print_assumed(out, facts)
+
+
 def print_formulas(facts: Facts) -> None:
     """Print the hinge formulas, one a line and its source below."""
     out = _people()

@@ -259,6 +259,26 @@ def test_a_cross_check_passes_and_an_unknown_solver_is_refused(flexfem):
     assert (code, out) == (2, "") and "ngsolve" in err
 
 
+@pytest.mark.slow
+def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
+    facts = machine(flexfem, "workspace", STAGE, "--amplitude-um", 100, "--output", tmp_path)
+    assert facts["amplitude"] == pytest.approx({"x": 0.1, "y": 0.1, "theta": 0.002})
+    assert (tmp_path / "mobility6-workspace.png").stat().st_size > 10_000
+    assert json.loads((tmp_path / "mobility6-workspace.json").read_text()) == facts
+
+
+@pytest.mark.parametrize("amplitude", ["nan", "-1", "inf", "1e9"])
+def test_an_amplitude_that_is_no_distance_is_refused(flexfem, amplitude):
+    code, out, err = flexfem("workspace", STAGE, f"--amplitude-um={amplitude}")
+    assert code == 2 and not out and "amplitude" in err
+
+
+def test_benchmarks_draw_the_elastica_and_the_tangent(flexfem, tmp_path):
+    machine(flexfem, "benchmark", "--name", "elastica", "--name", "tangent", "--output", tmp_path)
+    written = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert {"elastica.png", "elastica.pdf", "tangent.png", "tangent.pdf", "benchmarks.md"} <= written
+
+
 def test_one_benchmark_alone(flexfem, tmp_path):
     facts = machine(flexfem, "benchmark", "--name", "patch-test", "--output", tmp_path)
     assert facts["passed"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flexfem.benchmark import beams, curved, holes, invariants, manufactured, membranes, notches
+from flexfem.benchmark import beams, curved, elastica, holes, invariants, manufactured, membranes, notches, taylor
 from flexfem.benchmark.finding import Finding
 from flexfem.errors import BadInput
 from flexfem.files import write_atomically
@@ -29,6 +29,8 @@ BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
         "macneal-harder-curved-beam": curved.run,
         "timoshenko-cantilever": beams.timoshenko,
         "circular-notch": notches.run,
+        "elastica": elastica.run,
+        "tangent": taylor.run,
     }
 )
 

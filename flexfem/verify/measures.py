@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.mobility import freedoms_of, mobility
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.stiffness import Mechanism, dot, inverse_kinematics, split, stiffness
+from flexfem.analytic.second_order import missed
+from flexfem.analytic.stiffness import inverse_kinematics, stiffness
 from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
@@ -131,9 +131,8 @@ def _diagonal(on: Evidence) -> Finding:
 def _second_order(on: Evidence) -> Finding:
     of = assemble(on.six.stage, on.six.mobility)
     lever = on.six.stage.chain.link_lengths[2]
-    grid = np.array([p for p in np.ndindex(3, 3, 3) if p != (1, 1, 1)]) - 1.0
-    moved, terms = _nonlinearity(of, grid * on.amplitude, lever)
-    far, _ = _nonlinearity(of, 10 * grid * on.amplitude, lever)
+    moved, terms = (100 * value for value in missed(of, on.amplitude, lever))
+    far = 100 * missed(of, 10 * on.amplitude, lever).position
     x, _, theta = 1e3 * on.amplitude
     said = (
         f"exact and linear position differ by up to {moved:.3f} % within {x:g} um and {theta:g} mrad, the two terms"
@@ -141,20 +140,6 @@ def _second_order(on: Evidence) -> Finding:
         f" to {far:.2f} %"
     )
     return Finding((moved,), said)
-
-
-def _nonlinearity(of: Mechanism, poses: Array, lever: float) -> tuple[float, float]:
-    """Largest difference, per cent, of linear and exact position, and of tangents with and without the two terms."""
-    rest, exact, scale = stiffness(of), at_pose(of, poses), np.array([1.0, 1.0, lever])
-    linear = exact.load @ rest.C_uu
-    moved = np.linalg.norm((linear - poses) * scale, axis=-1) / np.linalg.norm(poses * scale, axis=-1)
-    at = stiffness(of, exact.displacement, exact.load)
-    _, tau_p = split(-of.springs * exact.displacement, of.choice)
-    S = dot(tau_p, at.influence.H_p) + dot(exact.load, at.influence.H_u)
-    G_u = at.influence.G_u
-    without = G_u @ np.linalg.inv(at.K_aa + S) @ np.swapaxes(G_u, -1, -2)  # (16) less its last two terms
-    with_, less = (np.diagonal(C, axis1=-2, axis2=-1) for C in (at.C_uu, without))
-    return 100 * float(np.max(moved)), 100 * float(np.max(np.abs(with_ / less - 1)))
 
 
 def _minimum_energy(on: Evidence) -> Finding:

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from flexfem.benchmark import curved, holes, manufactured, membranes
+from flexfem.benchmark import curved, elastica, holes, manufactured, membranes, taylor
 from flexfem.benchmark.finding import Finding
 from flexfem.benchmark.registry import BENCHMARKS
 from flexfem.fem.grids import on_chords
@@ -123,3 +123,18 @@ def test_paros_weisbord_1965_notch_as_the_neck_grows_thin() -> None:
     found = passing("circular-notch")
     assert found["rotation over (2), limit"].allowed <= 1e-3  # one per cent in (2) does not pass
     assert found["axial over (3), limit"].allowed <= 5e-3
+
+
+def test_bisshopp_drucker_1945_elastica() -> None:
+    """The elliptic integrals are those of the published table, to its five digits."""
+    assert len(passing("elastica")) == 6
+    for load, printed in elastica.PRINTED.items():
+        assert elastica.tip(load) == pytest.approx(printed, abs=6e-6)
+    assert elastica.bending().across[-1] > 0.8  # and the displacements are large
+
+
+def test_taylor_remainder_of_the_tangent_stiffness_is_of_second_order() -> None:
+    passing("tangent")
+    found = taylor.remainders()
+    assert found.slope(found.material, taylor.SMALL) == pytest.approx(1.0, abs=0.01)  # the geometric part is needed
+    assert found.ours.min() < 1e-13  # down to round-off

@@ -1,0 +1,147 @@
+"""What large displacements do to a stage over its workspace, and what the second-order terms of (16) are worth.
+
+Four ways to the load that holds the platform at a pose: linear, by (18) with the stiffness at rest; the stiffness (16)
+of the displaced stage without its second-order terms, summed along the way; (16) as it stands, likewise; and exact
+equilibrium of the pseudo-rigid stage. Beside them nonlinear finite elements. Each witness is compared with its own
+linear answer: what the hinge formulas err by is there with and without displacement, and drops out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
+from flexfem.analytic.second_order import along, missed, summed_loads, tangents
+from flexfem.analytic.stiffness import Mechanism, stiffness
+from flexfem.arrays import Array, Index
+from flexfem.design import Stage
+from flexfem.fem.nonlinear import equilibrium, imposed
+from flexfem.fem.response import plate_of
+from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.protocol import Solved, percentages, solve_stage
+from flexfem.verify.result import versions
+from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
+
+AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml
+TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
+RESOLUTION = 4  # with 8, compliances move by up to 0.09 % and the percentages here by 2.2e-4 points
+STEPS = 20  # commands on either side of rest
+SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # of STEPS, where finite elements are solved
+STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a tenth of the amplitude and all of it
+SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
+
+
+def workspace(
+    path: Path,
+    stage: Stage,
+    amplitude: float = AMPLITUDE,
+    resolution: int = RESOLUTION,
+    solve: Callable[[Stage, int], Solved] = solve_stage,
+) -> Workspace:
+    """Travel of a feasible stage up to `amplitude`, mm, in X and Y, and `TURN` times that in theta, on both sides.
+
+    Raises BadInput for a stage whose model is not plane, ComputationFailed when a pose is out of reach.
+    """
+    model, of, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
+    reach = amplitude * np.array([1.0, 1.0, TURN])
+    solved = solve(stage, resolution)
+    small, box = (missed(of, part * reach, lever) for part in (STATED[2] / STEPS, 1.0))
+    return Workspace(
+        stage=stage.name,
+        file=str(path),
+        hash=stage.hash,
+        plane=stage.model,
+        mobility=model.mobility,
+        formula=DEFAULT_FORMULA,
+        assumed=list(stage.assumed),
+        amplitude=dict(zip(DIRECTIONS, reach.tolist(), strict=True)),
+        resolution=resolution,
+        unknowns=solved.response.unknowns,
+        travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, reach, strict=True)},
+        small=Box(position=100 * small.position, terms=100 * small.terms),
+        box=Box(position=100 * box.position, terms=100 * box.terms),
+        versions=versions(),
+    )
+
+
+def _travel(stage: Stage, of: Mechanism, solved: Solved, direction: Direction, far: float) -> Travel:
+    axis, rest, step = DIRECTIONS.index(direction), stiffness(of), SLOPE_STEP * far
+    commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
+    at = tangents(of, along(commanded, axis))
+    ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))
+    slopes = {
+        "without": at.without[..., axis],
+        "tangent": at.tangent[..., axis],
+        "exact": (ahead - behind) / (2 * step),
+    }
+    changes = {name: 100 * (slope[:, axis] / rest.K_uu[axis, axis] - 1) for name, slope in slopes.items()}
+    loads = summed_loads(of, commanded, axis) | {"exact": at.load}
+    missing = {
+        name: _percent(stage, direction, load @ rest.C_uu - along(commanded, axis), commanded)
+        for name, load in loads.items()
+    }
+    elements = _elements(stage, solved, direction, commanded[STEPS + SOLVED], at.load[STEPS + STATED])
+    return Travel(
+        commanded=commanded.tolist(),
+        load=at.load.tolist(),
+        stiffness={name: values.tolist() for name, values in changes.items()},
+        position={name: values.tolist() for name, values in missing.items()},
+        elements=elements,
+        points=[_point(row, axis, commanded, changes, missing, elements) for row in range(len(STATED))],
+    )
+
+
+def _elements(stage: Stage, solved: Solved, direction: Direction, commanded: Array, loads: Array) -> Elements:
+    """Held at `commanded` (k,), and under the loads (4, 3), both reached outwards from rest."""
+    axis, plate, C = DIRECTIONS.index(direction), plate_of(stage), solved.response.compliance
+    held, strain = np.zeros((len(commanded), 3)), np.zeros(len(commanded))
+    tangent, loaded = np.tile(C, (len(commanded), 1, 1)), np.zeros((len(loads), 3))
+    for side in _outwards(commanded):
+        found = imposed(solved.mesh, plate, along(commanded[side], axis))
+        held[side], strain[side], tangent[side] = found.load, found.strain, found.compliance
+    for side in _outwards(STATED):
+        loaded[side] = equilibrium(solved.mesh, plate, loads[side]).pose
+    slope = np.linalg.inv(tangent)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
+    return Elements(
+        commanded=commanded.tolist(),
+        load=held.tolist(),
+        stiffness=(100 * (slope - 1)).tolist(),
+        position=_percent(stage, direction, held @ C - along(commanded, axis), commanded).tolist(),
+        strain=strain.tolist(),
+        loaded=loaded.tolist(),
+        loaded_position=_percent(stage, direction, loads @ C - loaded, loaded[:, axis]).tolist(),
+    )
+
+
+def _outwards(commanded: Array | Index) -> Iterator[Index]:
+    """Where the commands are on either side of rest, from rest outwards; they ascend."""
+    yield np.flatnonzero(commanded > 0)
+    yield np.flatnonzero(commanded < 0)[::-1]
+
+
+def _percent(stage: Stage, direction: Direction, missing: Array, moved: Array) -> Array:
+    """Errors (n, 3) in per cent of the displacements (n,); at rest, where they vanish with its square, zero."""
+    lever = stage.chain.link_lengths[2]
+    rows = zip(missing, moved.tolist(), strict=True)
+    return np.array([percentages(row, at, direction, lever) if at else np.zeros(3) for row, at in rows])
+
+
+def _point(
+    row: int, axis: int, commanded: Array, changes: dict[str, Array], missing: dict[str, Array], elements: Elements
+) -> Point:
+    """The numbers of `STATED[row]`."""
+    fine, coarse = STEPS + STATED[row], int(np.flatnonzero(STATED[row] == SOLVED)[0])
+    places = {name: values[fine] for name, values in missing.items()}
+    places |= {"elements": np.array(elements.position[coarse]), "loaded": np.array(elements.loaded_position[row])}
+    across = {name: np.delete(value, axis) for name, value in places.items()}
+    return Point(
+        commanded=float(commanded[fine]),
+        stiffness={name: float(values[fine]) for name, values in changes.items()}
+        | {"elements": elements.stiffness[coarse]},
+        position={name: float(value[axis]) for name, value in places.items()},
+        across={name: float(value[np.argmax(np.abs(value))]) for name, value in across.items()},
+    )

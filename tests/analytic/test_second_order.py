@@ -1,0 +1,94 @@
+"""The second-order terms of (16): nothing at rest, a third of every first-order change, and only together a number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.loops import rank_revealing
+from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.second_order import along, missed, summed_loads, tangents, without_terms
+from flexfem.analytic.stiffness import dot, mechanism, split, stiffness
+
+POSE = np.array([0.31, -0.24, 0.012])  # mm, mm, rad
+LEVER = 24.0  # mm
+ROUNDING = 1e-9
+SUM = 1e-8  # four places of Gauss in each of ten parts of the way, and differences of loads
+DIFFERENCE = 1e-7  # central differences with a step of 1e-3 of the way
+
+
+@pytest.fixture
+def of(generic, table):
+    return mechanism(*generic(81), table)
+
+
+def test_at_rest_the_terms_vanish(of) -> None:
+    at = stiffness(of)
+    np.testing.assert_allclose(without_terms(of, at), at.K_uu, atol=ROUNDING * np.abs(at.K_uu).max())
+
+
+def test_without_the_terms_is_16_with_them_taken_off(of) -> None:
+    exact = at_pose(of, POSE)
+    at = stiffness(of, exact.displacement, exact.load)
+    _, tau_p = split(-of.springs * exact.displacement, of.choice)
+    S = dot(tau_p, at.influence.H_p) + dot(exact.load, at.influence.H_u)
+    G_u = at.influence.G_u
+    slow = np.linalg.inv(G_u @ np.linalg.inv(at.K_aa + S) @ G_u.T)
+    np.testing.assert_allclose(without_terms(of, at), slow, atol=1e-7 * np.abs(slow).max())  # K_aa rounds soft springs
+    assert np.abs(slow / at.K_uu - 1).max() > 1e-3  # otherwise the test would not see the terms
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_tangent_is_the_slope_of_the_exact_load(of, axis) -> None:
+    step = 1e-3 * POSE[axis]
+    ahead, behind = at_pose(of, POSE + np.array([[1.0], [-1.0]]) * along(np.array(step), axis)).load
+    found = tangents(of, POSE)
+    slope = (ahead - behind) / (2 * step)
+    np.testing.assert_allclose(found.tangent[:, axis], slope, atol=DIFFERENCE * np.abs(slope).max())
+    assert np.abs(found.without[:, axis] - slope).max() > 1e-4 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_tangent_summed_along_the_way_is_the_exact_load(of, axis) -> None:
+    commanded = np.abs(POSE[axis]) * np.linspace(-1, 1, 21)
+    exact, found = at_pose(of, along(commanded, axis)).load, summed_loads(of, commanded, axis)
+    scale = np.abs(exact).max(axis=0)
+    np.testing.assert_allclose(found["tangent"] / scale, exact / scale, atol=SUM)
+    assert np.abs((found["without"] - exact) / scale).max() > 1e-4
+    assert not found["tangent"][10].any() and not found["without"][10].any()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_terms_are_a_third_of_the_first_order_change_whatever_the_stage(of, axis) -> None:
+    """The energy of third order is `k phi_1 phi_2 u^3` with joints `phi = phi_1 u + phi_2 u^2`: its second derivative
+    is 6, `(d phi/du)^2 k` alone 4 of the same."""
+    rest, small = stiffness(of).K_uu[axis, axis], 1e-3 * POSE[axis]
+    both = tangents(of, along(np.array([small, -small]), axis))
+    uneven = {name: np.subtract(*getattr(both, name)[:, axis, axis]) / rest for name in ("tangent", "without")}
+    assert abs(uneven["tangent"]) > 1e-7
+    assert uneven["without"] / uneven["tangent"] == pytest.approx(2 / 3, abs=1e-4)
+
+
+def test_both_terms_together_do_not_depend_on_the_independent_joints_and_each_alone_does(generic) -> None:
+    of = mechanism(*generic(82), FREEDOMS_BY_MOBILITY[6])
+    other = of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
+    assert other.choice.independent.tolist() != of.choice.independent.tolist()
+    found, alone = [], []
+    for each in (of, other):
+        found.append(tangents(each, POSE))
+        exact = at_pose(each, POSE)
+        at = stiffness(each, exact.displacement, exact.load)
+        G_u = at.influence.G_u
+        one = at.K_aa + dot(exact.load, at.influence.H_u)  # (16) without the load's term
+        alone.append(np.linalg.inv(G_u @ np.linalg.inv(one) @ G_u.T))
+    for name in ("tangent", "without"):
+        one, two = (getattr(tangent, name) for tangent in found)
+        np.testing.assert_allclose(one, two, atol=1e-7 * np.abs(one).max())
+    assert np.abs(np.diag(alone[0]) / np.diag(alone[1]) - 1).max() > 1e-3
+
+
+def test_what_a_box_misses_grows_with_it_and_vanishes_with_it(of) -> None:
+    near, far = (missed(of, part * np.abs(POSE), LEVER) for part in (1e-3, 1e-2))
+    for small, large in zip(near, far, strict=True):
+        assert large / small == pytest.approx(10.0, rel=0.05)  # what follows the first order
