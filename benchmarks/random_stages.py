@@ -1,4 +1,4 @@
-"""Calibrated hinges with links as beams against finite elements extrapolated in the mesh, on random feasible stages.
+"""Calibrated hinges with elastic links and platform against extrapolated finite elements, on random feasible stages.
 
     python benchmarks/random_stages.py [--stages 40] [--seed 2003]
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.arrays import Array
-from flexfem.design import Stage
+from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import check_feasible
 from flexfem.verify.convergence import grid_convergence
@@ -61,12 +61,28 @@ def deviation(stage: Stage) -> Array:
     return 100 * (analytic / np.array(limits) - 1)
 
 
+def described(stage: Stage) -> str:
+    """The geometry of a stage in one line."""
+    chain, platform = stage.chain, stage.platform
+    lengths = ", ".join(f"{length:.1f}" for length in chain.link_lengths)
+    angles = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(chain.joint_angles))
+    hinges = [(name, stage.hinge(1, name)) for name in HINGE_NAMES]
+    notches = ", ".join(
+        f"{name} R {hinge.radius:.2f} t {hinge.neck:.2f} H/h {chain.link_width / (2 * hinge.radius + hinge.neck):.2f}"
+        for name, hinge in hinges
+    )
+    return (
+        f"links {lengths} mm, {chain.link_width:.1f} mm wide, {stage.thickness:.1f} mm thick; angles {angles} deg; "
+        f"{notches}; disc {platform.radius:.1f} mm, hub {platform.hub_radius:.1f} mm"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stages", type=int, default=40)
     parser.add_argument("--seed", type=int, default=2003)
     arguments = parser.parse_args()
-    rng, found = np.random.default_rng(arguments.seed), []
+    rng, stages, found = np.random.default_rng(arguments.seed), [], []
     while len(found) < arguments.stages:
         stage = draw(rng)
         try:
@@ -74,9 +90,14 @@ def main() -> None:
             linked_compliance(stage, "calibrated")
         except BadInput:
             continue
+        stages.append(stage)
         found.append(deviation(stage))
         print(f"{len(found):3}  {found[-1].round(3)}", flush=True)
-    print("median", np.median(np.abs(found), axis=0).round(3), "worst", np.max(np.abs(found), axis=0).round(3))
+    off = np.abs(found)
+    print("median", np.median(off, axis=0).round(3), "% in x, y, theta")
+    print("worst ", np.max(off, axis=0).round(3), "% in x, y, theta")
+    worst = int(np.argmax(np.max(off, axis=1)))
+    print(f"worst stage: {worst + 1}, {described(stages[worst])}")
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ class HingeChart(NamedTuple):
         inside = self.covers(tau, eta)
         across = _vander(np.clip(tau, *self.ratios), self.ratios, np.sqrt, self.series.shape[1])
         along = _vander(np.clip(eta, *self.heights), self.heights, np.log, self.series.shape[2])
-        found = (np.sum((across @ series) * along, axis=-1) for series in self.series)
+        found = (np.einsum("...m,...m->...", across @ series, along) for series in self.series)
         return Factors(*(np.where(inside, factor, np.nan) for factor in found))
 
 

@@ -17,20 +17,39 @@ def inverse(A: Array) -> Array:
     Rows and columns are scaled to unit largest entry first, so that the condition number (1-norm) does not depend on
     units of mm and rad. One singular design in a batch leaves the others untouched.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rows = 1.0 / np.max(np.abs(A), axis=-1, keepdims=True)
-        columns = 1.0 / np.max(np.abs(rows * A), axis=-2, keepdims=True)
-        scaled = rows * A * columns
-        finite = np.all(np.isfinite(scaled), axis=(-2, -1), keepdims=True)
-        scaled = np.where(finite, scaled, 0.0)
-        regular = np.linalg.slogdet(scaled).sign[..., None, None] != 0.0
-        inverted = np.linalg.inv(np.where(regular, scaled, np.eye(A.shape[-1])))
-        condition = _norm(scaled) * _norm(inverted)
-        trusted = np.where(regular & (condition <= SINGULAR), inverted, np.nan)
-        A_inverse: Array = np.swapaxes(columns, -1, -2) * trusted * np.swapaxes(rows, -1, -2)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        a = np.ascontiguousarray(np.moveaxis(A, (-2, -1), (0, 1)))  # entry by entry: many designs at full speed
+        rows = 1.0 / np.max(np.abs(a), axis=1, keepdims=True)
+        columns = 1.0 / np.max(np.abs(rows * a), axis=0, keepdims=True)
+        scaled = rows * a * columns
+        scaled = np.where(np.all(np.isfinite(scaled), axis=(0, 1)), scaled, 0.0)
+        inverted = _by_cofactors(scaled) if len(a) == 3 else _by_elimination(scaled)
+        trusted = _norm(scaled) * _norm(inverted) <= SINGULAR  # not for nan
+        inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
+        A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
         return A_inverse
 
 
-def _norm(A: Array) -> Array:
-    largest: Array = np.max(np.sum(np.abs(A), axis=-2, keepdims=True), axis=-1, keepdims=True)
+def _by_cofactors(a: Array) -> Array:
+    """Inverse of (3, 3, ...), not finite where singular."""
+    x, y, z = a
+    adjugate: Array = np.stack([_cross(y, z), _cross(z, x), _cross(x, y)], axis=1)
+    inverted: Array = adjugate / np.sum(x * adjugate[:, 0], axis=0)
+    return inverted
+
+
+def _by_elimination(a: Array) -> Array:
+    """Inverse of (n, n, ...), nan where singular."""
+    matrices = np.moveaxis(a, (0, 1), (-2, -1))
+    regular = np.linalg.slogdet(matrices).sign[..., None, None] != 0.0
+    inverted = np.where(regular, np.linalg.inv(np.where(regular, matrices, np.eye(len(a)))), np.nan)
+    return np.moveaxis(inverted, (-2, -1), (0, 1))
+
+
+def _cross(v: Array, w: Array) -> Array:
+    return np.stack([v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]])
+
+
+def _norm(a: Array) -> Array:
+    largest: Array = np.max(np.sum(np.abs(a), axis=0), axis=0)
     return largest

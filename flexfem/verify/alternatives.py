@@ -18,7 +18,7 @@ from flexfem.analytic.links import body_compliance
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.notch import formula
-from flexfem.analytic.serial import chain_compliance
+from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Hinge, Stage, elastic
@@ -178,19 +178,15 @@ def with_necks(stage: Stage, ratio: float) -> Stage:
 def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:
     """Error percentages (draws, 3, 3) of stages whose nine necks are normally scattered, mm, about the drawn ones.
 
-    The metal is the calibrated hinges with links and pads as beams; the model knows the drawn dimensions.
+    The metal is the calibrated hinges with elastic pads, links and platform; the model knows the drawn dimensions.
     """
     lever = stage.chain.link_lengths[2]
     neck = stage.array("neck") + deviation * np.random.default_rng(seed).normal(size=(draws, 3, 3))
     hinges = formula(CALIBRATED).compliance(
-        stage.array("radius"),
-        neck,
-        stage.thickness,
-        *stage.elastic,
-        block_height=stage.chain.link_width,
+        stage.array("radius"), neck, stage.thickness, *stage.elastic, block_height=stage.chain.link_width
     )
-    chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21)) + body_compliance(stage)
-    real = inverse(np.sum(inverse(chains), axis=-3))
+    chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21))
+    real = inverse(np.sum(chain_wrenches(chains, body_compliance(stage)), axis=-3))
     K = analyse(stage, model).stiffness
     return np.array([error_matrix(K, each, lever) for each in real])
 

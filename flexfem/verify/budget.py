@@ -31,7 +31,7 @@ SHARES = (
     "freedoms left out of the model",
     "hinge formula",
     "links, pads and platform as rigid",
-    "what the chart and the beams leave",
+    "what the chart and the links leave",
     "large displacement",
 )
 

@@ -1,0 +1,117 @@
+"""The platform as a plane body: its half notches against the hinge chart, its symmetries, its elements."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.analytic import platform
+from flexfem.analytic.model import hinge_compliance
+from flexfem.analytic.platform import _circulant, _half_hinge, platform_compliance
+from flexfem.design import Stage
+from flexfem.errors import BadInput
+
+ROOT = Path(__file__).parents[2]
+SIZES = ("ACROSS", "GROWTH", "COARSEST", "RING", "TURN")
+ROUND_OFF = 1e-9
+CHART = 2e-3  # half hinges of fine boundary elements against the chart's finite elements: 0.9e-3 was seen
+ELEMENTS = 4e-2  # of what the platform adds, itself 2 % of the stage's, when all elements are halved: 2.3e-2 was seen
+FADED = 5e-4  # what the block's end does to the notch: 2e-4 was seen
+
+
+def stage(**changes: object) -> Stage:
+    data = tomllib.loads((ROOT / "geometry/mobility6.toml").read_text())
+    data["material"]["poissons_ratio"] = 0.29
+    for path, value in changes.items():
+        table, key = path.split("__")
+        (data[table] if table != "top" else data)[key] = value
+    return Stage.model_validate(data)
+
+
+def finer(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    for name in SIZES:
+        monkeypatch.setattr(platform, name, getattr(platform, name) / factor)
+
+
+def test_half_a_hinge_of_boundary_elements_is_half_of_that_of_finite_elements(monkeypatch):
+    """Two methods, one number: what bends and slides differently in the two halves cancels in the whole."""
+    of = stage(chain__link_width_mm=9.3)
+    hinges = hinge_compliance(of, "calibrated")
+    expected = [hinges.rotation[0, 2] / 2, hinges.axial[0, 2] / 2, hinges.shear[0, 2] / 2]
+    finer(monkeypatch, 8)
+    half = _half_hinge(of, of.hinge(1, "platform"))
+    np.testing.assert_allclose(np.diag(half), expected, rtol=CHART)
+    assert abs(half[0, 1]) + abs(half[1, 2]) < ROUND_OFF * half[1, 1]  # stretch is even about the axis
+    assert half[0, 2] < 0  # a force to the left at the neck turns it clockwise
+
+
+def test_half_a_hinge_does_not_depend_on_the_length_of_its_block(monkeypatch):
+    of = stage()
+    short = _half_hinge(of, of.hinge(1, "platform"))
+    monkeypatch.setattr(platform, "BLOCK", 2.6)
+    np.testing.assert_allclose(_half_hinge(of, of.hinge(1, "platform")), short, rtol=FADED, atol=FADED * short[1, 1])
+
+
+def test_the_platform_is_reciprocal_positive_and_three_fold_symmetric():
+    C = platform_compliance(stage())
+    size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
+    np.testing.assert_allclose(C / size, C.T / size, atol=ROUND_OFF)
+    assert np.linalg.eigvalsh(C / size).min() > 0
+    c, s = np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)
+    R = np.kron(np.roll(np.eye(3), 1, axis=0), [[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+    np.testing.assert_allclose(R @ C @ R.T / size, C / size, atol=ROUND_OFF)
+
+
+def test_a_load_of_chain_one_reaches_chain_two_as_that_of_the_first_copy_the_next():
+    first, following, last = added = np.random.default_rng(5).normal(size=(3, 3, 3))
+    found = _circulant(added)
+    np.testing.assert_array_equal(found[:, 0], [first, following, last])
+    np.testing.assert_array_equal(found[:, 2], [following, last, first])
+
+
+def test_one_other_hinge_changes_its_own_lug_and_what_the_others_do_to_it():
+    other = {"chain": 2, "hinge": "platform", "neck_mm": 0.61}
+    C, changed = (platform_compliance(of).reshape(3, 3, 3, 3) for of in (stage(), stage(top__override=[other])))
+    same = [np.allclose(C[i, :, j], changed[i, :, j], rtol=ROUND_OFF, atol=0) for i in range(3) for j in range(3)]
+    assert same == [i != 1 and j != 1 for i in range(3) for j in range(3)]
+    np.testing.assert_allclose(changed.reshape(9, 9), changed.reshape(9, 9).T, rtol=1e-6)
+
+
+def test_finer_elements_change_little(monkeypatch):
+    C = platform_compliance(stage())
+    finer(monkeypatch, 2)
+    np.testing.assert_allclose(np.diag(platform_compliance(stage())), np.diag(C), rtol=ELEMENTS)
+
+
+def test_a_thin_ring_around_the_hub_costs_no_more_elements_than_a_wide_one_and_is_stiffer():
+    thin, wide = (platform_compliance(stage(platform__hub_radius_mm=hub)) for hub in (16.9, 8.0))
+    assert np.all(np.diag(thin)[[0, 1]] < np.diag(wide)[[0, 1]])
+
+
+def test_a_sheet_twice_as_large_in_all_directions_is_twice_as_stiff():
+    """Compliances in mm/N, 1/N and 1/(N mm) fall by two, four and eight."""
+    hinges = {name: (radius, 0.5) for name, radius in (("base", 4.0), ("elbow", 1.5), ("platform", 1.5))}
+
+    def scaled(k: float) -> Stage:
+        sheet = {name: {"radius_mm": k * radius, "neck_mm": k * neck} for name, (radius, neck) in hinges.items()}
+        return stage(
+            top__provenance={},
+            top__thickness_mm=k * 10.0,
+            top__hinges=sheet,
+            chain__link_width_mm=k * 9.0,
+            chain__link_lengths_mm=[k * 30.0, k * 32.0, k * 24.0],
+            platform__radius_mm=k * 17.0,
+            platform__hub_radius_mm=k * 8.0,
+        )
+
+    falls = np.kron(np.ones((3, 3)), [[2, 2, 4], [2, 2, 4], [4, 4, 8.0]])
+    small, large = platform_compliance(scaled(1)), platform_compliance(scaled(2))
+    np.testing.assert_allclose(large * falls, small, rtol=1e-6)
+
+
+def test_lugs_without_room_between_them_are_refused():
+    with pytest.raises(BadInput, match=r"platform\.radius_mm"):
+        platform_compliance(stage(platform__radius_mm=6.0, chain__joint_angles_deg=[180.0, -90.0, 60.0]))
