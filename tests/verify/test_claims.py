@@ -48,7 +48,7 @@ EXPECTED = {
 
 
 def analytic_stand_in(stage, resolution):
-    """Calibrated hinges and elastic links in the place of finite elements: errors differ by 0.01 points, without a mesh."""
+    """Calibrated hinges and elastic links instead of finite elements: errors differ by 0.01 points, and no mesh."""
     return SimpleNamespace(mesh=None, response=SimpleNamespace(compliance=linked_compliance(stage, CALIBRATED)))
 
 
