@@ -257,7 +257,7 @@ def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
     return f"hinges.{hinge}.{key}"
 
 
-def key_paths(stage: Stage) -> tuple[str, ...]:
+def key_paths(stage: Table) -> tuple[str, ...]:
     """Return the key path of every table and value the file gives, provenance excepted, an array counting as one."""
     return tuple(path for path, _ in _walk(stage))
 

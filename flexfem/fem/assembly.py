@@ -15,7 +15,7 @@ FIRST, SECOND = np.tril_indices(6)  # the 21 pairs of a triangle's nodes
 ENTRIES = np.ravel_multi_index(
     (FIRST[:, None], [0, 0, 1, 1], SECOND[:, None], [0, 1, 0, 1]), (6, 2, 6, 2)
 ).ravel()  # of their 2 x 2 blocks in an element matrix
-CACHED = 2000  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
+CACHED = 400  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
 
 
 class Blocks(NamedTuple):

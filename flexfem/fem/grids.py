@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexfem.arrays import Array, Index
+from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import StageMesh, ordered, run_mesher
-from flexfem.fem.mesher import Job
 from flexfem.layout.outline import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh

@@ -15,7 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.errors import ComputationFailed
-from flexfem.fem.mesher import Export, Job
+from flexfem.fem.drawing import Job
+from flexfem.fem.mesher import Export
 from flexfem.layout.bodies import draw_sector, necks
 from flexfem.layout.frames import CHAIN_TURN, turned
 from flexfem.layout.outline import area
@@ -29,6 +30,10 @@ ARC_DIVISIONS = 3  # triangles per full turn of an arc, per triangle across a ne
 TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
 AREA_ERROR = 1e-3
+
+
+class MeshTimeout(ComputationFailed):
+    """gmsh was stopped because it took too long."""
 
 
 class StageMesh(NamedTuple):
@@ -57,12 +62,7 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = T
 
     Raises ComputationFailed when the mesh would be too large, is not made in time or fails its checks.
     """
-    estimate = estimate_triangles(stage, resolution)
-    if estimate > MOST_TRIANGLES:
-        raise ComputationFailed(
-            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
-            "a coarser resolution or thicker necks are needed"
-        )
+    refuse_size(estimate_triangles(stage, resolution))
     made: dict[tuple[Hinge, ...], dict[str, AnyArray]] = {}
     thirds = []
     for chain in (1, 2, 3):
@@ -73,6 +73,15 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = T
     mesh = welded(thirds)
     check_mesh(mesh, stage)
     return mesh
+
+
+def refuse_size(estimate: float) -> None:
+    """Raise ComputationFailed for more triangles than `MOST_TRIANGLES`."""
+    if estimate > MOST_TRIANGLES:
+        raise ComputationFailed(
+            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
+            "a coarser resolution or thicker necks are needed"
+        )
 
 
 def local_thickness(distance: Array, hinge: Hinge) -> Array:
@@ -88,13 +97,17 @@ def local_thickness(distance: Array, hinge: Hinge) -> Array:
 
 def estimate_triangles(stage: Stage, resolution: float) -> float:
     """About how many triangles the mesh of the whole stage will have (within a factor of two)."""
-    width, count = stage.chain.link_width, 0.0
+    drawn = (area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+    return estimate_drawn(stage, sum(drawn), resolution)
+
+
+def estimate_drawn(stage: Stage, drawn: float, resolution: float) -> float:
+    """As `estimate_triangles`, of a stage of known area, mm^2."""
+    width = stage.chain.link_width
     coarse = COARSEST * width
     rim, middle = rim_of(stage)
-    count += 2 * np.pi * middle * rim / min(coarse, COARSEST * rim) ** 2
+    count = 2 * np.pi * middle * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
     for chain in (1, 2, 3):
-        faces = draw_sector(stage, chain)
-        count += sum(area(face.loop) for face in faces.values()) / coarse**2
         for name in HINGE_NAMES:
             hinge = stage.hinge(chain, name)
             x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
@@ -135,7 +148,7 @@ def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
     try:
         child = subprocess.run(command, input=pickle.dumps(job), capture_output=True, timeout=time_limit, check=False)
     except subprocess.TimeoutExpired:
-        raise ComputationFailed(f"gmsh was stopped: not done within {time_limit:g} s") from None
+        raise MeshTimeout(f"gmsh was stopped: not done within {time_limit:g} s") from None
     if child.returncode != 0:
         said = child.stderr.decode(errors="replace").strip().splitlines()
         raise ComputationFailed(said[-1] if said else f"gmsh ended with exit code {child.returncode}")
@@ -184,12 +197,22 @@ def ordered(mesh: StageMesh) -> StageMesh:
 
 def _cut(third: dict[str, AnyArray], label: str) -> Index:
     """Nodes of a third on one of its cuts, from the hub outwards."""
-    found = np.unique(third["edges"][third["edge_labels"] == label])
-    return np.asarray(found[np.argsort(np.hypot(*third["nodes"][found].T))])
+    return outwards(third["nodes"], third["edges"][third["edge_labels"] == label])
+
+
+def outwards(nodes: Array, edges: Index) -> Index:
+    """The nodes of some edges by their distance from the origin."""
+    found = np.unique(edges)
+    return np.asarray(found[np.argsort(np.hypot(*nodes[found].T))])
 
 
 def check_mesh(mesh: StageMesh, stage: Stage) -> None:
     """Refuse a mesh that is not the stage. Raises ComputationFailed and says what is wrong."""
+    check_triangles(mesh, sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()))
+
+
+def check_triangles(mesh: StageMesh, drawn: float) -> None:
+    """Refuse triangles that are not in one piece, of the drawn area, mm^2, and well shaped; as `check_mesh`."""
     n = len(mesh.nodes)
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
@@ -198,11 +221,11 @@ def check_mesh(mesh: StageMesh, stage: Stage) -> None:
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
     if pieces != 1:
         raise ComputationFailed(f"mesh falls into {pieces} pieces, expected 1: a neck is severed")
-    drawn = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
-    meshed = float(np.sum(jacobians(mesh)[:, -1]) / 2)
+    found = jacobians(mesh)
+    meshed = float(np.sum(found[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
         raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} to {AREA_ERROR:g}")
-    quality = least_scaled_jacobian(mesh)
+    quality = scaled(found)
     if quality < LEAST_JACOBIAN:
         raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")
 
@@ -223,5 +246,9 @@ def jacobians(mesh: StageMesh) -> Array:
 
 def least_scaled_jacobian(mesh: StageMesh) -> float:
     """Smallest Jacobian determinant over the mean one of its triangle: 1 where straight, 0 where folded."""
-    found = jacobians(mesh)
+    return scaled(jacobians(mesh))
+
+
+def scaled(found: Array) -> float:
+    """As `least_scaled_jacobian`, of the determinants and means (m, 7) that `jacobians` returns."""
     return float(np.min(found[:, :6] / found[:, 6:]))

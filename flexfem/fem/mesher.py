@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.layout.outline import Face
+from flexfem.fem.drawing import LINEAR, QUADRATIC, Curve, Job, collect, draw, set_cones, set_sizes
 
 OPTIONS = {
     "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
@@ -34,21 +34,6 @@ LIBRARIES = {
     "libXinerama.so.1": "libxinerama1",
     "libgomp.so.1": "libgomp1",
 }
-SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
-
-
-class Job(NamedTuple):
-    """Faces that share curves, and how finely to mesh them.
-
-    sizes : expressions in x and y, mm, whose least is the size of a triangle.
-    curvature : triangles per full turn of an arc.
-    divisions : for the labels named, the number of equal edges along each segment.
-    """
-
-    faces: list[Face]
-    sizes: list[str]
-    curvature: float
-    divisions: dict[str, int]
 
 
 class Export(NamedTuple):
@@ -99,82 +84,23 @@ def mesh_faces(job: Job) -> dict[str, AnyArray]:
     Returns
     -------
     nodes (n, 2) in mm; triangles (m, 6) corners then middles, faces (m,) index of each triangle's face;
-    edges (k, 3) ends then middle, edge_labels (k,) text.
+    edges (k, 3) ends then middle, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. With cones
+    the triangles (m, 3) and edges (k, 2) have no middles yet: `thirds.curved` adds them faster than gmsh.
     """
     with gmsh_session() as gmsh:
-        curves, surfaces = _draw(gmsh.model.occ, job.faces)
-        gmsh.model.occ.synchronize()
-        for curve, label in curves.items():
-            if label in job.divisions:
-                gmsh.model.mesh.setTransfiniteCurve(curve, job.divisions[label] + 1)
-        _set_sizes(gmsh, job)
+        kernel = gmsh.model.geo if job.cones else gmsh.model.occ
+        curves, surfaces = draw(kernel, job.faces)
+        kernel.synchronize()
+        for tag, curve in curves.items():
+            if curve.label in job.divisions:
+                gmsh.model.mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
+        (set_cones if job.cones else set_sizes)(gmsh, job)
         gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(2)
-        return _collect(gmsh.model.mesh, surfaces, curves)
-
-
-def _draw(occ: Any, faces: list[Face]) -> tuple[dict[int, str], list[int]]:
-    """Draw every point and curve once; returns the curves with their labels, and the surfaces."""
-    points: list[tuple[complex, int]] = []
-    curves: dict[tuple[int, int], int] = {}
-    labels: dict[int, str] = {}
-    surfaces = []
-
-    def point(at: complex) -> int:
-        known = next((tag for place, tag in points if abs(place - at) < SAME_POINT), None)
-        if known is None:
-            known = occ.addPoint(at.real, at.imag, 0.0)
-            points.append((at, known))
-        return known
-
-    for face in faces:
-        loop = []
-        for segment, label in zip(face.loop, face.labels, strict=True):
-            start, end = point(segment.start), point(segment.end)
-            if start == end:  # an arc of a bend too slight to draw
-                continue
-            if (end, start) in curves:
-                loop.append(-curves[end, start])
-                continue
-            if segment.centre is None:
-                tag = occ.addLine(start, end)
-            else:
-                tag = occ.addCircleArc(start, occ.addPoint(segment.centre.real, segment.centre.imag, 0.0), end)
-            curves[start, end], labels[tag] = tag, label
-            loop.append(tag)
-        surfaces.append(occ.addPlaneSurface([occ.addCurveLoop(loop)]))
-    return labels, surfaces
-
-
-def _set_sizes(gmsh: Any, job: Job) -> None:
-    field = gmsh.model.mesh.field
-    tags = []
-    for expression in job.sizes:
-        tags.append(field.add("MathEval"))
-        field.setString(tags[-1], "F", expression)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", tags)
-    field.setAsBackgroundMesh(smallest)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", job.curvature)
-
-
-def _collect(mesh: Any, surfaces: list[int], curves: dict[int, str]) -> dict[str, AnyArray]:
-    tags, xyz, _ = mesh.getNodes()
-    place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    place[tags] = np.arange(len(tags))
-    triangles = [place[mesh.getElementsByType(9, surface)[1].reshape(-1, 6)] for surface in surfaces]
-    edges = [place[mesh.getElementsByType(8, curve)[1].reshape(-1, 3)] for curve in curves]
-    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
-    back = np.full(len(tags), -1)
-    back[used] = np.arange(len(used))
-    return {
-        "nodes": xyz.reshape(-1, 3)[used, :2],
-        "triangles": renumbered.reshape(-1, 6),
-        "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": back[np.concatenate(edges)],
-        "edge_labels": np.repeat(np.array(list(curves.values())), [len(e) for e in edges]),
-    }
+        if not job.cones:
+            gmsh.model.mesh.setOrder(2)
+            return collect(gmsh.model.mesh, surfaces, curves, QUADRATIC)
+        told = {tag: curve for tag, curve in curves.items() if curve != Curve("free", None)}
+        return collect(gmsh.model.mesh, surfaces, told, LINEAR)
 
 
 def write_msh(export: Export) -> dict[str, AnyArray]:

@@ -62,6 +62,11 @@ def plate_of(stage: Stage) -> Plate:
     return Plate(float(E), float(nu), stage.thickness)
 
 
+def pull_of(stage: Stage) -> float:
+    """The stress out of the plane over the sum of those in it: `pull` of `plane_stress.von_mises`."""
+    return stage.material.poissons_ratio if stage.model == "plane_strain" else 0.0
+
+
 def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Response:
     """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature.
 
@@ -90,7 +95,7 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -
     response = Response(
         compliance=motion[-3:],
         fields=fields,
-        reactions=_resultants(mesh, forces),
+        reactions=resultants(mesh, forces),
         energy=np.einsum("ind,jnd->ij", fields, forces),
         unknowns=len(loads),
     )
@@ -133,30 +138,38 @@ def tie_hub(mesh: StageMesh) -> Tied:
     free = np.flatnonzero(number == 0)
     number[free] = np.arange(len(free))
     number[hub] = len(free) + np.arange(len(hub))
-    x, y = mesh.nodes[hub].T
-    one, zero = np.ones(len(hub)), np.zeros(len(hub))
-    rigid = np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3)
-    return Tied(number, free, hub, sp.csr_array(rigid))
+    return Tied(number, free, hub, rigid_motion(mesh.nodes[hub]))
+
+
+def rigid_motion(nodes: Array) -> sp.csr_array:
+    """Displacements (2h, 3) of nodes (h, 2) per pose, `u = U + theta x r`."""
+    x, y = nodes.T
+    one, zero = np.ones(len(nodes)), np.zeros(len(nodes))
+    return sp.csr_array(np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3))
 
 
 def check_balance(response: Response, size: float) -> None:
     """Refuse a response whose reactions or energies do not match its loads; `size` mm makes moments comparable."""
+    for name, worst in imbalance(response, size).items():
+        if not worst <= BALANCE:
+            raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
+
+
+def imbalance(response: Response, size: float) -> dict[str, float]:
+    """What reactions and loads, and energy and work, differ by relative to the loads; arguments as `check_balance`."""
     scale = np.array([1.0, 1.0, 1.0 / size])
     unbalanced = np.max(np.abs((response.reactions + np.eye(3)) * scale), axis=1) / scale
     work = np.abs(response.energy - response.compliance) / np.sqrt(
         np.abs(np.outer(np.diag(response.compliance), np.diag(response.compliance)))
     )
-    for name, worst in (("reactions and load", np.max(unbalanced)), ("strain energy and work", np.max(work))):
-        if not worst <= BALANCE:
-            raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
+    return {"reactions and load": float(np.max(unbalanced)), "strain energy and work": float(np.max(work))}
 
 
 def load_case(stage: Stage, mesh: StageMesh, response: Response, force: Array) -> LoadCase:
     """Combine the unit responses to one load (3,), N, N and N mm, at the platform centre."""
     force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)
-    pull = stage.material.poissons_ratio if stage.model == "plane_strain" else 0.0
-    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), pull)
+    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), pull_of(stage))
     return LoadCase(
         force=force,
         pose=response.compliance @ force,
@@ -178,7 +191,7 @@ def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     return found
 
 
-def _resultants(mesh: StageMesh, forces: Array) -> Array:
+def resultants(mesh: StageMesh, forces: Array) -> Array:
     """Force and moment about the origin (3 loads, 3) of nodal forces (3 loads, n, 2) on the clamped edges."""
     ground = np.unique(mesh.edges["ground"])
     x, y = mesh.nodes[ground].T

@@ -22,6 +22,7 @@ from flexfem.design import HINGE_NAMES, Hinge, Stage, key_of
 from flexfem.errors import BadInput
 from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.layout.outline import Face, Segment, polyline, reverse
+from flexfem.layout.remembered import of_last_stage
 from flexfem.layout.strip import Pose, offset, shortest_path
 
 FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
@@ -30,6 +31,7 @@ NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut betwee
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
+@of_last_stage
 def necks(stage: Stage, chain: int) -> list[Pose]:
     """Neck centres and directions of one chain (1 to 3), base to platform."""
     placed = stage_frames(stage)
@@ -90,6 +92,7 @@ def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
     return [pad, notches[0][1] + first, notches[1][1] + second, notches[2][1] + lug_side(stage, chain, side)]
 
 
+@of_last_stage
 def lug_side(stage: Stage, chain: int, side: int) -> list[Segment]:
     """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
 
@@ -129,6 +132,7 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
 
+@of_last_stage
 def cut_angle(stage: Stage) -> float:
     """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
 
@@ -148,6 +152,7 @@ def cut_angle(stage: Stage) -> float:
     return float(seen + (min(first) + max(last) - CHAIN_TURN) / 2)
 
 
+@of_last_stage
 def draw_sector(stage: Stage, chain: int) -> dict[str, Face]:
     """Draw the bodies of the third of the stage that holds one chain (1 to 3).
 

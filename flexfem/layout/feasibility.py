@@ -13,6 +13,7 @@ import shapely
 from flexfem.design import HINGE_NAMES, Stage, key_of, load_stage
 from flexfem.errors import BadInput
 from flexfem.layout.bodies import draw_sector, turn
+from flexfem.layout.conditions import PLACES, Conditions, conditions, describe
 from flexfem.layout.frames import stage_frames
 from flexfem.layout.outline import polygon_points
 from flexfem.refusals import place_of
@@ -41,10 +42,18 @@ def naming(path: Path) -> Iterator[None]:
 
 def check_feasible(stage: Stage) -> None:
     """Refuse a stage that cannot be made. Raises BadInput with key, value and what was expected."""
-    _check_notches(stage)
-    _check_platform(stage)
-    _check_distances(stage)
+    check_closed_form(stage)
     _check_bodies(stage)
+
+
+def check_closed_form(stage: Stage) -> None:
+    """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
+    radius, neck = stage.array("radius"), stage.array("neck")
+    sizes = (stage.chain.link_width, stage.platform.radius, stage.platform.hub_radius)
+    found = conditions(stage_frames(stage).centres, radius, neck, *sizes)
+    _check_notches(stage, found)
+    _check_platform(stage, found)
+    _check_distances(stage, found)
 
 
 def _key_path(refusal: str) -> KeyPath:
@@ -54,53 +63,45 @@ def _key_path(refusal: str) -> KeyPath:
     return tuple(int(part) if part.isdigit() else part for part in parts)
 
 
-def _check_platform(stage: Stage) -> None:
+def _check_notches(stage: Stage, found: Conditions) -> None:
+    width = stage.chain.link_width
+    for chain, position in PLACES:
+        name = HINGE_NAMES[position]
+        hinge = stage.hinge(chain + 1, name)
+        if not found.neck_narrow[chain, position]:
+            raise BadInput(
+                f"{key_of(stage, chain + 1, name, 'neck_mm')} = {hinge.neck:g}, neck as wide as the link, "
+                f"expected < chain.link_width_mm = {width:g}"
+            )
+        if not found.notch_fits[chain, position]:
+            raise BadInput(
+                f"{key_of(stage, chain + 1, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
+                f"expected <= (link_width - neck)/2 = {found.deepest[chain, position]:g}"
+            )
+
+
+def _check_platform(stage: Stage, found: Conditions) -> None:
     disc, hub = stage.platform.radius, stage.platform.hub_radius
-    if hub >= disc:
+    if not found.hub_fits:
         raise BadInput(
             f"platform.hub_radius_mm = {hub:g}, hub larger than the platform, expected < platform.radius_mm = {disc:g}"
         )
-    centres = stage_frames(stage).centres
-    for chain, position in np.ndindex(3, 3):
-        hinge = stage.hinge(chain + 1, HINGE_NAMES[position])
-        reach = disc + hinge.radius + hinge.neck / 2
-        distance = float(np.hypot(*centres[chain, position]))
-        if distance <= reach:
+    for chain, position in PLACES:
+        if not found.clear[chain, position]:
+            hinge = stage.hinge(chain + 1, HINGE_NAMES[position])
             raise BadInput(
                 f"platform.radius_mm = {disc:g}, the platform swallows the {HINGE_NAMES[position]} hinge of chain "
-                f"{chain + 1}, expected < {distance - hinge.radius - hinge.neck / 2:g} "
+                f"{chain + 1}, expected < {found.distance[chain, position] - hinge.radius - hinge.neck / 2:g} "
                 "(distance of the hinge from the platform centre less its notch)"
             )
 
 
-def _check_notches(stage: Stage) -> None:
-    for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
-        hinge, width = stage.hinge(chain, name), stage.chain.link_width
-        if hinge.neck >= width:
-            raise BadInput(
-                f"{key_of(stage, chain, name, 'neck_mm')} = {hinge.neck:g}, neck as wide as the link, "
-                f"expected < chain.link_width_mm = {width:g}"
-            )
-        deepest = (width - hinge.neck) / 2
-        if hinge.radius > deepest * (1 + 1e-12):
-            raise BadInput(
-                f"{key_of(stage, chain, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
-                f"expected <= (link_width - neck)/2 = {deepest:g}"
-            )
-
-
-def _check_distances(stage: Stage) -> None:
-    centres = stage_frames(stage).centres
-    places = [(chain, position) for chain in range(3) for position in range(3)]
-    for one, other in combinations(places, 2):
-        radii = [stage.hinge(chain + 1, HINGE_NAMES[position]).radius for chain, position in (one, other)]
-        distance = float(np.hypot(*(centres[one] - centres[other])))
-        if distance <= sum(radii):
-            names = [f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in (one, other)]
-            raise BadInput(
-                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: {names[0]} "
-                f"and {names[1]} are {distance:.4g} mm apart, expected > {sum(radii):g}"
-            )
+def _check_distances(stage: Stage, found: Conditions) -> None:
+    for pair in np.flatnonzero(~found.apart):
+        raise BadInput(
+            f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
+            f"{describe(int(pair))} are {found.gap[pair]:.4g} mm apart, expected > {found.radii[pair]:g}"
+        )
 
 
 def _check_bodies(stage: Stage) -> None:

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import quad
 
 from flexfem.design import Hinge, load_stage
+from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import ARC_DIVISIONS, SLOPE, StageMesh, ordered, run_mesher
-from flexfem.fem.mesher import Job
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
 from flexfem.layout.bodies import notch_side

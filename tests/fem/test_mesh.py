@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 import flexfem.fem.mesh
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import BadInput, ComputationFailed
+from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import (
     RESOLUTION,
     StageMesh,
@@ -28,7 +29,6 @@ from flexfem.fem.mesh import (
     run_mesher,
     sector_job,
 )
-from flexfem.fem.mesher import Job
 from flexfem.layout.bodies import BODIES, draw_sector
 from flexfem.layout.feasibility import check_feasible
 from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned

@@ -1,0 +1,169 @@
+"""The mesh of one design of many: each third on its own, not welded, at a fraction of the time of `mesh.build_mesh`.
+
+Sizes are cones about the necks instead of hyperbolas, and they stay at their least over the length on which a notch
+bends, about `sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to
+more than 1 (see `benchmarks/study_fe.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and
+GROWTH were chosen for that accuracy on 12 stages other than those of the benchmark.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Index
+from flexfem.design import HINGE_NAMES, Hinge, Stage
+from flexfem.errors import ComputationFailed
+from flexfem.fem.drawing import Cone, Job
+from flexfem.fem.mesh import (
+    COARSEST,
+    TIME_LIMIT,
+    StageMesh,
+    check_triangles,
+    estimate_drawn,
+    outwards,
+    refuse_size,
+    rim_of,
+    run_mesher,
+)
+from flexfem.fem.mesher import mesh_faces
+from flexfem.layout.bodies import draw_sector, necks
+from flexfem.layout.frames import CHAIN_TURN, turned
+from flexfem.layout.outline import Face, area
+
+BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
+GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it
+SLENDER = 0.3  # of a notch's radius: up to here its own thickness `t + d^2/R` grows slower than a cone
+STUBBY = 0.5  # t/R from which on the notch and not the neck sets the size
+PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch has its neck's cone
+SAME_PLACE = 1e-6  # mm; nodes of two thirds on their common cut, centres of arcs
+
+
+class Third(NamedTuple):
+    """Curved quadratic triangles of one chain with its third of the platform, in the frame of chain 1.
+
+    mesh : bodies 0 to 3 in the order of `layout.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
+        and, for each hinge, `neck base` and so on.
+    behind, ahead : (k,), nodes on the cuts without those on the hub, outwards; ahead is behind turned by 120 degrees.
+    """
+
+    mesh: StageMesh
+    behind: Index
+    ahead: Index
+
+
+def mesh_thirds(
+    stage: Stage, resolution: int, time_limit: float = TIME_LIMIT, inside: bool = False
+) -> tuple[Third, ...]:
+    """Mesh a feasible stage: three thirds, or the one that three alike chains share.
+
+    Parameters
+    ----------
+    resolution : quadratic triangles across every neck, or more.
+    time_limit : s, for all thirds; not watched over inside.
+    inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
+
+    Raises ComputationFailed when the mesh would be too large or fails its checks, MeshTimeout when it takes too long.
+    """
+    end, chains = time.monotonic() + time_limit, (1,) if stage.chains_alike else (1, 2, 3)
+    jobs = [third_job(stage, chain, resolution) for chain in chains]
+    areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
+    refuse_size(estimate_drawn(stage, sum(areas) * 3 / len(chains), resolution))
+    made = {}
+    for chain, job, drawn in zip(chains, jobs, areas, strict=True):
+        hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
+        if hinges not in made:
+            left = max(end - time.monotonic(), 0.0)
+            made[hinges] = _third(_meshed_inside(job) if inside else run_mesher(job, left), drawn)
+    thirds = tuple(made[tuple(stage.hinge(chain, name) for name in HINGE_NAMES)] for chain in chains)
+    for one, following in zip(thirds, (*thirds[1:], thirds[0]), strict=True):
+        _check_cut(one, following)
+    return thirds
+
+
+def third_job(stage: Stage, chain: int, resolution: int) -> Job:
+    """Drawing and sizes of the third that holds one chain."""
+    faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / resolution
+    cones = [
+        Cone(centre, radius, least, coarse, (coarse - least) * resolution / GROWTH)
+        for centre, radius, least in _fine_places(stage, chain, faces, resolution)
+        if least < coarse
+    ]
+    cuts = max(2, math.ceil(rim_of(stage)[0] / coarse))
+    divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
+    divisions |= {"cut behind": cuts, "cut ahead": cuts}
+    return Job(faces, [], 0.0, divisions, tuple(cones))
+
+
+def _across(hinge: Hinge, resolution: int) -> int:
+    """Triangles across a neck: more in a stubby hinge, whose notch is what must be resolved."""
+    return math.ceil(resolution * max(1.0, hinge.neck / (STUBBY * hinge.radius)))
+
+
+def _fine_places(
+    stage: Stage, chain: int, faces: list[Face], resolution: int
+) -> Iterator[tuple[complex, float, float]]:
+    """Centres and radii, mm, within which triangles have the size given last: necks, the platform, rounded bends."""
+    notches = []
+    for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
+        hinge = stage.hinge(chain, name)
+        radius = BENT * math.sqrt(hinge.neck * hinge.radius)
+        yield neck.point, radius, hinge.neck / _across(hinge, resolution)
+        while radius < SLENDER * hinge.radius:
+            yield neck.point, 2 * radius, (hinge.neck + 2 * radius**2 / hinge.radius) / resolution
+            radius *= 2
+        across = (hinge.neck / 2 + hinge.radius) * 1j * cmath.exp(1j * neck.heading)
+        notches += [neck.point + across, neck.point - across]
+    yield 0j, stage.platform.radius, COARSEST * rim_of(stage)[0] / resolution
+    for arc in dict.fromkeys(segment for face in faces for segment in face.loop):
+        if arc.centre in (None, 0j) or any(abs(arc.centre - notch) < SAME_PLACE for notch in notches):
+            continue  # hub and rim of the platform, and notches, have their cones
+        radius = abs(arc.start - arc.centre)
+        yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
+
+
+def _meshed_inside(job: Job) -> dict[str, AnyArray]:
+    try:
+        return mesh_faces(job)
+    except SystemExit as missing:
+        raise ComputationFailed(str(missing)) from None
+    except Exception as error:  # gmsh raises bare Exception
+        raise ComputationFailed(f"gmsh: {' '.join(str(error).split())}") from None
+
+
+def curved(made: dict[str, AnyArray]) -> StageMesh:
+    """The mesh of straight triangles and edges with the middles of their sides, those of arcs on the arcs."""
+    nodes, corners, edges, centres = made["nodes"], made["triangles"], made["edges"], made["edge_centres"]
+    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]], edges])
+    keys, side = np.unique(ends.min(axis=1) * len(nodes) + ends.max(axis=1), return_inverse=True)
+    middles = np.mean(nodes[np.stack(np.divmod(keys, len(nodes)))], axis=0)
+    on_arc = ~np.isnan(centres)
+    bent, centre = side[3 * len(corners) :][on_arc], np.stack([centres.real, centres.imag], axis=-1)[on_arc]
+    outward, radius = middles[bent] - centre, np.linalg.norm(nodes[edges[on_arc, 0]] - centre, axis=1)
+    middles[bent] = centre + outward * (radius / np.linalg.norm(outward, axis=1))[:, None]
+    side += len(nodes)
+    triangles = np.column_stack([corners, side[: 3 * len(corners)].reshape(3, -1).T])
+    whole = np.column_stack([edges, side[3 * len(corners) :]])
+    groups = {str(label): whole[made["edge_labels"] == label] for label in np.unique(made["edge_labels"])}
+    return StageMesh(np.concatenate([nodes, middles]), triangles, made["faces"], groups)
+
+
+def _third(made: dict[str, AnyArray], drawn: float) -> Third:
+    mesh = curved(made)
+    check_triangles(mesh, drawn)
+    edges = mesh.edges
+    hub = np.unique(edges["hub"])
+    behind, ahead = (outwards(mesh.nodes, edges[f"cut {side}"]) for side in ("behind", "ahead"))
+    return Third(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
+
+
+def _check_cut(one: Third, following: Third) -> None:
+    """Refuse two thirds whose nodes on their common cut are not the same."""
+    ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+    if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
+        raise ComputationFailed("meshes of two thirds do not have the same nodes on their cut")

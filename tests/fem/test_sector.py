@@ -1,0 +1,193 @@
+"""A ring of condensed thirds answers as the whole stage does, whose equations are the slow reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import flexfem.fem.factor
+import flexfem.fem.sector
+from flexfem.arrays import Array
+from flexfem.design import Stage
+from flexfem.errors import ComputationFailed
+from flexfem.fem.factor import factor_of, superlu
+from flexfem.fem.mesh import StageMesh, welded
+from flexfem.fem.response import Response, load_case, plate_of, platform_response
+from flexfem.fem.ring_fields import base_rotations, envelope, neck_stresses
+from flexfem.fem.sector import Ring, ring_response, rotation, under_loads
+from flexfem.fem.thirds import Third, mesh_thirds
+from flexfem.layout.frames import CHAIN_TURN, turned
+
+SAME = 1e-9  # relative; the same equations in another order, refined by both
+LOADS = np.array([[1.3, -0.7, 0.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm
+COARSE = 2  # triangles across a neck; the algebra does not care
+
+
+class Both(NamedTuple):
+    """A stage solved in both ways on the same triangles."""
+
+    stage: Stage
+    ring: Ring
+    mesh: StageMesh
+    whole: Response
+
+
+def raw(third: Third) -> dict[str, Any]:
+    """A third as the mesher would hand it to `welded`."""
+    edges = third.mesh.edges
+    return {
+        "nodes": third.mesh.nodes,
+        "triangles": third.mesh.triangles,
+        "faces": third.mesh.bodies,
+        "edges": np.concatenate(list(edges.values())),
+        "edge_labels": np.repeat(list(edges), [len(edge) for edge in edges.values()]),
+    }
+
+
+def in_both_ways(stage: Stage) -> Both:
+    thirds = mesh_thirds(stage, COARSE, inside=True)
+    mesh = welded([raw(third) for third in (thirds if len(thirds) == 3 else thirds * 3)])
+    plate = plate_of(stage)
+    return Both(stage, ring_response(thirds, plate), mesh, platform_response(mesh, plate))
+
+
+@pytest.fixture(scope="module")
+def pair(alike: Any, unlike: Any) -> dict[str, Both]:
+    return {"alike": in_both_ways(alike.stage), "unlike": in_both_ways(unlike.stage)}
+
+
+@pytest.fixture(params=["alike", "unlike"])
+def both(request: pytest.FixtureRequest, pair: dict[str, Both]) -> Both:
+    return pair[request.param]
+
+
+def scaled(compliance: Array) -> Array:
+    """Relative to the root of the product of its diagonal terms."""
+    size = np.sqrt(np.diag(compliance))
+    return np.asarray(compliance / np.outer(size, size))
+
+
+def test_one_third_stands_for_three_alike_chains(pair: dict[str, Both]) -> None:
+    assert [len(pair[name].ring.thirds) for name in ("alike", "unlike")] == [1, 3]
+
+
+def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
+    size = np.sqrt(np.diag(both.whole.compliance))
+    difference = (both.ring.compliance - both.whole.compliance) / np.outer(size, size)
+    assert np.abs(difference).max() < SAME
+    assert both.ring.unknowns == both.whole.unknowns
+
+
+def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
+    fields = under_loads(both.ring.fields)
+    thirds = both.ring.thirds * (3 // len(both.ring.thirds))
+    for chain, (third, field) in enumerate(zip(thirds, fields, strict=True)):
+        places = turned(third.mesh.nodes, chain * CHAIN_TURN)
+        there = turned(field, chain * CHAIN_TURN)
+        for place in np.linspace(0, len(places) - 1, 40).astype(int):
+            node = int(np.argmin(np.hypot(*(both.mesh.nodes - places[place]).T)))
+            size = np.abs(both.whole.fields).max(axis=(1, 2))[:, None]
+            assert np.abs((there[:, place] - both.whole.fields[:, node]) / size).max() < SAME
+
+
+def test_neck_stresses_are_those_of_the_whole_stage(both: Both) -> None:
+    found = neck_stresses(both.stage, both.ring, LOADS)
+    expected = [load_case(both.stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
+    np.testing.assert_allclose(found, expected, rtol=1e-7)  # differences of displacements, over a small triangle
+
+
+def test_envelope_holds_every_node_of_the_whole_stage(both: Both) -> None:
+    assert envelope(both.ring) == pytest.approx(2 * np.hypot(*both.mesh.nodes.T).max(), rel=1e-12)
+
+
+def test_alike_chains_solved_as_three_answer_the_same(pair: dict[str, Both]) -> None:
+    one = pair["alike"]
+    three = ring_response(one.ring.thirds * 3, plate_of(one.stage))
+    assert np.abs(scaled(three.compliance) - scaled(one.ring.compliance)).max() < SAME
+    np.testing.assert_allclose(
+        neck_stresses(one.stage, three, LOADS), neck_stresses(one.stage, one.ring, LOADS), rtol=1e-7
+    )
+    size = np.abs(base_rotations(one.stage, three)).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(
+        base_rotations(one.stage, three) / size, base_rotations(one.stage, one.ring) / size, rtol=0, atol=1e-7
+    )
+
+
+def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair: dict[str, Both]) -> None:
+    stage, ring = pair["alike"].stage, pair["alike"].ring
+    turns = base_rotations(stage, ring)
+    load = np.array([1.3, -0.7, 5.0])
+    here, there = load @ turns, (rotation(1) @ load) @ turns
+    np.testing.assert_allclose(np.roll(here, 1), there, rtol=1e-6)
+    assert not np.allclose(here, there, rtol=0.05)
+
+
+def test_base_rotation_of_a_rigidly_turned_link_is_its_angle(pair: dict[str, Both]) -> None:
+    """Displacements of a rigid rotation of link 1 about the neck, the pad at rest."""
+    both, angle = pair["unlike"], 1.7e-3
+    fields = []
+    for third in both.ring.thirds:
+        field = np.zeros((3, len(third.mesh.nodes), 2))
+        moved = np.unique(third.mesh.triangles[third.mesh.bodies >= 1])
+        field[1, moved] = angle * np.stack([-third.mesh.nodes[moved, 1], third.mesh.nodes[moved, 0]], axis=-1)
+        fields.append(field)
+    turns = base_rotations(both.stage, both.ring._replace(fields=tuple(fields)))
+    np.testing.assert_allclose(turns[1], angle, rtol=1e-12)
+    assert np.all(turns[[0, 2]] == 0.0)
+
+
+def test_without_cholmod_the_answer_is_the_same(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
+    def by_superlu(lower: Any) -> Any:
+        solve = superlu(lower)
+        return flexfem.fem.factor.Factor(solve, lambda b: np.asarray(b.T @ solve(b)))
+
+    monkeypatch.setattr(flexfem.fem.sector, "factor_of", by_superlu)
+    both = pair["unlike"]
+    again = ring_response(both.ring.thirds, plate_of(both.stage))
+    assert np.abs(scaled(again.compliance) - scaled(both.ring.compliance)).max() < SAME
+
+
+def test_an_answer_that_does_not_balance_is_refused(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Element matrices that are not those of the residuals: refinement does not mend it, and the check sees it."""
+    both = pair["alike"]
+    stiffer = flexfem.fem.sector.blocks
+
+    def wrong(*given: Any) -> Any:
+        found = stiffer(*given)
+        return found._replace(values=9.0 * found.values)
+
+    monkeypatch.setattr(flexfem.fem.sector, "blocks", wrong)
+    with pytest.raises(ComputationFailed, match="refused"):
+        ring_response(both.ring.thirds, plate_of(both.stage))
+
+
+def test_a_stage_that_is_not_held_is_refused(pair: dict[str, Both]) -> None:
+    (third,) = pair["alike"].ring.thirds
+    floating = third._replace(mesh=third.mesh._replace(edges={**third.mesh.edges, "ground": np.empty((0, 3), int)}))
+    with pytest.raises(ComputationFailed):
+        ring_response((floating,), plate_of(pair["alike"].stage))
+
+
+@pytest.mark.parametrize("name", ["alike", "unlike"])
+def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(
+    name: str, pair: dict[str, Both], make_stage: Callable[..., Stage]
+) -> None:
+    stage = pair[name].stage.model_copy(update={"model": "plane_strain"})
+    both = in_both_ways(stage)
+    expected = [load_case(stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
+    np.testing.assert_allclose(neck_stresses(stage, both.ring, LOADS), expected, rtol=1e-7)
+
+
+def test_squared_is_the_inverse_between_two_vectors() -> None:
+    import scipy.sparse as sp
+
+    rng = np.random.default_rng(29)
+    A = rng.normal(size=(30, 30))
+    K = A @ A.T + 30 * np.eye(30)
+    b = rng.normal(size=(30, 4))
+    factor = factor_of(sp.coo_array(np.tril(K)))
+    np.testing.assert_allclose(factor.squared(b), b.T @ np.linalg.solve(K, b), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(K, b), rtol=1e-12, atol=1e-12)

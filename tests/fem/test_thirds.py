@@ -1,0 +1,223 @@
+"""The quick mesh of a study: the same stage, the same mesh every time, and fine enough for a tenth of a per cent."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem.fem.thirds
+from flexfem.arrays import Array
+from flexfem.design import HINGE_NAMES, Stage
+from flexfem.errors import ComputationFailed
+from flexfem.fem.mesh import MeshTimeout, run_mesher
+from flexfem.fem.mesher import mesh_faces
+from flexfem.fem.plane_stress import integration
+from flexfem.fem.response import plate_of, platform_response
+from flexfem.fem.sector import ring_response
+from flexfem.fem.thirds import Third, curved, mesh_thirds, third_job
+from flexfem.fem.triangle import whole_strip
+from flexfem.layout.bodies import draw_sector, necks
+from flexfem.layout.frames import CHAIN_TURN, turned
+from flexfem.layout.outline import area
+from flexfem.verify.convergence import grid_convergence
+
+ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm, relative on weights
+CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area
+ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles
+ACCURACY = 1e-3  # of the platform stiffness, what studies promise at their default resolution
+RESOLUTION = 4  # default of studies
+
+
+def same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Bit by bit."""
+    return one.keys() == other.keys() and all(
+        np.array_equal(one[key], other[key], equal_nan=one[key].dtype.kind in "fc") for key in one
+    )
+
+
+@pytest.fixture(scope="module")
+def stages(alike: Any, unlike: Any, make_stage: Callable[..., Stage]) -> list[Stage]:
+    """Designs of different sizes, so that one could leave something behind for the next."""
+    small = make_stage({"hinges.elbow.neck_mm": 0.11, "platform.hub_radius_mm": 4.1})
+    return [alike.stage, unlike.stage, small]
+
+
+def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages: list[Stage]) -> None:
+    jobs = [third_job(stage, chain, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
+    fresh = [run_mesher(job, 60.0) for job in jobs]
+    for order in (range(len(jobs)), reversed(range(len(jobs))), [1, 1, 0, 2, 0]):
+        for index in order:
+            assert same(mesh_faces(jobs[index]), fresh[index]), index
+
+
+def test_a_mesh_does_not_depend_on_the_seed_of_hashes(stages: list[Stage]) -> None:
+    script = (
+        "import sys, pickle, hashlib\n"
+        "from flexfem.fem.thirds import mesh_thirds\n"
+        "(third,) = mesh_thirds(pickle.load(sys.stdin.buffer), 4, inside=True)\n"
+        "print(hashlib.sha256(third.mesh.nodes.tobytes() + third.mesh.triangles.tobytes()).hexdigest())"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            input=pickle.dumps(stages[0]),
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+            timeout=60,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(found) == 1
+
+
+def test_inside_and_in_a_child_process_the_thirds_are_the_same(unlike: Any) -> None:
+    inside, apart = (mesh_thirds(unlike.stage, 2, inside=inside) for inside in (True, False))
+    for one, other in zip(inside, apart, strict=True):
+        assert np.array_equal(one.mesh.nodes, other.mesh.nodes)
+        assert np.array_equal(one.mesh.triangles, other.mesh.triangles)
+
+
+@pytest.fixture(scope="module")
+def thirds(unlike: Any) -> tuple[Third, ...]:
+    return mesh_thirds(unlike.stage, RESOLUTION, inside=True)
+
+
+def test_thirds_cover_the_drawn_area_in_well_shaped_triangles(thirds: tuple[Third, ...], unlike: Any) -> None:
+    for chain, third in enumerate(thirds, start=1):
+        drawn = sum(area(face.loop) for face in draw_sector(unlike.stage, chain).values())
+        assert whole_strip(third.mesh).weights.sum() == pytest.approx(drawn, rel=CHORD)
+
+
+def test_middles_of_edges_on_arcs_are_on_the_arcs(unlike: Any) -> None:
+    job = third_job(unlike.stage, 1, RESOLUTION)
+    made = mesh_faces(job)
+    mesh = curved(made)
+    centres, edges = made["edge_centres"], np.concatenate(list(mesh.edges.values()))
+    known = {tuple(sorted(ends)): middle for *ends, middle in edges.tolist()}
+    arcs = 0
+    for (a, b), centre in zip(made["edges"].tolist(), centres, strict=True):
+        if not np.isnan(centre):
+            distance = [
+                np.hypot(*(mesh.nodes[k] - [centre.real, centre.imag])) for k in (a, known[tuple(sorted((a, b)))])
+            ]
+            assert distance[0] == pytest.approx(distance[1], abs=ON_ARC)
+            arcs += 1
+    assert arcs > 12 * RESOLUTION  # four quarter arcs a notch
+
+
+def test_necks_have_as_many_edges_as_asked(thirds: tuple[Third, ...], unlike: Any) -> None:
+    for chain, third in enumerate(thirds, start=1):
+        for name, pose in zip(HINGE_NAMES, necks(unlike.stage, chain), strict=True):
+            edges = third.mesh.edges[f"neck {name}"]
+            hinge = unlike.stage.hinge(chain, name)
+            assert len(edges) == (RESOLUTION if hinge.neck < hinge.radius / 2 else RESOLUTION + 1)
+            half = hinge.neck / 2
+            reach = np.hypot(*(third.mesh.nodes[np.unique(edges)] - [pose.point.real, pose.point.imag]).T)
+            assert reach.max() == pytest.approx(half, abs=ON_ARC)
+
+
+def test_a_stubby_neck_has_more_edges_and_a_slender_one_is_no_coarser(make_stage: Callable[..., Stage]) -> None:
+    """t/R of 1.25 at the elbow and 0.003 at the platform hinge."""
+    stage = make_stage({"hinges.elbow.neck_mm": 2.0, "hinges.platform.neck_mm": 0.004})
+    (third,) = mesh_thirds(stage, RESOLUTION, inside=True)
+    assert len(third.mesh.edges["neck elbow"]) == 10
+    assert len(third.mesh.edges["neck platform"]) == RESOLUTION
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("neck", [0.003, 0.05, 2.0])
+def test_slender_and_stubby_hinges_are_as_accurate(
+    neck: float, make_stage: Callable[..., Stage], solve: Callable[..., Any]
+) -> None:
+    stage = make_stage({"hinges.elbow.neck_mm": neck})
+    fine = np.diag(solve(stage, 8).response.compliance)
+    found = np.diag(ring_response(mesh_thirds(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
+    np.testing.assert_allclose(found, fine, rtol=ACCURACY)
+
+
+def test_cuts_of_neighbours_fit(thirds: tuple[Third, ...]) -> None:
+    for one, following in zip(thirds, (*thirds[1:], thirds[0]), strict=True):
+        there = turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+        np.testing.assert_allclose(one.mesh.nodes[one.ahead], there, rtol=0, atol=1e-9)
+        assert not np.isin(one.ahead, one.mesh.edges["hub"]).any()
+
+
+def test_thirds_that_do_not_fit_are_refused(unlike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def finer(stage: Stage, chain: int, resolution: int) -> Any:
+        job = third_job(stage, chain, resolution)
+        return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
+
+    monkeypatch.setattr(flexfem.fem.thirds, "third_job", finer)
+    with pytest.raises(ComputationFailed, match="cut"):
+        mesh_thirds(unlike.stage, 2, inside=True)
+
+
+def test_a_mesh_that_does_not_cover_the_stage_is_refused(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(job: Any) -> dict[str, Any]:
+        made = mesh_faces(job)
+        kept = made["faces"] != 2
+        return {**made, "triangles": made["triangles"][kept], "faces": made["faces"][kept]}
+
+    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lost)
+    with pytest.raises(ComputationFailed):
+        mesh_thirds(alike.stage, 2, inside=True)
+
+
+def test_too_fine_a_mesh_is_refused_before_it_is_made(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lambda job: pytest.fail("meshed"))
+    with pytest.raises(ComputationFailed, match="coarser resolution"):
+        mesh_thirds(alike.stage, 100, inside=True)
+
+
+def test_what_gmsh_says_becomes_one_line(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(job: Any) -> Any:
+        raise Exception("two\nlines")
+
+    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", broken)
+    with pytest.raises(ComputationFailed, match="gmsh: two lines"):
+        mesh_thirds(alike.stage, 2, inside=True)
+
+
+def test_a_child_process_is_stopped_after_the_time_limit(alike: Any) -> None:
+    with pytest.raises(MeshTimeout, match="not done within"):
+        mesh_thirds(alike.stage, 2, time_limit=1e-3)
+
+
+def test_triangles_integrate_as_scikit_fems(alike: Any) -> None:
+    ours, theirs = whole_strip(alike.mesh), integration(alike.mesh)
+    gradients, weights = (np.concatenate([getattr(s, name) for s in theirs]) for name in ("gradients", "weights"))
+    order: Array = np.argsort(weights[0])
+    mine = np.argsort(ours.weights[0])
+    np.testing.assert_allclose(ours.weights[:, mine], weights[:, order], rtol=ROUND_OFF)
+    scale = np.abs(gradients).max()
+    np.testing.assert_allclose(ours.gradients[..., mine], gradients[..., order], rtol=0, atol=ROUND_OFF * scale)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["alike", "unlike"])
+def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(
+    name: str, request: pytest.FixtureRequest, solve: Callable[..., Any]
+) -> None:
+    """Against the ordinary mesh, smoothed and of other sizes, extrapolated from resolutions 6, 8 and 11."""
+    stage, levels = request.getfixturevalue(name).stage, np.array([6, 8, 11])
+    fine = np.array([np.diag(np.linalg.inv(solve(stage, int(n)).response.compliance)) for n in levels])
+    limit = np.array([grid_convergence(levels, fine[:, k], 0.0).extrapolated for k in range(3)])
+    ring = ring_response(mesh_thirds(stage, RESOLUTION, inside=True), plate_of(stage))
+    found = np.diag(np.linalg.inv(ring.compliance))
+    assert np.abs(found / limit - 1).max() < ACCURACY
+    assert np.abs(fine[-1] / limit - 1).max() < ACCURACY / 20  # so that the limit is one
+
+
+def test_the_ordinary_mesh_gives_nearly_the_same(alike: Any) -> None:
+    """Both coarse meshes of this resolution are within 0.5 %."""
+    ring = ring_response(mesh_thirds(alike.stage, 3, inside=True), plate_of(alike.stage))
+    slow = platform_response(alike.mesh, plate_of(alike.stage)).compliance
+    np.testing.assert_allclose(np.diag(ring.compliance), np.diag(slow), rtol=5e-3)
