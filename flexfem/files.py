@@ -29,20 +29,27 @@ def check_folder(folder: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, of the same extension, that takes its place when all went well.
+def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
+    """Yield a temporary path beside `path` that takes its place when all went well, also should power fail then.
+
+    Parameters
+    ----------
+    suffix : extension of the temporary path; default that of `path`, for writers that go by it.
 
     Raises BadInput when the folder does not take the file.
     """
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=suffix or path.suffix)
         os.close(handle)
         temporary = Path(name)
         yield temporary
         temporary.chmod(0o644)  # mkstemp makes it private
+        _sync(temporary)
         temporary.replace(path)
+        if os.name == "posix":  # elsewhere folders cannot be opened
+            _sync(path.parent)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
@@ -52,8 +59,16 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Write a file by a function of the open file. Raises BadInput when the folder does not take it."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
         write(file)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:

@@ -12,12 +12,30 @@ import pytest
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 FORBIDDEN = {
-    "analytic": ("flexfem.fem", "flexfem.verify", "flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
-    "fem": ("flexfem.analytic", "flexfem.benchmark", "flexfem.peers", "flexfem.verify", "flexfem.report", "matplotlib"),
+    "analytic": (
+        "flexfem.fem",
+        "flexfem.verify",
+        "flexfem.study",
+        "flexfem.report",
+        "gmsh",
+        "skfem",
+        "matplotlib",
+        "meshio",
+    ),
+    "fem": (
+        "flexfem.analytic",
+        "flexfem.benchmark",
+        "flexfem.peers",
+        "flexfem.verify",
+        "flexfem.study",
+        "flexfem.report",
+        "matplotlib",
+    ),
     "layout": ("flexfem.analytic", "flexfem.fem", "flexfem.verify", "flexfem.report", "gmsh", "skfem", "matplotlib"),
-    "verify": ("flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
+    "verify": ("flexfem.study", "flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
     "peers": ("flexfem.analytic", "flexfem.verify", "flexfem.report", "gmsh", "matplotlib", "meshio"),
     "benchmark": ("flexfem.verify", "flexfem.report", "gmsh", "matplotlib", "meshio"),
+    "study": ("gmsh", "skfem", "matplotlib", "meshio"),
     "report": ("flexfem.fem", "flexfem.analytic", "gmsh", "skfem", "meshio"),
 }
 

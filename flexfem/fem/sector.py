@@ -165,12 +165,24 @@ def _step(parts: list[_Condensed], turns: list[Array], solve: Solve, loads: Arra
         left = [r[p.inner :] - p.across @ inner for p, r, inner in zip(parts, residuals, inners, strict=True)]
         chains = under_loads([each.T for each in left])
         edge = loads + np.sum([T.T @ each.T for T, each in zip(turns, chains, strict=True)], axis=0)
-    edge = solve(edge)
+    edge = solve(edge) if len(parts) == 3 else _alike(solve(edge))
     steps = []
     for part, T, inner in zip(parts, turns, inners, strict=False):  # one third, or three
         moved = T @ edge
         steps.append(np.concatenate([inner - part.factor.solve(part.across.T @ moved), moved]))
     return steps
+
+
+def _alike(edge: Array) -> Array:
+    """The ring's unknowns (6 cut + 3, 3 loads) made those of alike chains, so that round-off opens no cut.
+
+    Only the first third is met, which must move its cut ahead as the next chain does the cut behind it.
+    """
+    cuts, pose = edge[:-3].reshape(3, -1, 3), edge[-3:]
+    turns = [rotation(chain) for chain in range(3)]
+    first = np.mean([cut @ turn for cut, turn in zip(cuts, turns, strict=True)], axis=0)
+    pose = np.mean([turn.T @ pose @ turn for turn in turns], axis=0)
+    return np.concatenate([*(first @ turn.T for turn in turns), pose])
 
 
 def _dense(A: Array) -> Solve:

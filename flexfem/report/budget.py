@@ -42,7 +42,8 @@ def _outside(budget: Budget) -> str:
     if any(share is None for _, share, _ in shares):
         return "Outside the planar total: out of plane, not known, a hinge is not on the thickness chart."
     said = ", ".join(f"{name} {getattr(share, axis):+.2f}" for name, share, axis in shares)
-    return f"Outside the planar total, three-dimensional necks against {budget.plane.replace('_', ' ')}: {said} percentage points."
+    plane = budget.plane.replace("_", " ")
+    return f"Outside the planar total, three-dimensional necks against {plane}: {said} percentage points."
 
 
 def _waterfall(axes: Axes, split: Split, direction: Direction) -> None:
