@@ -1,0 +1,57 @@
+"""A range of designs in, a row for each out: whatever the model, and whatever goes wrong."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.study.plan import LoadedStudy
+from flexfem.study.sampling import sample
+
+BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
+
+
+class Rows(NamedTuple):
+    """What a model answers for n designs.
+
+    Attributes
+    ----------
+    status : (n,) text: "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
+    reason : (n,) one line, "" where ok.
+    values : (n, outputs) in the columns' units; nan where not ok.
+    """
+
+    status: AnyArray
+    reason: AnyArray
+    values: Array
+
+
+def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> Rows:
+    """Answer the designs from `start` up to `stop`.
+
+    Parameters
+    ----------
+    inside : gmsh may run in this very process, one that can be killed; else meshes are made in a child process, which
+        ends with the time limit.
+    """
+    if loaded.study.model == "analytic":
+        ends = [*range(start, stop, BATCH), stop]
+        batches = [_analytic(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
+    else:
+        from flexfem.study.solving import solved_row
+
+        batches = [solved_row(loaded, values, inside) for values in sample(loaded, start, stop)]
+    if not batches:
+        nothing = np.array([], dtype=object)
+        return Rows(nothing, nothing, np.empty((0, len(loaded.outputs))))
+    return Rows(*(np.concatenate(parts) for parts in zip(*batches, strict=True)))
+
+
+def _analytic(loaded: LoadedStudy, values: Array) -> Rows:
+    from flexfem.study.analytic import answer_designs
+
+    reason, answers = answer_designs(loaded, values)
+    return Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers)

@@ -1,0 +1,159 @@
+"""What a study varies: factors by key path, each a list, a range or a distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal, NamedTuple, TypeAlias
+
+from pydantic import Field, model_validator
+
+from flexfem.design import Label, Stage
+from flexfem.errors import BadInput
+from flexfem.refusals import refusal, suggestion
+from flexfem.study.keys import keys, starred
+from flexfem.tomlfile import Table
+
+MANY = 100_000  # values of one factor; more are a range
+MANY_KEYS = 100  # more than the format has
+
+Kind: TypeAlias = Literal["values", "range", "normal", "uniform"]
+_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+    "values": (("values",), ()),
+    "range": (("from", "to"), ("scale", "points")),
+    "normal": (("distribution", "sd"), ("mean", "lower", "upper")),
+    "uniform": (("distribution", "lower", "upper"), ()),
+}
+
+
+class Factor(Table):
+    """One factor; all numbers in the units of the stage file.
+
+    Attributes
+    ----------
+    key, keys : what it sets; one of the two. A star in `key` stands for as many factors.
+    label : name of its column, the key by default.
+    values : a list: the points of a grid, or equally likely.
+    start, end, scale, points : a range (`from`, `to` in the file); points in a grid only.
+    distribution, mean, sd, lower, upper : normal, truncated where a bound is given, or uniform.
+    """
+
+    key: Label | None = None
+    keys: tuple[Label, ...] | None = Field(default=None, min_length=1, max_length=MANY_KEYS)
+    label: Label | None = None
+    values: tuple[float, ...] | None = Field(default=None, min_length=1, max_length=MANY)
+    start: float | None = Field(default=None, alias="from")
+    end: float | None = Field(default=None, alias="to")
+    scale: Literal["linear", "log"] = "linear"
+    points: int | None = Field(default=None, ge=2, le=MANY)
+    distribution: Literal["normal", "uniform"] | None = None
+    mean: float | None = None
+    sd: float | None = Field(default=None, gt=0)
+    lower: float | None = None
+    upper: float | None = None
+
+    @model_validator(mode="after")
+    def _names_keys(self) -> Factor:
+        if (self.key is None) == (self.keys is None):
+            raise refusal("either key or keys")
+        if self.key is not None and "*" in self.key:
+            if not starred(self.key):
+                raise refusal("stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key")
+            if self.label is not None:
+                raise refusal("no label with a star: every factor is named by its own key", "label")
+        elif self.key is not None:
+            _check_key(self.key, "key")
+        for index, key in enumerate(self.keys or ()):
+            _check_key(key, "keys", index)
+            if key in (self.keys or ())[:index]:
+                raise refusal("a key that is not in the list before", "keys", index)
+        return self
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> Factor:
+        needed, possible = _KEYS_OF[self.kind]
+        fields = type(self).model_fields
+        given = [field.alias or name for name, field in fields.items() if name in self.model_fields_set]
+        for name in needed:
+            if name not in given:
+                raise refusal(f"{name} ({_WAYS})")
+        for name in given:
+            if name not in ("key", "keys", "label", *needed, *possible):
+                raise refusal(f"no {name} with {needed[0]} ({_WAYS})", name)
+        return self
+
+    @model_validator(mode="after")
+    def _numbers_are_possible(self) -> Factor:
+        for low, high, name in ((self.start, self.end, "to"), (self.lower, self.upper, "upper")):
+            if low is not None and high is not None and low >= high:
+                raise refusal(f"> {low:g}, where it begins", name)
+        if self.scale == "log" and self.start is not None and self.start <= 0:
+            raise refusal("> 0 on a logarithmic scale", "from")
+        if self.values is not None and len(set(self.values)) < len(self.values):
+            raise refusal("no value twice", "values")
+        limits = [keys()[path] for path in self.paths]
+        places: list[tuple[float | None, tuple[str | int, ...]]] = [(self.start, ("from",)), (self.end, ("to",))]
+        places += [(value, ("values", index)) for index, value in enumerate(self.values or ())]
+        for value, place in places:
+            for key in limits:
+                expected = None if value is None else key.expected(value)
+                if expected is not None:
+                    raise refusal(f"{expected} for {key.path}", *place)
+        return self
+
+    @property
+    def kind(self) -> Kind:
+        """What it is: a list, a range, or which distribution."""
+        if self.distribution is not None:
+            return self.distribution
+        return "values" if self.values is not None else "range"
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """All keys it names, stars expanded."""
+        return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
+
+
+_WAYS = "a factor is values, or from and to, or a distribution"
+
+
+class Column(NamedTuple):
+    """One independent factor: `name` of its column, the `keys` that take its value, `factor` mean filled in."""
+
+    name: str
+    keys: tuple[str, ...]
+    factor: Factor
+
+
+def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
+    """The columns of factors, stars expanded, in their order."""
+    return tuple(column for factor in factors for column in _columns(factor))
+
+
+def with_mean(column: Column, stage: Stage) -> Column:
+    """The column with the stage's own value as mean where a normal distribution gives none.
+
+    Raises
+    ------
+    BadInput : the stage has no value of its own, or one for each key.
+    """
+    if column.factor.kind != "normal" or column.factor.mean is not None:
+        return column
+    own = {keys()[path].value_in(stage) for path in column.keys}
+    mean = own.pop() if len(own) == 1 else None
+    if mean is None:
+        raise BadInput(f"mean is missing, and the stage has no one value of {', '.join(column.keys)}")
+    return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
+
+
+def _columns(factor: Factor) -> list[Column]:
+    if factor.key is not None and "*" in factor.key:
+        return [Column(path, (path,), factor) for path in factor.paths]
+    name = factor.label or factor.key or " = ".join(factor.paths)
+    return [Column(name, factor.paths, factor)]
+
+
+def _check_key(key: str, *at: str | int) -> None:
+    if "*" in key:
+        raise refusal("no star in keys: all of them take one value", *at)
+    if key not in keys():
+        raise refusal(f"a number of the stage format{suggestion(key, keys()) or ', see geometry/README.md'}", *at)

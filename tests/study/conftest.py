@@ -1,0 +1,104 @@
+"""Study files about a generic stage, with any piece of them replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexfem.study.plan import LoadedStudy, load_study
+
+STAGE = """
+name = "generic stage"
+thickness_mm = 9.7
+[material]
+name = "generic metal"
+youngs_modulus_gpa = 68.3
+poissons_ratio = 0.29
+density_kg_m3 = 2739.0
+yield_strength_mpa = 411.0
+[chain]
+link_lengths_mm = [31.0, 33.5, 25.0]
+joint_angles_deg = [175.0, -85.0, 92.0]
+link_width_mm = 8.9
+[hinges.base]
+radius_mm = 3.9
+neck_mm = 0.53
+prismatic = true
+[hinges.elbow]
+radius_mm = 1.6
+neck_mm = 0.47
+[hinges.platform]
+radius_mm = 1.5
+neck_mm = 0.61
+[platform]
+radius_mm = 16.3
+hub_radius_mm = 7.7
+[[override]]
+chain = 2
+hinge = "elbow"
+neck_mm = 0.71
+[provenance]
+"thickness_mm" = "assumed: a test"
+"""
+
+STUDY = """name = "generic study"
+stage = "stage.toml"
+model = "analytic"
+formula = "calibrated"
+mobility = 21
+
+[sampling]
+method = "monte_carlo"
+designs = 500
+seed = 7
+
+[[factor]]
+key = "hinges.base.neck_mm"
+from = 0.4
+to = 0.7
+
+[[factor]]
+label = "E"
+key = "material.youngs_modulus_gpa"
+distribution = "normal"
+sd = 1.5
+"""
+
+
+class Studies:
+    """A folder with the generic stage, in which studies are written."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "stage.toml").write_text(STAGE)
+
+    def write(self, *edits: tuple[str, str], text: str = STUDY) -> Path:
+        """The study file with pieces replaced, each of which must be there."""
+        for old, new in edits:
+            assert old in text, old
+            text = text.replace(old, new, 1)
+        path = self.folder / "study.toml"
+        path.write_text(text)
+        return path
+
+    def load(self, *edits: tuple[str, str], text: str = STUDY) -> LoadedStudy:
+        return load_study(self.write(*edits, text=text))
+
+    def of(self, sampling: str, *factors: str, head: str = 'model = "analytic"', tail: str = "") -> LoadedStudy:
+        """A study of factors, each a table's body, and a sampling."""
+        body = "".join(f"\n[[factor]]\n{factor}\n" for factor in factors)
+        opening = f'name = "generic study"\nstage = "stage.toml"\n{head}\n'
+        return self.load(text=f"{opening}[sampling]\n{sampling}\n{body}\n{tail}")
+
+
+@pytest.fixture
+def studies(tmp_path: Path) -> Studies:
+    return Studies(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def shipped() -> Callable[[str], LoadedStudy]:
+    """A shipped study by the middle of its name."""
+    return lambda name: load_study(Path(__file__).parents[2] / "cases" / f"study-{name}.toml")

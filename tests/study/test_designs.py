@@ -1,0 +1,102 @@
+"""Designs as arrays and as stages are the same designs, and those the stage file would give."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexfem.design import HINGE_NAMES, load_stage
+from flexfem.errors import BadInput
+from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.keys import keys
+from flexfem.study.sampling import sample
+
+FEW = 'method = "monte_carlo"\ndesigns = 20\nseed = 5'
+FACTORS = (
+    'key = "thickness_mm"\nfrom = 5.0\nto = 15.0',
+    'key = "material.youngs_modulus_gpa"\nfrom = 60.0\nto = 210.0',
+    'key = "material.poissons_ratio"\nfrom = 0.2\nto = 0.4',
+    'key = "material.density_kg_m3"\nfrom = 2000.0\nto = 9000.0',
+    'key = "material.yield_strength_mpa"\nfrom = 200.0\nto = 900.0',
+    'key = "chain.link_lengths_mm[2]"\nfrom = 23.0\nto = 27.0',
+    'key = "chain.joint_angles_deg[0]"\nfrom = 170.0\nto = 180.0',
+    'key = "hinges.*.neck_mm"\nfrom = 0.4\nto = 0.7',
+    'key = "hinges.base.axis_deg"\nfrom = 160.0\nto = 190.0',
+    'key = "override.3.platform.radius_mm"\nfrom = 1.2\nto = 1.9',
+    'key = "override.3.platform.axis_deg"\nfrom = 80.0\nto = 100.0',
+    'key = "override.1.base.neck_mm"\nfrom = 0.4\nto = 0.7',
+    'keys = ["platform.radius_mm", "override.2.elbow.radius_mm"]\nvalues = [1.5, 1.6]',
+)
+
+
+def test_designs_as_arrays_are_the_stages_one_by_one(studies: Any) -> None:
+    loaded = studies.of(FEW, *FACTORS)
+    values = sample(loaded, 0, loaded.count)
+    together = designs_of(loaded, values)
+    for index, row in enumerate(values):
+        stage = stage_of(loaded, row)
+        assert together.thickness[index] == stage.thickness
+        assert together.youngs_modulus[index] == stage.material.youngs_modulus
+        assert together.poissons_ratio[index] == stage.material.poissons_ratio
+        assert together.yield_strength[index] == stage.material.yield_strength
+        assert tuple(together.link_lengths[index]) == stage.chain.link_lengths
+        assert tuple(together.joint_angles[index]) == stage.chain.joint_angles
+        assert together.platform_radius[index] == stage.platform.radius
+        for name in ("radius", "neck"):
+            np.testing.assert_array_equal(getattr(together, name)[index], stage.array(name))
+        axes = [[stage.hinge(chain, name).axis for name in HINGE_NAMES] for chain in (1, 2, 3)]
+        expected = [[np.nan if axis is None else axis for axis in row] for row in axes]
+        np.testing.assert_array_equal(together.axis[index], expected)
+
+
+def test_a_design_is_the_stage_that_the_edited_file_would_give(studies: Any) -> None:
+    """Read by the stage format itself, not by the study's own hands."""
+    necks = 'key = "hinges.elbow.neck_mm"\nvalues = [0.5]', 'key = "override.2.elbow.neck_mm"\nvalues = [0.8]'
+    link = 'key = "chain.link_lengths_mm[1]"\nvalues = [34.25]', 'key = "override.3.base.radius_mm"\nvalues = [3.5]'
+    loaded = studies.of(FEW, *necks, *link, 'key = "material.youngs_modulus_gpa"\nvalues = [71.7]')
+    text = (studies.folder / "stage.toml").read_text()
+    for old, new in (
+        ("neck_mm = 0.47", "neck_mm = 0.5"),
+        ("neck_mm = 0.71", "neck_mm = 0.8"),
+        ("33.5", "34.25"),
+        ("68.3", "71.7"),
+        ("[provenance]", '[[override]]\nchain = 3\nhinge = "base"\nradius_mm = 3.5\n[provenance]'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (studies.folder / "edited.toml").write_text(text)
+    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    assert len({(each.chain, each.hinge) for each in stage.override}) == len(stage.override) == 2
+    assert stage.hash == load_stage(studies.folder / "edited.toml").hash != loaded.stage.hash
+
+
+def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
+    """The stage overrides the elbow of chain 2; a factor for all elbows leaves it, one for that hinge does not."""
+    elbows = 'key = "hinges.elbow.neck_mm"\nvalues = [0.5]'
+    loaded = studies.of(FEW, elbows)
+    np.testing.assert_array_equal(designs_of(loaded, np.array([[0.5]])).neck[0, :, 1], [0.5, 0.71, 0.5])
+    for chain, expected in ((1, [0.9, 0.71, 0.5]), (2, [0.5, 0.9, 0.5])):  # whatever the order of the factors
+        single = studies.of(FEW, f'key = "override.{chain}.elbow.neck_mm"\nvalues = [0.9]', elbows)
+        values = np.array([[0.9, 0.5]])
+        np.testing.assert_array_equal(designs_of(single, values).neck[0, :, 1], expected)
+        np.testing.assert_array_equal(stage_of(single, values[0]).array("neck")[:, 1], expected)
+
+
+def test_the_base_stage_is_left_as_it_was(studies: Any) -> None:
+    loaded = studies.of(FEW, *FACTORS)
+    before = loaded.stage.hash
+    values = sample(loaded, 0, 3)
+    designs_of(loaded, values)
+    stage_of(loaded, values[0])
+    assert loaded.stage.hash == before
+
+
+@pytest.mark.parametrize("value", [-0.1, 0.0, np.inf, np.nan, 2e4, 1e-9])
+def test_a_value_that_no_file_can_give_is_refused_by_its_key(value: float, studies: Any) -> None:
+    loaded = studies.of(FEW, 'key = "hinges.base.neck_mm"\ndistribution = "normal"\nsd = 0.1')
+    with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = .*, expected"):
+        stage_of(loaded, np.array([value]))
+    values = np.array([0.5, value, 0.6])
+    np.testing.assert_array_equal(keys()["hinges.base.neck_mm"].impossible(values), [False, True, False])

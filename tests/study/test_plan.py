@@ -1,0 +1,264 @@
+"""Study files: what they mean, and what is refused in one line."""
+
+from __future__ import annotations
+
+import pickle
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexfem.errors import BadInput
+from flexfem.study.keys import keys
+from flexfem.study.plan import load_study
+
+SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
+RANGE = "from = 0.4\nto = 0.7"
+NORMAL = 'distribution = "normal"\nsd = 1.5'
+MONTE_CARLO = 'method = "monte_carlo"\ndesigns = 500\nseed = 7'
+GRID = (MONTE_CARLO, 'method = "grid"'), (RANGE, f"{RANGE}\npoints = 5"), (NORMAL, "values = [60.0, 70]")
+SALTELLI = (MONTE_CARLO, 'method = "saltelli"\nbase = 64\nseed = 7')
+LAST = "sd = 1.5\n"
+ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
+PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "reach_x_um"'
+
+
+def figure(body: str) -> tuple[str, str]:
+    return (LAST, f"{LAST}[[figure]]\n{body}\n")
+
+
+HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
+    "no name": ([('name = "generic study"\n', "")], ["name is missing"]),
+    "unknown key": ([("mobility = 21", "mobilty = 21")], ["mobilty", "did you mean mobility"]),
+    "unknown model": ([('"analytic"', '"finite"')], ["line 3", "model", "'fe'"]),
+    "unknown formula": ([('"calibrated"', '"magic"')], ["line 4", "formula", "paros-weisbord"]),
+    "mobility of no kind": ([("= 21", "= 7")], ["line 5", "mobility = 7"]),
+    "mobility with fe": ([(ANALYTIC, 'model = "fe"\nmobility = 21')], ["mobility = 21", 'model = "fe"']),
+    "formula with fe": ([(ANALYTIC, 'model = "fe"\nformula = "calibrated"')], ["formula", 'model = "fe"']),
+    "links with verify": ([('"analytic"', '"verify"'), ("= 21", "= 21\nlinks = true")], ["line 6", "links"]),
+    "links without their mobility": ([("= 21", "= 6\nlinks = true")], ["line 6", "links = true", "mobility = 21"]),
+    "bands with analytic": ([("= 21", "= 21\nbands = true")], ["line 6", "bands", "analytic"]),
+    "resolution with analytic": ([("= 21", "= 21\nresolution = 4")], ["line 6", "resolution"]),
+    "time limit with analytic": ([("= 21", "= 21\ntime_limit_s = 4")], ["line 6", "time_limit_s"]),
+    "no time": ([(ANALYTIC, 'model = "fe"\ntime_limit_s = 0')], ["line 4", "time_limit_s = 0", "> 0"]),
+    "too coarse": ([(ANALYTIC, 'model = "fe"\nresolution = 3')], ["line 4", "resolution = 3", ">= 4"]),
+    "meshed undrawn": ([(ANALYTIC, 'model = "fe"\ncheck = "closed_form"')], ["line 4", "check", "drawing"]),
+    "check of no kind": ([("= 21", '= 21\ncheck = "none"')], ["line 6", "check"]),
+    "stage missing": ([('"stage.toml"', '"nowhere.toml"')], ["line 2", "stage", "nowhere.toml", "no such file"]),
+    "stage a number": ([('"stage.toml"', "3")], ["line 2", "stage = 3", "text in quotes"]),
+    "stage itself a study": ([('"stage.toml"', '"study.toml"')], ["line 2", "stage"]),
+    "method of no kind": ([('"monte_carlo"', '"dice"')], ["sampling.method", "line 8"]),
+    "no seed": ([("seed = 7", "")], ["sampling", "seed", "monte_carlo"]),
+    "seed negative": ([("seed = 7", "seed = -7")], ["line 10", "seed = -7", ">= 0"]),
+    "seed a fraction": ([("seed = 7", "seed = 7.5")], ["line 10", "seed", "integer"]),
+    "seed huge": ([("seed = 7", "seed = 99999999999999999999999")], ["line 10", "seed"]),
+    "no designs": ([("designs = 500\n", "")], ["sampling", "designs"]),
+    "designs none": ([("= 500", "= 0")], ["line 9", "designs = 0", ">= 1"]),
+    "designs huge": ([("= 500", "= 1000000001")], ["line 9", "designs", "<= 1000000000"]),
+    "designs a fraction": ([("= 500", "= 1e3")], ["line 9", "designs", "integer"]),
+    "designs true": ([("= 500", "= true")], ["line 9", "designs = true"]),
+    "latin hypercube too large": (
+        [("monte_carlo", "latin_hypercube"), ("= 500", "= 200001")],
+        ["line 9", "designs = 200001", "at most 200000"],
+    ),
+    "base with monte carlo": ([("seed = 7", "seed = 7\nbase = 64")], ["line 11", "base"]),
+    "base no power of two": ([SALTELLI, ("base = 64", "base = 65")], ["base = 65", "power of two"]),
+    "base too large": ([SALTELLI, ("base = 64", "base = 131072")], ["sampling.base = 131072", "at most 200000"]),
+    "designs with saltelli": ([SALTELLI, ("base = 64", "base = 64\ndesigns = 9")], ["designs = 9", "saltelli"]),
+    "seed with grid": ([*GRID, ('"grid"', '"grid"\nseed = 1')], ["seed = 1", "grid"]),
+    "designs with grid": ([*GRID, ('"grid"', '"grid"\ndesigns = 1')], ["designs = 1", "grid"]),
+    "grid with a distribution": ([*GRID[:2]], ["distribution", "grid"]),
+    "grid without points": ([GRID[0], GRID[2]], ["factor[0]", "points"]),
+    "grid of one point": ([*GRID, ("points = 5", "points = 1")], ["points = 1", ">= 2"]),
+    "grid of no points": ([*GRID, ("points = 5", "points = 0")], ["points = 0", ">= 2"]),
+    "grid too large": (
+        [*GRID, ("points = 5", "points = 100000"), ("values = [60.0, 70]", "from = 60\nto = 70\npoints = 100000")],
+        ["grid of at most 1000000000", "10000000000"],
+    ),
+    "points without grid": ([(RANGE, f"{RANGE}\npoints = 5")], ["points = 5", "grid"]),
+    "no factor": ([("[[factor]]", "[[factors]]"), ("[[factor]]", "[[factors]]")], ["factors"]),
+    "no key": ([('key = "hinges.base.neck_mm"\n', "")], ["factor[0]", "either key or keys"]),
+    "key and keys": ([(RANGE, f'keys = ["hinges.elbow.neck_mm"]\n{RANGE}')], ["factor[0]", "either key or keys"]),
+    "key misspelt": ([("base.neck_mm", "base.nek_mm")], ["line 13", "did you mean hinges.base.neck_mm"]),
+    "key no number": ([("hinges.base.neck_mm", "hinges.base.prismatic")], ["line 13", "number of the stage format"]),
+    "key a table": ([("hinges.base.neck_mm", "hinges.base")], ["line 13", "hinges.base"]),
+    "key an array": ([("hinges.base.neck_mm", "chain.link_lengths_mm")], ["line 13", "mean chain.link_lengths_mm["]),
+    "key beyond an array": ([("hinges.base.neck_mm", "chain.link_lengths_mm[3]")], ["line 13", "link_lengths_mm"]),
+    "override as in the stage file": ([("hinges.base.neck_mm", "override[0].neck_mm")], ["line 13", "override"]),
+    "override of chain 4": ([("hinges.base.neck_mm", "override.4.base.neck_mm")], ["line 13", "mean override."]),
+    "star that names nothing": ([("hinges.base.neck_mm", "hinge.*.neck_mm")], ["line 13", "hinges.*.neck_mm"]),
+    "stars alone": ([("hinges.base.neck_mm", "***")], ["line 13", "hinges.*.neck_mm"]),
+    "star for numbers of several kinds": ([("base.neck_mm", "base.*")], ["line 13", "hinges.*.neck_mm"]),
+    "star in keys": ([('key = "hinges.base.neck_mm"', 'keys = ["hinges.*.neck_mm"]')], ["keys[0]", "no star"]),
+    "star with a label": ([("material.youngs_modulus_gpa", "hinges.*.radius_mm")], ["label", "star"]),
+    "keys empty": ([('key = "hinges.base.neck_mm"', "keys = []")], ["keys = []"]),
+    "key twice in keys": ([('key = "hinges.base.neck_mm"', 'keys = ["thickness_mm", "thickness_mm"]')], ["keys[1]"]),
+    "key twice in the study": ([("material.youngs_modulus_gpa", "hinges.base.neck_mm")], ["factor[1]", "factor[0]"]),
+    "star over a key": ([("hinges.base.neck_mm", "hinges.*.neck_mm"), ("material.youngs_modulus_gpa",
+        "hinges.elbow.neck_mm")], ["factor[1]", "hinges.elbow.neck_mm"]),
+    "label of an output": ([('"E"', '"kxx_n_per_mm"')], ["factor[1]", "kxx_n_per_mm"]),
+    "label of a column of the table": ([('"E"', '"reason"')], ["factor[1]", "reason"]),
+    "label of a key": ([('"E"', '"hinges.base.neck_mm"')], ["factor[1]", "hinges.base.neck_mm"]),
+    "label empty": ([('"E"', '" "')], ["line 18", "label"]),
+    "nothing to vary": ([(RANGE, "")], ["factor[0]", "from"]),
+    "values and a range": ([(RANGE, f"{RANGE}\nvalues = [0.5]")], ["from", "values"]),
+    "values empty": ([(RANGE, "values = []")], ["line 14", "values = []"]),
+    "values text": ([(RANGE, 'values = ["thin"]')], ["line 14", 'values[0] = "thin"', "a number"]),
+    "values bool": ([(RANGE, "values = [true]")], ["line 14", "values[0] = true", "a number"]),
+    "values nan": ([(RANGE, "values = [0.5, nan]")], ["line 14", "values[1] = nan", "finite"]),
+    "values infinite": ([(RANGE, "values = [inf]")], ["line 14", "values[0] = inf", "finite"]),
+    "values twice": ([(RANGE, "values = [0.5, 0.5]")], ["line 14", "no value twice"]),
+    "values impossible": ([(RANGE, "values = [0.5, -0.5]")], ["line 14", "values[1] = -0.5", "> 0"]),
+    "range from below the limit": ([("from = 0.4", "from = 0")], ["line 14", "from = 0", "> 0"]),
+    "range up to above the limit": ([("hinges.base.neck_mm", "material.poissons_ratio")], ["to = 0.7", "< 0.5"]),
+    "from above to": ([("to = 0.7", "to = 0.3")], ["line 15", "to = 0.3", "> 0.4"]),
+    "from equal to": ([("to = 0.7", "to = 0.4")], ["line 15", "to = 0.4", "> 0.4"]),
+    "to alone": ([("from = 0.4\n", "")], ["factor[0]", "from"]),
+    "log from below zero": (
+        [("hinges.base.neck_mm", "chain.joint_angles_deg[1]"), (RANGE, 'from = -9.0\nto = 9.0\nscale = "log"')],
+        ["from = -9.0", "> 0 on a logarithmic scale"],
+    ),
+    "scale of no kind": ([(RANGE, f'{RANGE}\nscale = "square"')], ["line 16", "scale"]),
+    "scale of a distribution": ([(NORMAL, f'{NORMAL}\nscale = "log"')], ["scale"]),
+    "sd negative": ([("sd = 1.5", "sd = -1.5")], ["sd = -1.5", "> 0"]),
+    "sd missing": ([("sd = 1.5", "")], ["factor[1]", "sd"]),
+    "sd of a uniform": ([(NORMAL, f'{NORMAL}\nlower = 1.0\nupper = 2.0'), ('"normal"', '"uniform"')], ["sd"]),
+    "bounds crossed": ([(NORMAL, f"{NORMAL}\nlower = 70\nupper = 60")], ["upper = 60", "> 70"]),
+    "distribution of no kind": ([('"normal"', '"weibull"')], ["distribution"]),
+    "no mean to be had": ([("material.youngs_modulus_gpa", "hinges.base.axis_deg")], ["factor[1]", "mean"]),
+    "stroke negative": ([(LAST, f"{LAST}[drive]\nstroke_um = -1\nlever_arm_mm = 10\n")], ["stroke_um = -1", "> 0"]),
+    "lever arm missing": ([(LAST, f"{LAST}[drive]\nstroke_um = 17.4\n")], ["drive.lever_arm_mm is missing"]),
+    "figure of no kind": ([figure('kind = "pie"')], ["figure[0].kind"]),
+    "figure of an unknown column": ([figure(PARETO.replace("kxx", "kzz"))], ["figure[0].x", "did you mean k"]),
+    "figure of travel without a drive": ([figure(PARETO.replace("kxx_n_per_mm", "travel_x_um"))], ["figure[0].x"]),
+    "figure of errors without verify": (
+        [figure('kind = "distribution"\nvalues = ["error_x_percent"]')], ["figure[0].values[0]"]),
+    "figure of a factor as output": ([figure('kind = "distribution"\nvalues = ["E"]')], ["figure[0].values[0]"]),
+    "map without a grid": (
+        [figure('kind = "map"\nx = "E"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"')],
+        ["figure[0].kind", "grid"]),
+    "map of an output over outputs": (
+        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'map'\nx = 'E'\n"
+            "y = 'kyy_n_per_mm'\nvalue = 'kxx_n_per_mm'")], ["figure[0].y"]),
+    "map without a value": ([figure('kind = "map"\nx = "E"\ny = "hinges.base.neck_mm"')], ["figure[0]", "value"]),
+    "sensitivity without saltelli": (
+        [figure('kind = "sensitivity"\nvalues = ["kxx_n_per_mm"]')], ["figure[0].kind", "saltelli"]),
+    "distribution of a grid": (
+        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'distribution'\n"
+            "values = ['kxx_n_per_mm']")], ["figure[0].kind", "grid"]),
+    "pareto of one column": ([figure(PARETO.replace("reach_x_um", "kxx_n_per_mm"))], ["figure[0].y"]),
+    "pareto with values": ([figure(f'{PARETO}\nvalues = ["kxx_n_per_mm"]')], ["figure[0].values", "pareto"]),
+    "pareto of the worst": ([figure(f'{PARETO}\nx_better = "worse"')], ["figure[0].x_better"]),
+    "provenance of nothing": ([(LAST, f'{LAST}[provenance]\n"factor[2]" = "assumed"\n')], ["provenance", "factor[1]"]),
+    "provenance unquoted": ([(LAST, f'{LAST}[provenance]\ndrive.stroke_um = "assumed"\n')], ["provenance"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_study_is_refused_in_one_line(name: str, studies: Any) -> None:
+    edits, says = HOSTILE[name]
+    path = studies.write(*edits)
+    with pytest.raises(BadInput) as refusal:
+        load_study(path)
+    said = str(refusal.value)
+    assert "\n" not in said and len(said) < 1000, said
+    assert re.match(re.escape(str(path)) + r", line \d+: ", said) or "is missing" in said, said
+    assert all(word in said for word in says), said
+
+
+def test_the_generic_study_is_not_hostile(studies: Any) -> None:
+    """Else the cases above would be refused for something else."""
+    assert studies.load().count == 500
+    assert studies.load(*GRID).count == 10
+    assert studies.load(SALTELLI).count == 64 * 4
+    assert studies.load(figure(PARETO)).study.figure[0].drawn == 4
+
+
+def test_an_infeasible_stage_is_named_with_the_line_of_the_study(studies: Any) -> None:
+    stage = studies.folder / "stage.toml"
+    stage.write_text(stage.read_text().replace("radius_mm = 3.9", "radius_mm = 4.9"))
+    with pytest.raises(BadInput, match=r"study\.toml, line 2: stage.*stage\.toml, line \d+: .*notch deeper"):
+        studies.load()
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_studies_can_be_read_and_say_what_is_assumed(path: Path) -> None:
+    loaded = load_study(path)
+    assert loaded.count > 100 and loaded.study.figure
+    assert any(key.startswith("study: ") for key in loaded.assumed)
+    assert any(key.startswith("stage: ") for key in loaded.assumed)
+
+
+def test_three_studies_are_shipped_one_for_each_question() -> None:
+    assert [path.stem for path in SHIPPED] == ["study-reach", "study-tolerance", "study-trust"]
+
+
+def test_stars_are_independent_factors_named_by_their_keys(studies: Any) -> None:
+    loaded = studies.load(("hinges.base.neck_mm", "override.*.*.neck_mm"))
+    names = [column.name for column in loaded.columns]
+    assert len(names) == 10 and names[0] == "override.1.base.neck_mm" and names[-1] == "E"
+    assert all(column.keys == (column.name,) for column in loaded.columns[:9])
+
+
+def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> None:
+    necks = studies.load(("hinges.base.neck_mm", "override.*.*.neck_mm"), (RANGE, 'distribution = "normal"\nsd = 0.01'))
+    means = {column.name: column.factor.mean for column in necks.columns}
+    assert means["override.1.base.neck_mm"] == 0.53
+    assert means["override.2.elbow.neck_mm"] == 0.71  # the stage's own override
+    assert means["E"] == pytest.approx(68.3, rel=1e-15)  # GPa to MPa and back
+
+
+def test_every_key_has_its_own_value_and_unit(studies: Any) -> None:
+    stage = studies.load().stage
+    found = {path: key.value_in(stage) for path, key in keys().items()}
+    assert found["chain.link_lengths_mm[1]"] == 33.5
+    assert found["chain.joint_angles_deg[1]"] == pytest.approx(-85.0, rel=1e-15)
+    assert found["hinges.base.axis_deg"] is None
+    assert found["override.3.platform.radius_mm"] == 1.5
+    assert len(found) == 23 + 27
+
+
+def test_the_hash_knows_what_results_depend_on_and_nothing_else(studies: Any) -> None:
+    plain = studies.load().hash
+    for edit in (
+        ("generic study", "another name"),
+        figure(PARETO),
+        (LAST, f'{LAST}[provenance]\n"factor[0]" = "assumed"\n'),
+        (ANALYTIC, f'{ANALYTIC}\ncheck = "closed_form"'),  # the default, said aloud
+        ("from = 0.4", "from = 0.40"),
+    ):
+        assert studies.load(edit).hash == plain, edit
+    for edit in (
+        ("seed = 7", "seed = 8"),
+        ("designs = 500", "designs = 501"),
+        ("from = 0.4", "from = 0.41"),
+        ('"E"', '"modulus"'),
+        ("mobility = 21", "mobility = 12"),
+        ("mobility = 21", "mobility = 21\nlinks = true"),
+        ('"calibrated"', '"koster"'),
+        (ANALYTIC, f'{ANALYTIC}\ncheck = "drawing"'),
+        (LAST, f"{LAST}[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n"),
+    ):
+        assert studies.load(edit).hash != plain, edit
+    stage = studies.folder / "stage.toml"
+    stage.write_text(stage.read_text().replace("neck_mm = 0.61", "neck_mm = 0.62"))
+    assert studies.load().hash != plain
+
+
+def test_a_loaded_study_travels_lightly_between_processes(studies: Any) -> None:
+    loaded = studies.load()
+    packed = pickle.dumps(loaded)
+    again = pickle.loads(packed)
+    assert len(packed) < 20_000  # bytes: it goes along with every chunk
+    assert again == loaded and again.hash == loaded.hash and again.columns == loaded.columns
+
+
+def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
+    plain = studies.load().outputs
+    driven = studies.load((LAST, f"{LAST}[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")).outputs
+    verified = studies.load(('"analytic"', '"verify"')).outputs
+    bare = studies.load(('"analytic"', '"verify"'), ("= 21", "= 21\nbands = false")).outputs
+    assert plain[0] == "kxx_n_per_mm" and plain[-1] == "envelope_mm" and len(plain) == 16
+    assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
+    assert verified[:16] == plain and verified[-1] == "band_theta_percent" and bare == verified[:-3]

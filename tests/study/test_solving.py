@@ -1,0 +1,171 @@
+"""A design by finite elements: every column against the ordinary path, and against the other witness where there is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem.fem.thirds
+from flexfem.analytic.model import analyse
+from flexfem.arrays import Array
+from flexfem.design import Override, Stage
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.fem.mesh import MeshTimeout
+from flexfem.fem.mesher import mesh_faces
+from flexfem.fem.response import load_case
+from flexfem.fem.thirds import mesh_thirds
+from flexfem.study.answer import answer
+from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, REACHES, STIFFNESSES, STRESSES, TRAVELS
+from flexfem.study.plan import LoadedStudy
+from flexfem.study.solving import mesh_band, solved_values
+from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.protocol import compare, solve_stage
+
+MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
+STRESS = 1e-2  # averaged nodal stress at a notch on two coarse meshes
+MODELS = 0.03  # of the rotation of a base hinge: the bodies beside it are not quite rigid
+DRIVE = "[drive]\nstroke_um = 17.4\nlever_arm_mm = 11.3"
+ONE = ("method = 'grid'", 'key = "thickness_mm"\nvalues = [9.7]')
+
+
+def columns(loaded: LoadedStudy, stage: Stage) -> dict[str, float]:
+    return dict(zip(loaded.outputs, solved_values(stage, loaded, True).tolist(), strict=True))
+
+
+def of(found: dict[str, float], names: tuple[str, ...]) -> Array:
+    return np.array([found[name] for name in names])
+
+
+@pytest.fixture(params=["alike", "different"])
+def stage(request: pytest.FixtureRequest, studies: Any) -> Stage:
+    base: Stage = studies.of(*ONE, head='model = "fe"').stage
+    return base if request.param == "different" else base.model_copy(update={"override": ()})
+
+
+def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage, studies: Any) -> None:
+    found = columns(studies.of(*ONE, head='model = "fe"'), stage)
+    slow = solve_stage(stage, 4)
+    K = np.linalg.inv(slow.response.compliance)
+    assert tuple(found) == (*STIFFNESSES, *COUPLINGS, *STRESSES, *REACHES, "envelope_mm")
+    size = np.sqrt(np.diag(K))
+    np.testing.assert_allclose(of(found, STIFFNESSES[:3]), np.diag(K), rtol=MESHES)
+    coupling = (K / np.outer(size, size))[[0, 0, 1], [1, 2, 2]]
+    np.testing.assert_allclose(of(found, COUPLINGS), coupling, rtol=0, atol=MESHES / 10)
+    unit = size[[0, 0, 1]] * size[[1, 2, 2]]
+    np.testing.assert_allclose(of(found, STIFFNESSES[3:]) / unit, coupling, rtol=0, atol=MESHES / 10)
+    stress = np.array([load_case(stage, slow.mesh, slow.response, K[:, axis]).neck_stress.max() for axis in range(3)])
+    np.testing.assert_allclose(of(found, STRESSES), 1e-3 * stress, rtol=STRESS)
+    np.testing.assert_allclose(of(found, REACHES) * of(found, STRESSES), stage.material.yield_strength, rtol=1e-12)
+    assert found["envelope_mm"] == pytest.approx(2 * np.hypot(*slow.mesh.nodes.T).max(), rel=1e-6)
+
+
+def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stage, studies: Any) -> None:
+    """The hinges' own compliances in both; at the travel the first base hinge has turned by stroke over lever arm."""
+    found = columns(studies.of(*ONE, head='model = "fe"', tail=DRIVE), stage)
+    beside = studies.of(
+        *ONE, head='model = "analytic"\nformula = "calibrated"\nmobility = 21\nlinks = true', tail=DRIVE
+    )
+    rows = answer(replace(beside, stage=stage), 0, 1)
+    expected = dict(zip(beside.outputs, rows.values[0].tolist(), strict=True))
+    np.testing.assert_allclose(of(found, TRAVELS), of(expected, TRAVELS), rtol=MODELS)
+
+
+def test_errors_are_those_of_the_protocol(stage: Stage, studies: Any) -> None:
+    head = 'model = "verify"\nmobility = 6\nformula = "paros-weisbord"\nbands = false'
+    found = columns(studies.of(*ONE, head=head), stage)
+    K, C = analyse(stage, 6, "paros-weisbord").stiffness, solve_stage(stage, 4).response.compliance
+    for k, direction in enumerate(("x", "y", "theta")):
+        percent = compare(K, C, direction, np.array([-0.3, 0.0, 0.3]), stage.chain.link_lengths[2]).percent
+        assert found[ERRORS[k]] == pytest.approx(percent[k], abs=100 * MESHES)
+        assert found[CROSSES[k]] == pytest.approx(np.abs(np.delete(percent, k)).max(), abs=100 * MESHES)
+    assert not set(BANDS) & set(found)
+
+
+@pytest.mark.slow
+def test_bands_hold_the_value_on_a_finer_mesh(stage: Stage, studies: Any) -> None:
+    head = 'model = "verify"\nmobility = 6\n'
+    coarse = columns(studies.of(*ONE, head=head), stage)
+    fine = columns(studies.of(*ONE, head=head + "resolution = 8\nbands = false"), stage)
+    for error, band in zip(ERRORS, BANDS, strict=True):
+        assert 0 < abs(coarse[error] - fine[error]) < coarse[band] < 0.5  # percentage points
+
+
+def test_a_band_is_never_less_than_that_of_grid_convergence() -> None:
+    resolutions = np.array([2.0, 3.0, 4.0])
+    steep, noisy = 1 + resolutions**-5.5, np.array([1.0, 1.3, 1.1])
+    for values in (steep, noisy):
+        assert mesh_band(resolutions, values) >= grid_convergence(resolutions, values).band
+    assert mesh_band(resolutions, steep) > 1.2 * grid_convergence(resolutions, steep).band
+
+
+def test_a_band_of_two_meshes_is_roaches_index_with_a_safety_factor_of_three() -> None:
+    assert mesh_band(np.array([3.0, 4.0]), np.array([7.0, 7.2])) == pytest.approx(3 * 0.2 / ((4 / 3) ** 4 - 1))
+
+
+def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
+    stage: Stage, studies: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = studies.of(*ONE, head='model = "verify"\nmobility = 6')
+    whole = columns(loaded, stage)
+
+    def folding(of: Stage, resolution: int, *others: Any) -> Any:
+        if resolution == 2:
+            raise ComputationFailed("folded")
+        return mesh_thirds(of, resolution, *others)
+
+    monkeypatch.setattr("flexfem.study.solving.mesh_thirds", folding)
+    without = columns(loaded, stage)
+    assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
+    assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
+
+
+@pytest.mark.slow
+def test_the_same_design_gives_the_same_bits_inside_and_apart_and_after_others(stage: Stage, studies: Any) -> None:
+    loaded = studies.of(*ONE, head='model = "fe"', tail=DRIVE)
+    first = solved_values(stage, loaded, True)
+    override = Override.model_validate({"chain": 3, "hinge": "base", "neck_mm": 0.4})
+    thinner = stage.model_copy(update={"override": (override,)})
+    assert not np.array_equal(solved_values(thinner, loaded, True), first)
+    assert np.array_equal(solved_values(stage, loaded, True), first)
+    assert np.array_equal(solved_values(stage.model_copy(), loaded, False), first)
+
+
+def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Good, impossible by a number, impossible to draw, not meshed, out of time."""
+    loaded = studies.of(*(ONE[0], 'key = "hinges.base.neck_mm"\nvalues = [0.5, 12.0, 0.6, 0.7]'), head='model = "fe"')
+
+    def meshed(job: Any) -> Any:
+        if any(abs(cone.least - 0.7 / 4) < 1e-12 for cone in job.cones):
+            raise MeshTimeout("too slow")
+        if any(abs(cone.least - 0.6 / 4) < 1e-12 for cone in job.cones):
+            raise ComputationFailed("no mesh")
+        return mesh_faces(job)
+
+    monkeypatch.setattr(flexfem.fem.thirds, "_meshed_inside", meshed)
+    rows = answer(loaded, 0, 4, inside=True)
+    assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
+    assert [bool(reason) for reason in rows.reason] == [False, True, True, True]
+    assert rows.reason[1].startswith("hinges.base.neck_mm = 12")
+    assert np.isfinite(rows.values[0]).all()
+    assert np.isnan(rows.values[1:]).all()
+
+
+def test_the_time_limit_stops_a_mesher_of_its_own(studies: Any) -> None:
+    loaded = studies.of(*ONE, head='model = "fe"\ntime_limit_s = 0.001')
+    assert answer(loaded, 0, 1).status.tolist() == ["time limit"]
+
+
+def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) -> None:
+    base = stage.hinges.base.model_copy(update={"radius": 0.4})
+    thick = stage.model_copy(update={"hinges": stage.hinges.model_copy(update={"base": base})})
+    loaded = studies.of(*ONE, head='model = "verify"\nformula = "calibrated"\nbands = false')
+    with pytest.raises(BadInput, match="chart"):
+        solved_values(thick, loaded, True)
+
+
+def test_a_corrected_stage_has_no_plane_finite_elements(stage: Stage, studies: Any) -> None:
+    with pytest.raises(BadInput, match="plane"):
+        solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'), True)
