@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from flexfem.errors import BadInput, ComputationFailed
+from flexfem.study.commands import app as study_app
 
 app = typer.Typer(
     help="Verification and design of planar flexure-hinge stages.",
@@ -18,6 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.add_typer(study_app, name="study")
 
 LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
 
@@ -56,7 +58,7 @@ def stiffness(
     stage: Stage,
     mobility: Annotated[int | None, typer.Option(help="3, 6, 12 or 21; default: the file's prismatic hinges.")] = None,
     formula: Annotated[str, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = "paros-weisbord",
-    links: Annotated[bool, typer.Option("--links", help="Links, pads and arms as beams; mobility 21.")] = False,
+    links: Annotated[bool, typer.Option("--links", help="Elastic links, pads and platform; mobility 21.")] = False,
     json: Json = False,
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
@@ -71,7 +73,9 @@ def stiffness(
     notch.formula(formula)
     freedoms_of(mobility or 3)
     if links and mobility not in (None, 21):
-        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: beams go with all freedoms of the hinges")
+        raise BadInput(
+            f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms of the hinges"
+        )
     with naming(stage):
         found = linked(loaded, formula) if links else analyse(loaded, mobility, formula)
     console.show(facts.analytic_facts(stage, loaded, found), json, tables.print_analytic)
@@ -229,6 +233,14 @@ def benchmark(
     table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
         write_benchmarks(table, output)
+        from flexfem.benchmark import elastica, taylor
+        from flexfem.report.bending import elastica_figure, taylor_figure
+        from flexfem.report.write import write_beside
+
+        if "elastica" in table.seconds:
+            write_beside(output / "elastica.png", elastica_figure(elastica.bending()))
+        if "tangent" in table.seconds:
+            write_beside(output / "tangent.png", taylor_figure(taylor.remainders()))
     console.show(facts.benchmark_facts(table), json, tables.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)
 
@@ -254,6 +266,36 @@ def budget(
 
         write_beside(write_record(found, output / f"{stage.stem}-budget.json"), budget_figure(found))
     console.show(found.model_dump(mode="json"), json, tables.print_budget)
+
+
+@app.command()
+def workspace(
+    stage: Stage,
+    amplitude_um: Annotated[
+        float, typer.Option(min=1e-3, max=1e4, help="Largest command in X and Y; in theta 0.02 mrad for every um.")
+    ] = 500.0,
+    output: Wanted = None,
+    json: Json = False,
+) -> None:
+    """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
+    import numpy as np
+
+    from flexfem import console, tables
+    from flexfem.layout.feasibility import load_feasible, naming
+    from flexfem.verify.result import write_record
+    from flexfem.verify.workspace import workspace as travel
+
+    loaded = load_feasible(stage)
+    if not np.isfinite(amplitude_um):
+        raise BadInput(f"--amplitude-um {amplitude_um}, expected a number of um")
+    with naming(stage):
+        found = travel(stage, loaded, 1e-3 * amplitude_um)
+    if output is not None:
+        from flexfem.report.workspace import workspace_figure
+        from flexfem.report.write import write_beside
+
+        write_beside(write_record(found, output / f"{stage.stem}-workspace.json"), workspace_figure(found))
+    console.show(found.model_dump(mode="json"), json, tables.print_workspace)
 
 
 @app.command()

@@ -1,0 +1,157 @@
+"""`flexfem study`: run, status, collect, plot."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexfem.errors import BadInput
+
+if TYPE_CHECKING:
+    from flexfem.study.parts import Parts
+    from flexfem.study.pool import Pool
+    from flexfem.study.shard import Shard
+
+app = typer.Typer(
+    help="Study many designs: run, see how far it is, collect the table, plot.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+MOST_WORKERS = 1024
+StudyFile = Annotated[Path, typer.Argument(help="Study file, see cases/README.md.", metavar="STUDY")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Partial = Annotated[bool, typer.Option("--partial", help="Leave out designs that are still open.")]
+REPORTS = Path("reports")
+
+
+def _parts(study: Path, output: Path) -> Parts:
+    from flexfem.study.parts import parts_of
+    from flexfem.study.plan import load_study
+
+    return parts_of(load_study(study), output)
+
+
+@app.command()
+def run(
+    study: StudyFile,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes on this machine; default one a processor.")
+    ] = None,
+    shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
+    output: Output = REPORTS,
+    retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
+    json: Json = False,
+) -> None:
+    """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
+    from flexfem import console
+    from flexfem.files import check_folder
+    from flexfem.study.progress import print_status, watching
+    from flexfem.study.run import run_study
+    from flexfem.study.shard import shard_of
+
+    part = shard_of(shard)
+    if scheduler is not None and workers is not None:
+        raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
+    parts = _parts(study, output)
+    check_folder(parts.folder)
+    with _pool(workers, scheduler) as pool, watching() as watch, _resumable(parts):
+        run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
+    console.show(_run_facts(parts, part), json, print_status)
+
+
+@contextmanager
+def _pool(workers: int | None, scheduler: str | None) -> Iterator[Pool]:
+    from flexfem.study.cluster import DaskPool
+    from flexfem.study.pool import LocalPool
+
+    pool = DaskPool(scheduler) if scheduler is not None else LocalPool(workers or _processors())
+    try:
+        yield pool
+    finally:
+        pool.close()
+
+
+def _processors() -> int:
+    """Processors that this process may use: a job's share, not the whole machine."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _resumable(parts: Parts) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        _note(f"stopped; what is done is kept in {parts.folder}, the same command goes on")
+        raise
+
+
+def _note(text: str) -> None:
+    print(f"flexfem: {text}", file=sys.stderr, flush=True)
+
+
+@app.command()
+def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> None:
+    """Count the designs of a study that are done, refused, failed with reasons, and open."""
+    from flexfem import console
+    from flexfem.study.progress import print_status
+    from flexfem.study.status import status_facts
+
+    console.show(status_facts(_parts(study, output)), json, print_status)
+
+
+@app.command()
+def collect(
+    study: StudyFile,
+    output: Output = REPORTS,
+    to: Annotated[Path | None, typer.Option(help="Table to write: .parquet or .csv.")] = None,
+    partial: Partial = False,
+    json: Json = False,
+) -> None:
+    """Join what is done to one table, design after design."""
+    from flexfem import console, tables
+    from flexfem.files import check_folder
+    from flexfem.study.collect import check_target, table_path
+    from flexfem.study.collect import collect as join
+
+    parts = _parts(study, output)
+    target = check_target(to or table_path(parts))
+    check_folder(target.parent)
+    made = join(parts, target, partial)
+    facts = {"written": [str(made.path)], "designs": made.designs, "open": made.open}
+    console.show(facts, json, tables.print_written)
+
+
+@app.command()
+def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
+    """Collect the table of a study and draw its figures, as PNG and PDF."""
+    from flexfem import console, tables
+    from flexfem.files import check_folder
+    from flexfem.report.study import write_study_figures
+    from flexfem.study.collect import collect as join
+    from flexfem.study.collect import table_path
+    from flexfem.study.table import read_table
+
+    parts = _parts(study, output)
+    check_folder(parts.folder.parent)
+    made = join(parts, table_path(parts), partial)
+    written = write_study_figures(parts.loaded, read_table(made.path, parts.loaded), parts.folder.parent)
+    console.show({"written": [str(path) for path in (made.path, *written)]}, json, tables.print_written)
+
+
+def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
+    from flexfem.study.status import status_facts
+
+    facts = status_facts(parts)
+    file, folder = facts["file"], parts.folder.parent.parent
+    where = "" if folder == REPORTS else f" --output {folder}"
+    going_on = f"flexfem study {'status' if facts['open'] else 'plot'} {file}{where}"
+    return facts | {"shard": f"{shard.first + 1}/{shard.step}", "next": going_on}

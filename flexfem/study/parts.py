@@ -1,0 +1,185 @@
+"""A study on disk: chunks of designs as Parquet parts that are written once, whole, and the same whoever writes them.
+
+The name of a part says what is in it: the chunk's number, and a hash of the study, the range of designs and the
+versions that decide results. What exists is done; nothing else is kept about what was done.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flexfem.errors import BadInput
+from flexfem.files import write_atomically
+from flexfem.study.answer import Rows
+from flexfem.study.plan import LoadedStudy
+from flexfem.study.sampling import sample
+from flexfem.study.versions import versions_of
+
+KEY = b"flexfem.study"
+PARQUET: Mapping[str, Any] = {  # how parts and tables are written
+    "compression": "zstd",
+    "use_dictionary": ["status", "reason"],
+    "write_page_checksum": True,
+}
+BROADCAST = 8192  # designs a part, of a model that answers all of them at once
+DRAWN = 512  # analytic designs that are drawn, or whose links bend: some milliseconds each
+MESHED = 16
+STALE = 3600.0  # s, after which the temporary file of a killed run is removed
+PART = re.compile(r"part-(\d{7,})-([0-9a-f]{16})\.parquet")
+RETRIED = ("time limit", "crashed", "failed")  # statuses that another run may change
+
+Counts: TypeAlias = Counter[tuple[str, str]]  # designs by status and kind of reason
+
+
+class Chunk(NamedTuple):
+    """Designs from `start` up to `stop`, kept in one part."""
+
+    number: int
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Where the parts of a study lie and what each is called; `size` designs a part."""
+
+    loaded: LoadedStudy
+    folder: Path
+    size: int
+
+    @cached_property
+    def versions(self) -> Mapping[str, str]:
+        """Versions of what decides the results."""
+        return versions_of(self.loaded.study.model != "analytic")
+
+    @cached_property
+    def count(self) -> int:
+        """Number of parts."""
+        return -(-self.loaded.count // self.size)
+
+    @cached_property
+    def _key(self) -> str:
+        return json.dumps([self.loaded.hash, dict(self.versions)], sort_keys=True)
+
+    @cached_property
+    def schema(self) -> Any:
+        """Columns of the table, with what it belongs to as metadata."""
+        loaded = self.loaded
+        numbers = [column.name for column in loaded.columns]
+        fields = [pa.field("design", pa.int64(), False), pa.field("status", pa.string(), False)]
+        fields += [pa.field("reason", pa.string(), False), *(pa.field(name, pa.float64(), False) for name in numbers)]
+        fields += [pa.field(name, pa.float64()) for name in loaded.outputs]
+        about = {
+            "stem": loaded.stem,
+            "name": loaded.study.name,
+            "hash": loaded.hash,
+            "versions": dict(self.versions),
+            "assumed": list(loaded.assumed),
+            "count": loaded.count,
+        }
+        return pa.schema(fields, metadata={KEY: json.dumps(about, sort_keys=True).encode()})
+
+    def chunk(self, number: int) -> Chunk:
+        """The chunk of a number from 0."""
+        return Chunk(number, number * self.size, min((number + 1) * self.size, self.loaded.count))
+
+    def path(self, chunk: Chunk) -> Path:
+        """Where the part of a chunk lies, once it is written."""
+        digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
+        return self.folder / f"part-{chunk.number:07d}-{digits}.parquet"
+
+
+def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
+    """The parts of a study in an output folder; `size` designs each, by default as many as are some seconds of work."""
+    study = loaded.study
+    usual = MESHED if study.model != "analytic" else DRAWN if study.draws or study.links else BROADCAST
+    return Parts(loaded, output / loaded.stem / "parts", size or usual)
+
+
+def table_of(parts: Parts, chunk: Chunk, rows: Rows) -> Any:
+    """The Arrow table of a chunk: design, status, reason, factors, outputs (null where there is no answer)."""
+    factors = sample(parts.loaded, chunk.start, chunk.stop)
+    missing = np.asarray(rows.status != "ok")
+    columns = [pa.array(np.arange(chunk.start, chunk.stop)), pa.array(rows.status), pa.array(rows.reason)]
+    columns += [pa.array(column) for column in factors.T]
+    columns += [pa.array(column, mask=missing | np.isnan(column)) for column in rows.values.T]
+    return pa.Table.from_arrays(columns, schema=parts.schema)
+
+
+def write_part(parts: Parts, chunk: Chunk, rows: Rows) -> None:
+    """Write the part of a chunk. Raises BadInput when the folder does not take it."""
+    table = table_of(parts, chunk, rows)
+    content = pa.BufferOutputStream()
+    pq.write_table(table, content, **PARQUET)
+    write_atomically(parts.path(chunk), lambda file: file.write(content.getvalue()))
+
+
+def read_part(parts: Parts, chunk: Chunk) -> Any:
+    """The Arrow table of a chunk, checked to be that.
+
+    Raises
+    ------
+    FileNotFoundError
+        The part is not written.
+    BadInput
+        The file is damaged (every page has a checksum), or is not the part that its name says.
+    """
+    path = parts.path(chunk)
+    try:
+        table = pq.ParquetFile(path, page_checksum_verification=True).read(use_threads=False)
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, pa.ArrowException):
+        raise BadInput(f"{path}: a damaged part") from None
+    if not _belongs(parts, table) or not np.array_equal(table["design"], np.arange(chunk.start, chunk.stop)):
+        raise BadInput(f"{path}: not the part that its name says")
+    return table
+
+
+def _belongs(parts: Parts, table: Any) -> bool:
+    """Whether a table has the columns, study and versions of the parts; a study's title may have changed since."""
+    try:
+        about = json.loads(table.schema.metadata[KEY])
+        belongs = (about["hash"], about["versions"]) == (parts.loaded.hash, dict(parts.versions))
+    except (KeyError, TypeError, ValueError):
+        return False
+    return belongs and bool(table.schema.equals(parts.schema, check_metadata=False))
+
+
+def counts_of(status: Iterable[str], reason: Iterable[str]) -> Counts:
+    """How many designs have each status and kind of reason."""
+    return Counter((s, kind_of(r)) for s, r in zip(status, reason, strict=True))
+
+
+def kind_of(reason: str) -> str:
+    """A reason without the numbers of its design: the text before its value, or else dots for every number."""
+    before, found, _ = reason.partition(" = ")
+    return before if found or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
+
+
+def counts_of_table(table: Any) -> Counts:
+    """As `counts_of`, of an Arrow table."""
+    return counts_of(table["status"].to_pylist(), table["reason"].to_pylist())
+
+
+def sweep(folder: Path) -> None:
+    """Remove temporary files that killed runs left behind, not those of a run that may still be writing."""
+    for path in folder.glob(".part-*.tmp"):
+        try:
+            if time.time() - path.stat().st_mtime > STALE:
+                path.unlink()
+        except OSError:  # another run was quicker, or may remove what this one may not
+            continue

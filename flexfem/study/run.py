@@ -1,0 +1,218 @@
+"""Run a study: chunk after chunk to the workers, part after part to disk; what exists is skipped.
+
+Runners on one folder need not know of one another: each walks the chunks in an order of its own, and looks again
+whether a part is there before it computes or writes it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refusals import one_line
+from flexfem.study.answer import Rows, answer
+from flexfem.study.parts import Chunk, Counts, Parts, counts_of, counts_of_table, read_part, sweep, write_part
+from flexfem.study.pool import Answer, Died, Pool
+from flexfem.study.shard import WHOLE, Shard, shuffled
+from flexfem.study.status import survey
+
+DEATHS = 3  # of workers over one task, after which it is the task's fault
+BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs
+STARTUP = 10.0  # s, for a worker to load what it needs, on top of that or of the study's limit for a design
+POLL = 0.25  # s
+LONGEST = 200  # characters of a reason
+
+
+class Task(NamedTuple):
+    """Designs of a chunk given to a worker, and how many workers have died over them."""
+
+    chunk: Chunk
+    start: int
+    stop: int
+    deaths: int = 0
+
+
+class Progress(NamedTuple):
+    """How far a run is: `designs` it is to see to, of which `known` were there before; all it knows of by status."""
+
+    designs: int
+    known: int
+    counts: Counts
+
+
+def run_study(
+    parts: Parts,
+    pool: Pool,
+    solve: Answer = answer,
+    shard: Shard = WHOLE,
+    retry: bool = False,
+    watch: Callable[[Progress], object] = lambda progress: None,
+    say: Callable[[str], object] = lambda text: None,
+) -> Progress:
+    """Compute the parts of a study that are missing.
+
+    Parameters
+    ----------
+    solve : answers a range of designs; importable by workers.
+    retry : also compute again the parts that hold designs out of time, crashed or failed.
+    watch : is told now and then how far the run is.
+    say : is told in a line what the user should know, such as a damaged part.
+
+    Raises
+    ------
+    BadInput
+        The folder takes no file, or a worker has another flexfem.
+    ComputationFailed
+        Workers cannot be started, or are lost. Parts that are written stay in either case.
+    """
+    sweep(parts.folder)
+    run = _Run(parts, pool, solve, shard, retry, say)
+    watch(run.progress)
+    if run.known < run.designs:
+        require_workers(pool, solve, parts, lambda: watch(run.progress))
+    with ThreadPoolExecutor(1) as writer:
+        while run.step(writer):
+            watch(run.progress)
+    return run.progress
+
+
+def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:
+    """Have the workers load what they need; raises ComputationFailed when all die of that."""
+    for _ in range(DEATHS):
+        futures = [pool.submit(solve, parts.loaded, 0, 0, BROADCAST_LIMIT) for _ in range(pool.width)]
+        while wait(futures, POLL).not_done:
+            pool.check()
+            waiting()
+        for future in futures:
+            with suppress(Died):
+                pool.outcome(future)
+                return
+    raise ComputationFailed("all worker processes die before they begin: is flexfem installed for them?")
+
+
+class _Run:
+    """The state of a run: chunks to open, tasks to give out, tasks and writes under way."""
+
+    def __init__(
+        self, parts: Parts, pool: Pool, solve: Answer, shard: Shard, retry: bool, say: Callable[[str], object]
+    ) -> None:
+        self.parts, self.pool, self.solve, self.say = parts, pool, solve, say
+        found = survey(parts, shard.first, shard.step)
+        for text in found.damaged.values():
+            say(f"{text}; computing it again")
+        unsure = found.unsure if retry else {}
+        self.again = set(unsure) | set(found.damaged)  # parts to replace, though they are there
+        self.done = found.done - self.again
+        self.counts = found.counts - sum(unsure.values(), Counter())
+        self.known, self.designs = self.counts.total(), shard.designs(parts)
+        self.order = shuffled(shard.chunks(parts))
+        self.ready: deque[Task] = deque()
+        self.pieces: dict[Chunk, dict[int, Rows]] = {}
+        self.computing: dict[Future[Any], Task] = {}
+        self.writing: dict[Future[Any], Chunk] = {}
+
+    @property
+    def progress(self) -> Progress:
+        return Progress(self.designs, self.known, self.counts)
+
+    def step(self, writer: ThreadPoolExecutor) -> bool:
+        """Give out tasks, wait a little and take in what is done; returns whether there was anything to wait for."""
+        while len(self.computing) < self.pool.width and len(self.writing) <= self.pool.width:
+            task = self._next()
+            if task is None:
+                break
+            future = self.pool.submit(self.solve, self.parts.loaded, task.start, task.stop, self._allowed + STARTUP)
+            self.computing[future] = task
+        under_way = [*self.computing, *self.writing]
+        for future in wait(under_way, POLL, FIRST_COMPLETED).done:
+            if future in self.writing:
+                del self.writing[future]
+                self.counts.update(future.result())
+            else:
+                self._take(self.computing.pop(future), future, writer)
+        self.pool.check()
+        return bool(under_way)
+
+    @property
+    def _allowed(self) -> float:
+        """Time for a task, s."""
+        study = self.parts.loaded.study
+        return BROADCAST_LIMIT if study.model == "analytic" else study.time_limit
+
+    def _next(self) -> Task | None:
+        """The next task to give out, of a chunk under way or else of a new one; None when all are given out."""
+        while not self.ready:
+            number = next(self.order, None)
+            if number is None:
+                return None
+            chunk = self.parts.chunk(number)
+            if not self._is_there(chunk):
+                self.pieces[chunk] = {}
+                several = chunk.stop - chunk.start if self.parts.loaded.study.model == "analytic" else 1
+                self.ready += [Task(chunk, k, k + several) for k in range(chunk.start, chunk.stop, several)]
+        return self.ready.popleft()
+
+    def _is_there(self, chunk: Chunk) -> bool:
+        """Whether the part of a chunk is there; counts it when another runner has written it since."""
+        if chunk.number in self.done:
+            return True
+        if chunk.number in self.again:
+            return False
+        try:
+            counts = counts_of_table(read_part(self.parts, chunk))
+        except FileNotFoundError:
+            return False
+        except BadInput as error:
+            self.say(f"{error}; computing it again")
+            self.again.add(chunk.number)
+            return False
+        self.counts.update(counts)
+        self.known += counts.total()
+        return True
+
+    def _take(self, task: Task, future: Future[Any], writer: ThreadPoolExecutor) -> None:
+        """Take in what became of a task: rows, or the same designs to be tried again."""
+        try:
+            found = self.pool.outcome(future)
+            failure = ("failed", found if isinstance(found, str) else "")
+        except TimeoutError:
+            found, failure = "", ("time limit", f"no answer in {self._allowed:g} s")
+        except Died as death:
+            if not death.final and task.deaths + 1 < DEATHS:
+                self.ready.appendleft(task._replace(deaths=task.deaths + 1))
+                return
+            found, failure = "", ("crashed", "the worker died")
+        if isinstance(found, Rows):
+            self._file(task, found, writer)
+        elif task.stop - task.start > 1:  # find the design whose fault it is
+            middle = (task.start + task.stop) // 2
+            self.ready.extendleft([task._replace(start=middle, deaths=0), task._replace(stop=middle, deaths=0)])
+        else:
+            self._file(task, failed_row(self.parts, *failure), writer)
+
+    def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
+        """Put rows to those of their chunk, and write the part when they are all there."""
+        chunk = task.chunk
+        pieces = self.pieces[chunk]
+        pieces[task.start] = rows
+        if sum(len(piece.status) for piece in pieces.values()) == chunk.stop - chunk.start:
+            whole = Rows(*map(np.concatenate, zip(*(pieces[start] for start in sorted(pieces)), strict=True)))
+            del self.pieces[chunk]
+            self.writing[writer.submit(self._write, chunk, whole)] = chunk
+
+    def _write(self, chunk: Chunk, rows: Rows) -> Counts:
+        if chunk.number in self.again or not self.parts.path(chunk).exists():
+            write_part(self.parts, chunk, rows)
+        return counts_of(rows.status, rows.reason)
+
+
+def failed_row(parts: Parts, status: str, reason: str) -> Rows:
+    """The row of one design without an answer."""
+    text = one_line(reason, LONGEST)
+    return Rows(np.array([status], object), np.array([text], object), np.full((1, len(parts.loaded.outputs)), np.nan))

@@ -1,0 +1,232 @@
+"""Parts on disk: named by what is in them, whole or not there, read by other programs as they are."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from flexfem.errors import BadInput
+from flexfem.study.answer import Rows
+from flexfem.study.collect import collect
+from flexfem.study.parts import kind_of, parts_of, read_part, sweep, write_part
+from flexfem.study.plan import load_study
+from flexfem.study.status import status_facts, survey
+
+ROOT = Path(__file__).parent.parent.parent
+STUDY = f"""
+name = "parts of a study"
+stage = "{ROOT}/geometry/mobility3.toml"
+model = "analytic"
+
+[sampling]
+method = "latin_hypercube"
+designs = 50
+seed = 3
+
+[[factor]]
+key = "hinges.*.neck_mm"
+from = 0.2
+to = 1.1
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    path = tmp_path / "some.toml"
+    path.write_text(STUDY)
+    parts = parts_of(load_study(path), tmp_path, 20)
+    for number in range(parts.count):
+        write_part(parts, parts.chunk(number), rows(parts, number))
+    return parts
+
+
+def rows(parts, number):
+    """Three kinds of rows."""
+    _, start, stop = parts.chunk(number)
+    design = np.arange(start, stop)
+    status = np.array(["ok", "refused", "time limit"], object)[design % 3]
+    reason = np.array(["", "neck = 3 mm, expected less", "no answer in 60 s"], object)[design % 3]
+    values = design[:, None] + np.arange(len(parts.loaded.outputs)) / 7
+    values[design % 3 != 0] = np.nan
+    return Rows(status, reason, values)
+
+
+def changed(parts, old, new):
+    parts.loaded.path.write_text(STUDY.replace(old, new))
+    return parts_of(load_study(parts.loaded.path), parts.folder.parent.parent, 20)
+
+
+def names(parts):
+    return [parts.path(parts.chunk(number)).name for number in range(parts.count)]
+
+
+def test_names_tell_study_range_and_versions_but_not_the_title(written, monkeypatch):
+    first = names(written)
+    assert len(set(first)) == written.count == 3
+    assert names(changed(written, '"parts of a study"', '"another title"')) == first
+    for old, new in (("seed = 3", "seed = 4"), ("to = 1.1", "to = 1.2"), ("mobility3", "mobility6")):
+        assert not set(names(changed(written, old, new))) & set(first)
+    smaller = parts_of(written.loaded, written.folder.parent.parent, 10)
+    assert not set(names(smaller)) & set(first)
+    monkeypatch.setattr("flexfem.study.parts.versions_of", lambda meshed: {"numpy": "0.1"})
+    assert not set(names(changed(written, "", ""))) & set(first)
+
+
+def test_meshed_studies_depend_on_the_versions_of_mesher_and_solver(written):
+    assert "gmsh" not in written.versions
+    meshed = changed(written, '"analytic"', '"fe"').versions
+    assert {"gmsh", "scikit-fem", "solver", "sources", "numpy"} <= set(meshed)
+
+
+def test_what_is_written_is_read(written):
+    for number in range(written.count):
+        chunk = written.chunk(number)
+        table, given = read_part(written, chunk), rows(written, number)
+        assert table["design"].to_pylist() == list(range(chunk.start, chunk.stop))
+        assert table["status"].to_pylist() == list(given.status)
+        assert table["reason"].to_pylist() == list(given.reason)
+        for name, column in zip(written.loaded.outputs, given.values.T, strict=True):
+            np.testing.assert_array_equal(table[name].to_numpy(), column)
+            assert table[name].null_count == np.isnan(column).sum()
+
+
+def test_the_same_rows_are_the_same_bytes(written):
+    path = written.path(written.chunk(1))
+    before = path.read_bytes()
+    path.unlink()
+    write_part(written, written.chunk(1), rows(written, 1))
+    assert path.read_bytes() == before
+
+
+def test_no_flipped_bit_of_the_pages_changes_a_number_unnoticed(written):
+    chunk = written.chunk(1)
+    path, table = written.path(chunk), read_part(written, chunk)
+    sound = path.read_bytes()
+    footer = len(sound) - 8 - int.from_bytes(sound[-8:-4], "little")
+    noticed = 0
+    for place in range(4, footer, 53):
+        damaged = bytearray(sound)
+        damaged[place] ^= 0x10
+        path.write_bytes(damaged)
+        try:
+            assert read_part(written, chunk).equals(table)
+        except BadInput:
+            noticed += 1
+    assert noticed > 10
+
+
+def test_other_programs_read_the_parts_as_they_are(written):
+    duckdb, pandas, polars = map(pytest.importorskip, ("duckdb", "pandas", "polars"))
+    pattern, output = f"{written.folder}/*.parquet", written.loaded.outputs[0]
+    (written.folder / ".part-0000001-left-behind.tmp").write_bytes(b"PAR1")
+    expected = [float(n) for n in range(50) if n % 3 == 0]
+    by_sql = duckdb.sql(f"select {output} from '{pattern}' where status = 'ok' order by design").fetchall()
+    assert [value for (value,) in by_sql] == expected
+    frame = pandas.read_parquet(written.folder).sort_values("design")
+    assert frame[frame["status"] == "ok"][output].to_list() == expected
+    assert frame[output].isna().sum() == 50 - len(expected)
+    lazy = polars.scan_parquet(pattern).filter(polars.col("status") == "ok").sort("design")
+    assert lazy.collect()[output].to_list() == expected
+
+
+def test_the_table_holds_all_parts_in_order_and_says_what_it_is(written, tmp_path):
+    made = collect(written, tmp_path / "all.parquet")
+    table = pq.read_table(made.path)
+    assert table["design"].to_pylist() == list(range(50))
+    joined = pa.concat_tables([read_part(written, written.chunk(number)) for number in range(3)])
+    assert table.equals(joined)
+    assert b'"hash"' in table.schema.metadata[b"flexfem.study"]
+    before = made.path.read_bytes()
+    assert collect(written, tmp_path / "all.parquet").path.read_bytes() == before
+    lines = collect(written, tmp_path / "all.csv").path.read_text().splitlines()
+    assert lines[0].startswith('"design","status","reason","hinges.base.neck_mm"')
+    assert lines[2].startswith('1,"refused","neck = 3 mm, expected less",') and lines[2].endswith(",,")
+
+
+def test_row_groups_do_not_follow_the_parts(written, tmp_path, monkeypatch):
+    monkeypatch.setattr("flexfem.study.collect.GROUP", 30)
+    made = pq.ParquetFile(collect(written, tmp_path / "all.parquet").path)
+    assert [made.metadata.row_group(k).num_rows for k in range(made.num_row_groups)] == [40, 10]
+    assert made.read()["design"].to_pylist() == list(range(50))
+
+
+def test_status_counts_kinds_of_reasons_and_names_strangers(written):
+    other = changed(written, "seed = 3", "seed = 4")
+    write_part(other, other.chunk(0), rows(other, 0))
+    facts = status_facts(written)
+    assert (facts["done"], facts["ok"], facts["refused"], facts["failed"], facts["open"]) == (50, 17, 17, 16, 0)
+    assert facts["reasons"] == {"refused": {"neck": 17}, "time limit": {"no answer in ... s": 16}}
+    assert facts["foreign"] == [names(other)[0]]
+    assert survey(written, 1, 2).done == {1}
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind"),
+    [
+        ("hinges.base.neck_mm = 20, expected less than 9.5", "hinges.base.neck_mm"),
+        ("mesh covers 1.2e+03 mm^2, expected -7.5 to 0.001", "mesh covers ... mm^..., expected ... to ..."),
+        ("the worker died", "the worker died"),
+        ("", ""),
+    ],
+)
+def test_reasons_of_a_kind_are_counted_together(reason, kind):
+    assert kind_of(reason) == kind
+
+
+def test_only_temporary_files_of_dead_runs_are_swept(written):
+    young, old = (written.folder / f".part-0000001-{age}.tmp" for age in ("young", "old"))
+    for path in (young, old):
+        path.write_bytes(b"")
+    os.utime(old, (time.time() - 4000, time.time() - 4000))
+    before = set(written.folder.iterdir())
+    sweep(written.folder)
+    assert before - set(written.folder.iterdir()) == {old}
+
+
+def test_a_folder_that_takes_no_part_is_refused_in_one_line(written):
+    parts = parts_of(written.loaded, written.folder / names(written)[0])
+    with pytest.raises(BadInput, match="cannot be written") as refusal:
+        write_part(parts, parts.chunk(0), Rows(*(np.concatenate([r] * 3)[:50] for r in rows(written, 0))))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_killed_while_writing_a_part_is_whole_or_not_there(written):
+    script = (
+        "import sys\n"
+        "from itertools import cycle\n"
+        "from flexfem.study.parts import parts_of, write_part\n"
+        "from flexfem.study.plan import load_study\n"
+        "from flexfem.study.run import failed_row\n"
+        "from pathlib import Path\n"
+        "parts = parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 1)\n"
+        "rows = failed_row(parts, 'failed', 'x')\n"
+        "write_part(parts, parts.chunk(0), rows)\n"
+        "print('begun', flush=True)\n"
+        "for number in cycle(range(parts.count)):\n"
+        "    write_part(parts, parts.chunk(number), rows)\n"
+    )
+    draw, left, output = random.Random(7), 0, written.folder / "killed"
+    parts = parts_of(written.loaded, output, 1)
+    for _ in range(10):
+        command = [sys.executable, "-c", script, str(written.loaded.path), str(output)]
+        writer = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT)
+        assert writer.stdout and writer.stdout.readline() == b"begun\n"
+        time.sleep(draw.uniform(0.0, 0.1))
+        writer.kill()
+        writer.communicate()
+        found = survey(parts)
+        assert not found.damaged and not found.foreign
+        left = len(list(parts.folder.glob(".part-*.tmp")))
+        assert len(list(parts.folder.glob("*"))) == len(found.done) + left
+    print(f"{len(found.done)} parts, {left} temporary files left behind by 10 kills")
+    assert found.done
