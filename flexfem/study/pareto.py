@@ -1,0 +1,84 @@
+"""The designs that no other beats in two values, and a few of them to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import Array, Index
+
+
+class Front(NamedTuple):
+    """The best designs among those that can be drawn.
+
+    places : (m,), where they are in the sample, from the best in the first value to the best in the second.
+    undrawable : (k,), places of designs that would be on the front or beyond it, but cannot be drawn.
+    unchecked : how many of `places` were not tried, because the attempts were used up.
+    """
+
+    places: Index
+    undrawable: Index
+    unchecked: int
+
+
+def non_dominated(x: Array, y: Array, x_larger: bool = True, y_larger: bool = True) -> Index:
+    """Places (m,) of the designs that no other beats, from the best in x to the best in y.
+
+    Parameters
+    ----------
+    x, y : (n,), finite.
+    x_larger, y_larger : whether larger is better.
+
+    Notes
+    -----
+    One design beats another when it is no worse in both values and better in one; equal designs stay together. Sorted
+    from the best x on, a design is on the front when its y is better than all before: n log n, as H. T. Kung,
+    F. Luccio, F. P. Preparata, J. ACM 22 (1975) 469.
+    """
+    gain_x, gain_y = x if x_larger else -x, y if y_larger else -y
+    order = np.lexsort((-gain_y, -gain_x))
+    sorted_x, sorted_y = gain_x[order], gain_y[order]
+    best = np.maximum.accumulate(np.concatenate([[-np.inf], sorted_y]))
+    opens = np.concatenate([[True], sorted_x[1:] != sorted_x[:-1]])[: len(order)]
+    group = np.maximum.accumulate(np.where(opens, np.arange(len(order)), 0))  # where designs of the same x begin
+    stays = (sorted_y > best[group]) & (sorted_y == sorted_y[group])
+    return np.asarray(order[stays], dtype=np.int64)
+
+
+def drawable_front(
+    x: Array, y: Array, larger: tuple[bool, bool], drawable: Callable[[int], bool], attempts: int
+) -> Front:
+    """The front of the designs that can be drawn: those that cannot make room for the ones behind them.
+
+    Parameters
+    ----------
+    x, y, larger : as for `non_dominated`.
+    drawable : whether the design at a place can be drawn; asked at most `attempts` times.
+    """
+    alive = np.ones(len(x), dtype=bool)
+    known: set[int] = set()
+    while True:
+        places = np.flatnonzero(alive)
+        places = places[non_dominated(x[places], y[places], *larger)]
+        fresh = [int(place) for place in places if int(place) not in known]
+        asked = fresh[: attempts - len(known)]
+        if not asked:
+            return Front(places, np.flatnonzero(~alive), len(fresh))
+        known.update(asked)
+        alive[[place for place in asked if not drawable(place)]] = False
+
+
+def spread(x: Array, y: Array, count: int) -> Index:
+    """Places (at most `count`,) along a front, ends included, about equally far apart along it.
+
+    Parameters
+    ----------
+    x, y : (m,), the front in order. Distances are measured with both spans taken as one.
+    """
+    steps = np.hypot(*(np.diff(v) / (np.ptp(v) or 1.0) for v in (x, y)))
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    targets = np.linspace(0.0, along[-1], count) if count > 1 else along[-1:] / 2
+    nearest = np.abs(along[:, None] - targets).argmin(axis=0)
+    return np.unique(nearest)

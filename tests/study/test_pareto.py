@@ -1,0 +1,107 @@
+"""The designs that no other beats."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from flexfem.study.pareto import drawable_front, non_dominated, spread
+
+SIDES = st.tuples(st.booleans(), st.booleans())
+POINTS = hnp.arrays(
+    float, st.tuples(st.integers(1, 40), st.just(2)), elements=st.integers(-6, 6).map(float)
+)  # whole numbers: many ties
+
+
+def beats(one: np.ndarray, other: np.ndarray, larger: tuple[bool, bool]) -> np.ndarray:
+    """Whether designs are no worse in both values and better in one: the definition, slowly."""
+    gain = np.where(larger, 1.0, -1.0) * (one - other)
+    return (gain >= 0).all(axis=-1) & (gain > 0).any(axis=-1)
+
+
+def front_of(points: np.ndarray, larger: tuple[bool, bool]) -> np.ndarray:
+    return non_dominated(points[:, 0], points[:, 1], *larger)
+
+
+@given(points=POINTS, larger=SIDES)
+def test_the_front_is_what_no_design_beats(points: np.ndarray, larger: tuple[bool, bool]) -> None:
+    beaten = beats(points[:, None], points[None], larger).any(axis=0)
+    assert sorted(front_of(points, larger)) == list(np.flatnonzero(~beaten))
+
+
+@given(points=POINTS, larger=SIDES)
+def test_every_other_design_is_beaten_by_one_of_the_front(points: np.ndarray, larger: tuple[bool, bool]) -> None:
+    front = front_of(points, larger)
+    others = np.setdiff1d(np.arange(len(points)), front)
+    assert beats(points[front][:, None], points[others][None], larger).any(axis=0).all()
+
+
+@given(points=POINTS, larger=SIDES)
+def test_the_front_goes_from_the_best_in_x_to_the_best_in_y(points: np.ndarray, larger: tuple[bool, bool]) -> None:
+    found = np.where(larger, 1.0, -1.0) * points[front_of(points, larger)]
+    assert (np.diff(found[:, 0]) <= 0).all() and (np.diff(found[:, 1]) >= 0).all()
+
+
+@given(points=POINTS, larger=SIDES, seed=st.integers(0, 2**31))
+def test_the_order_of_designs_and_the_scale_of_values_do_not_matter(
+    points: np.ndarray, larger: tuple[bool, bool], seed: int
+) -> None:
+    order = np.random.default_rng(seed).permutation(len(points))
+    changed = np.column_stack([np.exp(0.3 * points[order, 0]), points[order, 1] ** 3 - 7.0])
+    assert set(order[front_of(changed, larger)]) == set(front_of(points, larger))
+
+
+def test_a_better_direction_turned_is_the_value_turned() -> None:
+    x, y = np.random.default_rng(1).normal(size=(2, 300))
+    np.testing.assert_array_equal(non_dominated(x, y, False, True), non_dominated(-x, y, True, True))
+    assert not np.array_equal(non_dominated(x, y, False, True), non_dominated(x, y, True, True))
+
+
+def test_the_front_of_a_million_designs_is_found_among_them() -> None:
+    """All pairs of them would not fit in any memory."""
+    rng = np.random.default_rng(2)
+    x = rng.uniform(size=1_000_000)
+    y = 1.0 - x - rng.uniform(1e-9, 1.0, size=len(x))
+    best = np.sort(rng.choice(len(x), 50, replace=False))
+    y[best] = 1.0 - x[best]
+    found = non_dominated(x, y)
+    assert set(best) <= set(found)
+    others = np.setdiff1d(found, best)
+    assert not beats(np.column_stack([x, y])[best][:, None], np.column_stack([x, y])[others], (True, True)).any()
+
+
+@given(points=POINTS, larger=SIDES, data=st.data())
+def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
+    points: np.ndarray, larger: tuple[bool, bool], data: st.DataObject
+) -> None:
+    possible = np.array(data.draw(st.lists(st.booleans(), min_size=len(points), max_size=len(points))))
+    found = drawable_front(points[:, 0], points[:, 1], larger, lambda place: bool(possible[place]), 1000)
+    left = np.flatnonzero(possible)
+    assert set(found.places) == set(left[front_of(points[left], larger)])
+    assert found.unchecked == 0 and not possible[found.undrawable].any()
+    for place in found.undrawable:  # each stood in the way of the front that was found
+        assert not beats(points[found.places], points[place], larger).any()
+
+
+def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
+    x = np.arange(10.0)
+    asked = []
+    found = drawable_front(x, -x, (True, True), lambda place: asked.append(place) or place % 2 == 0, 4)
+    assert asked == [9, 8, 7, 6]
+    assert list(found.undrawable) == [7, 9] and list(found.places) == [8, 6, 5, 4, 3, 2, 1, 0]
+    assert found.unchecked == 6
+
+
+def test_chosen_designs_lie_equally_far_apart_along_the_front() -> None:
+    t = np.linspace(0.0, np.pi / 2, 1001) ** 1.7  # points unevenly along a quarter of a circle
+    t *= np.pi / 2 / t[-1]
+    places = spread(3e6 * np.cos(t), 2e-3 * np.sin(t), 4)  # spans count as one each, whatever the units
+    np.testing.assert_allclose(t[places], np.linspace(0, np.pi / 2, 4), atol=2e-3)  # the points' own distance
+
+
+def test_a_short_front_gives_each_of_its_designs_once() -> None:
+    assert list(spread(np.array([2.0, 1.0]), np.array([0.0, 5.0]), 4)) == [0, 1]
+    assert list(spread(np.array([2.0]), np.array([0.0]), 4)) == [0]
+    assert list(spread(np.array([3.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0]), 1)) == [1]

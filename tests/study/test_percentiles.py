@@ -1,0 +1,61 @@
+"""Percentiles and how sure they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom, norm
+
+from flexfem.study.percentiles import percentiles
+
+REPEATS = 400
+SLACK = 4 * np.sqrt(0.05 * 0.95 / REPEATS)  # four standard deviations of the share of intervals that miss
+
+
+def covers(found, truth: float) -> bool:
+    return bool(found.low <= truth <= found.high)
+
+
+@pytest.mark.parametrize("percent", [2.5, 30.0, 50.0, 97.5])
+def test_intervals_of_independent_draws_hold_the_true_percentile_as_often_as_they_say(percent: float) -> None:
+    rng = np.random.default_rng(3)
+    truth = float(np.exp(norm.ppf(percent / 100)))  # a skew distribution: lognormal
+    hits = [covers(percentiles(np.exp(rng.normal(size=230)), [percent])[0], truth) for _ in range(REPEATS)]
+    assert 0.95 - SLACK <= np.mean(hits) <= 0.99 + SLACK  # the ranks are whole numbers: more than asked for
+
+
+@pytest.mark.parametrize(("n", "percent"), [(59, 10.0), (400, 2.5), (401, 50.0), (2000, 97.5)])
+def test_ranks_have_the_binomial_probability(n: int, percent: float) -> None:
+    (found,) = percentiles(np.arange(1.0, n + 1)[::-1], [percent])  # the k-th smallest is k
+    chance = binom(n, percent / 100)
+    assert chance.cdf(found.high - 1) - chance.cdf(found.low - 1) >= 0.95
+    assert chance.cdf(found.low - 1) <= 0.025 < chance.cdf(found.low)  # and no rank nearer does
+    assert chance.sf(found.high - 1) <= 0.025 < chance.sf(found.high - 2)
+
+
+def test_values_that_share_a_draw_count_as_one() -> None:
+    rng = np.random.default_rng(5)
+    values, draws = np.repeat(rng.normal(size=300), 7), np.repeat(np.arange(300), 7)
+    (shared,), (single,) = percentiles(values, [40.0], draws), percentiles(values[::7], [40.0])
+    (blind,) = percentiles(values, [40.0])
+    width = single.high - single.low
+    assert shared.high - shared.low == pytest.approx(width, rel=0.2)  # normal against binomial, at 300 draws
+    assert blind.high - blind.low < 0.6 * width  # what ignoring it would claim: 1 / sqrt(7)
+
+
+def test_intervals_of_shared_draws_hold_the_true_percentile_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(11)
+    draws, hits = np.repeat(np.arange(150), 5), []
+    for _ in range(REPEATS):
+        values = np.repeat(rng.normal(size=150), 5) + 0.5 * rng.normal(size=750)
+        truth = np.sqrt(1.25) * float(norm.ppf(0.9))
+        hits.append(covers(percentiles(values, [90.0], draws)[0], truth))
+    assert abs(np.mean(hits) - 0.95) <= SLACK
+
+
+def test_an_interval_is_open_where_the_sample_is_too_small_for_it() -> None:
+    low, middle, high = percentiles(np.linspace(0.0, 1.0, 40), [2.5, 50.0, 97.5])
+    assert low.low == -np.inf and high.high == np.inf
+    assert 0 < middle.low < middle.value == 0.5 < middle.high < 1
+    (one,) = percentiles(np.array([3.7]), [50.0], np.array([0]))
+    assert (one.low, one.value, one.high) == (-np.inf, 3.7, np.inf)
