@@ -10,9 +10,10 @@ CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
 STAGES := $(wildcard geometry/*.toml)
 PLOT_CODE := $(wildcard flexfem/report/*.py)
-MODEL_CODE := $(filter-out $(PLOT_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
+STUDY_CODE := $(wildcard flexfem/study/*.py)
+MODEL_CODE := $(filter-out $(PLOT_CODE) $(STUDY_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
 
-.PHONY: help reproduce-figures full-report test test-slow check baselines regression chart bench clean
+.PHONY: help reproduce-figures full-report test test-slow check baselines regression studies chart bench clean
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -36,6 +37,10 @@ full-report: reproduce-figures ## also error budgets, large displacements, mesh 
 	@$(FLEXFEM) benchmark --output reports
 	@$(FLEXFEM) formulas --output reports
 	@$(FLEXFEM) claims cases/claims.toml --output reports
+
+studies: $(SETUP) ## run and draw the shipped design studies, into reports/
+	@for study in cases/study-*.toml; do \
+	    $(FLEXFEM) study run $$study --output reports && $(FLEXFEM) study plot $$study --output reports || exit 1; done
 
 test: $(TEST_SETUP) ## the tests but the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"
