@@ -138,6 +138,12 @@ def elastic(model: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) 
     return Elastic(E / (1 - nu**2), nu / (1 - nu)) if model == "plane_strain" else Elastic(E, nu)
 
 
+def out_of_plane(model: Plane, poissons_ratio: ArrayLike) -> Array:
+    """The stress out of the plane over the sum of those in it (...): nu in plane strain, else 0."""
+    nu = np.asarray(poissons_ratio, dtype=float)
+    return nu if model == "plane_strain" else np.zeros_like(nu)
+
+
 class Stage(Table):
     """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic import notch, thick
 from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
@@ -13,7 +13,7 @@ from flexfem.analytic.mobility import mobility as mobility_of
 from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, key_of
+from flexfem.design import HINGE_NAMES, Plane, elastic, key_of
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.layout.frames import stage_frames
 
@@ -49,9 +49,9 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
     """
     radius, neck, entry = stage.array("radius"), stage.array("neck"), notch.formula(formula)
     _refuse_off_chart(stage, entry)
-    found = entry.compliance(radius, neck, stage.thickness, *stage.elastic, block_height=stage.chain.link_width)
-    if stage.model == "corrected":
-        found = thickened(stage, found)
+    _refuse_off_thickness(stage)
+    b, material, width = stage.thickness, stage.material, stage.chain.link_width
+    found = compliances(entry, stage.model, radius, neck, b, material.youngs_modulus, material.poissons_ratio, width)
     senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)
     if np.any(senseless):
         ratio = (neck / radius)[senseless][0]
@@ -61,11 +61,29 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
     return found
 
 
-def thickened(stage: Stage, compliance: Compliance) -> Compliance:
-    """Compliances of the nine hinges, fields (3, 3), with the factors of the thickness chart.
+def compliances(
+    entry: Formula,
+    plane: Plane,
+    radius: ArrayLike,
+    neck: ArrayLike,
+    thickness: ArrayLike,
+    youngs_modulus: ArrayLike,
+    poissons_ratio: ArrayLike,
+    block_height: ArrayLike,
+) -> Compliance:
+    """Compliances (...) of hinges by a formula in a plane model; mm, MPa; arguments broadcast; nan off a chart."""
+    constants = elastic(plane, youngs_modulus, poissons_ratio)
+    found = entry.compliance(radius, neck, thickness, *constants, block_height=block_height)
+    if plane != "corrected":
+        return found
+    factors = thick.factors(radius, neck, thickness, poissons_ratio)
+    return Compliance(*(one * factor for one, factor in zip(found, factors, strict=True)))
 
-    Raises BadInput naming the first hinge that is not on the chart.
-    """
+
+def _refuse_off_thickness(stage: Stage) -> None:
+    """Raise BadInput naming the first hinge of a corrected stage that is not on the thickness chart."""
+    if stage.model != "corrected":
+        return
     nu, b = stage.material.poissons_ratio, stage.thickness
     for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
         hinge = stage.hinge(chain, name)
@@ -77,8 +95,6 @@ def thickened(stage: Stage, compliance: Compliance) -> Compliance:
                 f'"corrected" with {", ".join(f"{axis} = {value:.4g}" for axis, value in values)}, expected '
                 f"{', '.join(f'{low:g} to {high:g}' for low, high in ends)}"
             )
-    factors = thick.factors(stage.array("radius"), stage.array("neck"), b, nu)
-    return Compliance(*(one * factor for one, factor in zip(compliance, factors, strict=True)))
 
 
 def _refuse_off_chart(stage: Stage, entry: Formula) -> None:

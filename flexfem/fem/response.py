@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
-from flexfem.design import HINGE_NAMES, Stage
+from flexfem.design import HINGE_NAMES, Stage, out_of_plane
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.assembly import blocks, with_rigid_part
 from flexfem.fem.factor import factorise
@@ -64,7 +64,7 @@ def plate_of(stage: Stage) -> Plate:
 
 def pull_of(stage: Stage) -> float:
     """The stress out of the plane over the sum of those in it: `pull` of `plane_stress.von_mises`."""
-    return stage.material.poissons_ratio if stage.model == "plane_strain" else 0.0
+    return float(out_of_plane(stage.model, stage.material.poissons_ratio))
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Response:

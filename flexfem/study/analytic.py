@@ -9,10 +9,11 @@ import numpy as np
 from flexfem.analytic import notch, thick
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.mobility import freedoms_of, stage_freedoms
+from flexfem.analytic.model import compliances
 from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.arrays import AnyArray, Array
-from flexfem.design import HINGE_NAMES, Plane, elastic
+from flexfem.design import HINGE_NAMES, Plane, out_of_plane
 from flexfem.errors import BadInput
 from flexfem.layout.conditions import Broken, broken, conditions
 from flexfem.layout.feasibility import check_feasible
@@ -44,26 +45,23 @@ class Answers(NamedTuple):
     values: Array
 
 
-def respond(designs: Designs, hinges: Compliance, placed: Frames, chains: Array) -> Response:
+def respond(designs: Designs, plane: Plane, hinges: Compliance, placed: Frames, chains: Array) -> Response:
     """Response from the chains' wrenches at the platform per displacement of it, (n, 3 chains, 3, 3).
 
     `hinges` : fields (n, 3, 3).
     """
     wrench = neck_wrenches(placed, chains)
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
-    stress = peak_stress(wrench, designs.radius, designs.neck, designs.thickness)
+    pull = out_of_plane(plane, designs.poissons_ratio)
+    stress = peak_stress(wrench, designs.radius, designs.neck, designs.thickness, pull)
     return Response(np.sum(chains, axis=1), stress, np.max(turning, axis=1))
 
 
 def hinge_compliances(designs: Designs, formula: str, plane: Plane) -> Compliance:
     """Compliances of all hinges, fields (n, 3, 3), as `model.hinge_compliance`; nan off a chart."""
     b, H, nu = (of[:, None, None] for of in (designs.thickness, designs.link_width, designs.poissons_ratio))
-    E_plane, nu_plane = elastic(plane, designs.youngs_modulus[:, None, None], nu)
-    found = notch.formula(formula).compliance(designs.radius, designs.neck, b, E_plane, nu_plane, block_height=H)
-    if plane != "corrected":
-        return found
-    factors = thick.factors(designs.radius, designs.neck, b, nu)
-    return Compliance(*(one * factor for one, factor in zip(found, factors, strict=True)))
+    E = designs.youngs_modulus[:, None, None]
+    return compliances(notch.formula(formula), plane, designs.radius, designs.neck, b, E, nu, H)
 
 
 def envelope(placed: Frames, designs: Designs) -> Array:
@@ -95,7 +93,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Answers:
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
         bodies = _drawn(loaded, values, reason) if study.draws or study.links else None
         chains = chain_wrenches(chain_compliance(placed, hinges, freedoms), bodies if study.links else None)
-        found = respond(designs, hinges, placed, chains)
+        found = respond(designs, loaded.stage.model, hinges, placed, chains)
         singular = np.isnan(found.stiffness[:, 0, 0]) & (reason == "")
         reason[singular] = "chain: singular configuration at rest"
         columns = [common_columns(found.stiffness, found.stress, designs.yield_strength, envelope(placed, designs))]

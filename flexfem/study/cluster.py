@@ -13,8 +13,7 @@ from flexfem.errors import BadInput, ComputationFailed
 from flexfem.refusals import one_line
 from flexfem.study.answer import Rows
 from flexfem.study.plan import LoadedStudy
-from flexfem.study.pool import SHUTDOWN, Answer, Died, answered
-from flexfem.study.versions import digest
+from flexfem.study.pool import SHUTDOWN, Answer, Died, answered, deciding
 
 CONNECT = 10.0  # s, for a scheduler to answer
 AHEAD = 2  # tasks a thread, so that none waits for the network
@@ -51,7 +50,7 @@ class DaskPool:
     def submit(self, solve: Answer, loaded: LoadedStudy, start: int, stop: int, limit: float) -> Future[Any]:
         """Hand a task to the scheduler; the limit is the answering function's business there."""
         try:
-            future: Future[Any] = self._executor.submit(answered, solve, loaded, start, stop, False, digest())
+            future: Future[Any] = self._executor.submit(answered, solve, loaded, start, stop, False, deciding(loaded))
         except RuntimeError:
             raise self._lost() from None
         return future

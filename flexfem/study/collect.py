@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from flexfem.errors import BadInput
 from flexfem.files import replacing
-from flexfem.study.parts import PARQUET, Chunk, Parts, read_part
+from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed
 
 FORMATS = (".parquet", ".csv")
@@ -57,6 +57,7 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
             f"flexfem study run goes on, --partial leaves them out{others}"
         )
     written = 0
+    sweep(path.parent, path.stem)
     with (
         replacing(check_target(path), ".tmp") as temporary,
         temporary.open("wb") as file,
@@ -74,13 +75,14 @@ def _chunks(parts: Parts) -> Iterator[Chunk]:
 
 def _groups(parts: Parts) -> Iterator[Any]:
     """The tables of the parts that are there, small ones joined."""
-    held: list[Any] = []
+    held, designs = list[Any](), 0
     for chunk in _chunks(parts):
         if parts.path(chunk).exists():
             held.append(read_part(parts, chunk).replace_schema_metadata(parts.schema.metadata))
-        if sum(map(len, held)) >= GROUP:
+            designs += len(held[-1])
+        if designs >= GROUP:
             yield pa.concat_tables(held).combine_chunks()
-            held = []
+            held, designs = [], 0
     if held:
         yield pa.concat_tables(held).combine_chunks()
 

@@ -45,7 +45,7 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     base = _of_stage(loaded.stage)
     found = {name: np.repeat(np.asarray(array)[None], len(values), axis=0) for name, array in base.items()}
     for key, column in _settings(loaded):
-        for field, place in _places(loaded.stage, key):
+        for field, place in key.places_in(loaded.stage):
             everywhere: tuple[slice | int, ...] = (slice(None), *place)
             found[field][everywhere] = key.unit * values[:, column]
     return Designs(**found, prismatic=loaded.stage.array("prismatic"))
@@ -92,18 +92,6 @@ def _of_stage(stage: Stage) -> dict[str, Array]:
         "hub_radius": platform.hub_radius,
     }
     return {name: np.asarray(value, dtype=float) for name, value in values.items()}
-
-
-def _places(stage: Stage, key: Key) -> list[tuple[str, tuple[int, ...]]]:
-    """Fields of `Designs` that a key sets and where in them; none for what no model asks, such as the density."""
-    if key.table[:1] == ("override",):
-        return [(key.attribute, (int(key.table[1]) - 1, HINGE_NAMES.index(key.table[2])))]
-    if key.table[:1] == ("hinges",):
-        own = {(o.chain, o.hinge) for o in stage.override if getattr(o, key.attribute) is not None}
-        position = HINGE_NAMES.index(key.table[1])
-        return [(key.attribute, (chain - 1, position)) for chain in CHAINS if (chain, key.table[1]) not in own]
-    field = "_".join((*key.table[:1], key.attribute)) if key.attribute == "radius" else key.attribute
-    return [(field, () if key.element is None else (key.element,))] if field in Designs._fields else []
 
 
 def _with(stage: Stage, key: Key, value: float) -> Stage:

@@ -145,6 +145,16 @@ def with_mean(column: Column, stage: Stage) -> Column:
     return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
 
 
+def acting(column: Column, stage: Stage) -> Column:
+    """The column itself. Raises BadInput when nothing of the stage follows its keys."""
+    if not any(keys()[path].places_in(stage) for path in column.keys):
+        raise BadInput(
+            f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
+            "or no model asks for it"
+        )
+    return column
+
+
 def _columns(factor: Factor) -> list[Column]:
     if factor.key is not None and "*" in factor.key:
         return [Column(path, (path,), factor) for path in factor.paths]

@@ -52,6 +52,22 @@ class Key(NamedTuple):
         found: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)
         return found
 
+    def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
+        """Fields of `designs.Designs` that it sets and where in them; none where no model asks for it.
+
+        A hinge with an override of its own does not follow the one it overrides; the density is nobody's business.
+        """
+        if self.table[:1] == ("override",):
+            return [(self.attribute, (int(self.table[1]) - 1, HINGE_NAMES.index(self.table[2])))]
+        if self.table[:1] == ("hinges",):
+            own = {(o.chain, o.hinge) for o in stage.override if getattr(o, self.attribute) is not None}
+            position = HINGE_NAMES.index(self.table[1])
+            return [(self.attribute, (chain - 1, position)) for chain in CHAINS if (chain, self.table[1]) not in own]
+        if self.attribute == "density":
+            return []
+        field = "_".join((*self.table[:1], self.attribute)) if self.attribute == "radius" else self.attribute
+        return [(field, () if self.element is None else (self.element,))]
+
     def value_in(self, stage: Stage) -> float | None:
         """The stage's own value in file units; None where it takes a default."""
         if self.table[:1] == ("override",):

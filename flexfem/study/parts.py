@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from glob import escape
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -119,6 +120,13 @@ def table_of(parts: Parts, chunk: Chunk, rows: Rows) -> Any:
     return pa.Table.from_arrays(columns, schema=parts.schema)
 
 
+def rows_of(parts: Parts, table: Any) -> Rows:
+    """The rows that a part's Arrow table holds."""
+    status, reason = (np.array(table[name].to_pylist(), dtype=object) for name in ("status", "reason"))
+    values = [table[name].to_numpy() for name in parts.loaded.outputs]  # null is nan
+    return Rows(status, reason, np.stack(values, axis=-1))
+
+
 def write_part(parts: Parts, chunk: Chunk, rows: Rows) -> None:
     """Write the part of a chunk. Raises BadInput when the folder does not take it."""
     table = table_of(parts, chunk, rows)
@@ -175,9 +183,9 @@ def counts_of_table(table: Any) -> Counts:
     return counts_of(table["status"].to_pylist(), table["reason"].to_pylist())
 
 
-def sweep(folder: Path) -> None:
+def sweep(folder: Path, stem: str = "part") -> None:
     """Remove temporary files that killed runs left behind, not those of a run that may still be writing."""
-    for path in folder.glob(".part-*.tmp"):
+    for path in folder.glob(f".{escape(stem)}-*.tmp"):
         try:
             if time.time() - path.stat().st_mtime > STALE:
                 path.unlink()

@@ -17,12 +17,12 @@ from flexfem.design import Label, Stage, key_paths
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import load_feasible
 from flexfem.refusals import place_of, refusal, shown, suggestion
-from flexfem.study.factors import Column, Factor, columns_of, with_mean
+from flexfem.study.factors import Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
 from flexfem.study.outputs import outputs_of
 from flexfem.study.scheme import MOST, MOST_HELD, Drive, Sampling
 from flexfem.tomlfile import Table, read_toml, validate
-from flexfem.verify.case import _known_formula
+from flexfem.verify.case import known_formula
 
 RESERVED = ("design", "status", "reason")
 
@@ -43,7 +43,7 @@ class Study(Table):
     name: Label
     stage: Label
     model: Literal["analytic", "fe", "verify"]
-    formula: Annotated[str, AfterValidator(_known_formula)] = DEFAULT_FORMULA
+    formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
     mobility: Literal[3, 6, 12, 21] | None = None
     links: bool = False
     resolution: int = Field(default=4, ge=4, le=64)
@@ -176,6 +176,8 @@ class LoadedStudy:
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit"}
         content = self.study.model_dump(mode="json", exclude=unneeded)
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
+        # a hinge with an override does not follow the factor of its like, though it may be as the others are
+        content["override"] = sorted((o.chain, o.hinge, sorted(o.changes)) for o in self.stage.override)
         content["columns"] = [
             [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
             for name, keys, factor in self.columns
@@ -198,10 +200,16 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     except BadInput as error:
         line = read_toml(path).lines.line(("stage",))
         raise BadInput(f"{place_of(path, line)}: stage = {shown(study.stage)}: {error}") from None
+    if study.model != "analytic" and stage.model == "corrected":
+        line = read_toml(path).lines.line(("model",))
+        raise BadInput(
+            f'{place_of(path, line)}: model = {shown(study.model)} on a stage with model = "corrected", expected '
+            '"analytic": the finite elements are plane'
+        )
     columns: list[Column] = []
     for index, factor in enumerate(study.factor):
         try:
-            columns += [with_mean(column, stage) for column in columns_of([factor])]
+            columns += [acting(with_mean(column, stage), stage) for column in columns_of([factor])]
         except BadInput as error:
             line = read_toml(path).lines.line(("factor", index))
             raise BadInput(f"{place_of(path, line)}: factor[{index}].{error}") from None

@@ -24,7 +24,7 @@ from typing import Any, Protocol, TypeAlias
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.study.answer import Rows
 from flexfem.study.plan import LoadedStudy
-from flexfem.study.versions import digest
+from flexfem.study.versions import versions_of
 
 Answer: TypeAlias = Callable[[LoadedStudy, int, int, bool], Rows]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
@@ -32,6 +32,11 @@ KILLED_AFTER = 0.2  # s, which a worker has to end by itself; one in the middle 
 SILENCE = 60.0  # s beyond its limit, after which a task is given up even if pebble has lost it
 GRACE = 1.0  # s, for a broken pool to say so itself
 SHUTDOWN = 5.0  # s
+
+
+def deciding(loaded: LoadedStudy) -> dict[str, str]:
+    """Versions of what decides the results of a study, as its parts carry them."""
+    return dict(versions_of(loaded.study.model != "analytic"))
 
 
 class Died(Exception):  # noqa: N818
@@ -56,12 +61,18 @@ class Pool(Protocol):
     def close(self) -> None: ...
 
 
-def answered(solve: Answer, loaded: LoadedStudy, start: int, stop: int, inside: bool, sources: str) -> Rows | str:
-    """In a worker: answer designs; an exception comes back as its text. Raises BadInput when its flexfem is another."""
+def answered(
+    solve: Answer, loaded: LoadedStudy, start: int, stop: int, inside: bool, versions: dict[str, str]
+) -> Rows | str:
+    """In a worker: answer designs; an exception comes back as its text. Raises BadInput for other versions."""
     if not inside:
         _one_thread()
-    if digest() != sources:
-        raise BadInput("a worker has other flexfem sources than the runner, expected the same everywhere")
+    own = deciding(loaded)
+    if own != versions:
+        name = next(name for name in versions if own.get(name) != versions[name])
+        raise BadInput(
+            f"a worker has {name} {own.get(name)}, the runner {versions[name]}, expected the same versions everywhere"
+        )
     if start == stop:  # only asked whether it can
         return ""
     try:
@@ -99,7 +110,7 @@ class LocalPool:
     def submit(self, solve: Answer, loaded: LoadedStudy, start: int, stop: int, limit: float) -> Future[Any]:
         """Start a task on a free worker; there must be one."""
         slot = next(slot for slot in self._slots if slot.future is None or slot.future.done())
-        return slot.start((solve, loaded, start, stop, True, digest()), limit)
+        return slot.start((solve, loaded, start, stop, True, deciding(loaded)), limit)
 
     def outcome(self, future: Future[Any]) -> Rows | str:
         """What a task that is done answered."""

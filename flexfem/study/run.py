@@ -17,7 +17,18 @@ import numpy as np
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.refusals import one_line
 from flexfem.study.answer import Rows, answer
-from flexfem.study.parts import Chunk, Counts, Parts, counts_of, counts_of_table, read_part, sweep, write_part
+from flexfem.study.parts import (
+    RETRIED,
+    Chunk,
+    Counts,
+    Parts,
+    counts_of,
+    counts_of_table,
+    read_part,
+    rows_of,
+    sweep,
+    write_part,
+)
 from flexfem.study.pool import Answer, Died, Pool
 from flexfem.study.shard import WHOLE, Shard, shuffled
 from flexfem.study.status import survey
@@ -83,14 +94,14 @@ def run_study(
 
 
 def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:
-    """Have the workers load what they need; raises ComputationFailed when all die of that."""
+    """Start the workers; raises ComputationFailed when all of them die of that."""
     for _ in range(DEATHS):
         futures = [pool.submit(solve, parts.loaded, 0, 0, BROADCAST_LIMIT) for _ in range(pool.width)]
         while wait(futures, POLL).not_done:
             pool.check()
             waiting()
         for future in futures:
-            with suppress(Died):
+            with suppress(Died, TimeoutError):
                 pool.outcome(future)
                 return
     raise ComputationFailed("all worker processes die before they begin: is flexfem installed for them?")
@@ -107,6 +118,7 @@ class _Run:
         for text in found.damaged.values():
             say(f"{text}; computing it again")
         unsure = found.unsure if retry else {}
+        self.unsure = frozenset(unsure)  # parts that hold designs to try again
         self.again = set(unsure) | set(found.damaged)  # parts to replace, though they are there
         self.done = found.done - self.again
         self.counts = found.counts - sum(unsure.values(), Counter())
@@ -153,16 +165,29 @@ class _Run:
                 return None
             chunk = self.parts.chunk(number)
             if not self._is_there(chunk):
-                self.pieces[chunk] = {}
-                several = chunk.stop - chunk.start if self.parts.loaded.study.model == "analytic" else 1
-                self.ready += [Task(chunk, k, k + several) for k in range(chunk.start, chunk.stop, several)]
+                kept = self.pieces[chunk] = self._kept(chunk)
+                together = self.parts.loaded.study.model == "analytic" and not kept
+                several = chunk.stop - chunk.start if together else 1
+                missing = (k for k in range(chunk.start, chunk.stop, several) if k not in kept)
+                self.ready += [Task(chunk, k, k + several) for k in missing]
         return self.ready.popleft()
+
+    def _kept(self, chunk: Chunk) -> dict[int, Rows]:
+        """Rows by design of a part that is tried again, without those that are."""
+        if chunk.number not in self.unsure:
+            return {}
+        try:
+            rows = rows_of(self.parts, read_part(self.parts, chunk))
+        except (FileNotFoundError, BadInput):
+            return {}
+        good = np.flatnonzero(~np.isin(rows.status, RETRIED))
+        return {chunk.start + int(k): Rows(*(each[k : k + 1] for each in rows)) for k in good}
 
     def _is_there(self, chunk: Chunk) -> bool:
         """Whether the part of a chunk is there; counts it when another runner has written it since."""
         if chunk.number in self.done:
             return True
-        if chunk.number in self.again:
+        if chunk.number in self.again and len(self._kept(chunk)) < chunk.stop - chunk.start:
             return False
         try:
             counts = counts_of_table(read_part(self.parts, chunk))
@@ -208,6 +233,9 @@ class _Run:
 
     def _write(self, chunk: Chunk, rows: Rows) -> Counts:
         if chunk.number in self.again or not self.parts.path(chunk).exists():
+            for design, row in self._kept(chunk).items():  # another runner may have had more luck
+                for mine, theirs in zip(rows, row, strict=True):
+                    mine[design - chunk.start] = theirs[0]
             write_part(self.parts, chunk, rows)
         return counts_of(rows.status, rows.reason)
 

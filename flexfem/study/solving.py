@@ -61,6 +61,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
     study, clock = loaded.study, _Clock(time.monotonic() + loaded.study.time_limit, inside)
+    analytic = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     ring = _solved(stage, study.resolution, clock)
     stiffness = np.linalg.inv(ring.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
@@ -70,8 +71,8 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     if study.drive is not None:
         turning = np.abs(stiffness @ base_rotations(stage, ring)).max(axis=1)
         found.append(travel_columns(turning[None], study.drive.rotation)[0])
-    if study.model == "verify":
-        found.append(_errors(stage, loaded, ring, clock))
+    if analytic is not None:
+        found.append(_errors(stage, loaded, analytic, ring, clock))
     return np.concatenate(found)
 
 
@@ -81,17 +82,19 @@ def _solved(stage: Stage, resolution: int, clock: _Clock) -> Ring:
     return ring_response(mesh_thirds(stage, resolution, left, clock.inside), plate)
 
 
-def _errors(stage: Stage, loaded: LoadedStudy, ring: Ring, clock: _Clock) -> Array:
-    """Error percentages of the protocol, the largest across each command, and the bands of the former if wanted."""
+def _errors(stage: Stage, loaded: LoadedStudy, analytic: Array, ring: Ring, clock: _Clock) -> Array:
+    """Error percentages of the protocol, the largest across each command, and the bands of the former if wanted.
+
+    analytic : (3, 3), the stiffness by which (18) predicts the loads.
+    """
     study, lever = loaded.study, stage.chain.link_lengths[2]
-    model = analyse(stage, study.mobility, study.formula).stiffness
-    percent = error_matrix(model, ring.compliance, lever)
+    percent = error_matrix(analytic, ring.compliance, lever)
     along = np.diag(percent)
     across = np.max(np.abs(percent - np.diag(along)), axis=0)
     if not study.bands:
         return np.concatenate([along, across])
     coarser = _coarser(stage, study.resolution, clock)
-    values = [np.diag(error_matrix(model, compliance, lever)) for compliance in coarser.values()]
+    values = [np.diag(error_matrix(analytic, compliance, lever)) for compliance in coarser.values()]
     resolutions = np.array([*coarser, study.resolution])
     bands = [mesh_band(resolutions, each) for each in np.transpose([*values, along])]
     return np.concatenate([along, across, bands])

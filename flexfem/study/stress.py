@@ -36,7 +36,7 @@ def concentration(ratio: Array) -> Concentration:
     `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))`, in tension
     `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)`. Recalled, not copied from a print; compared with plane-stress
     finite elements of whole stages (t/R 0.13 to 0.52): the highest neck stress agrees within 0.4 % when the forces
-    are those of links as beams, within 2.5 % with rigid links. Smith and Chetwynd's `(1 + t/2R)^0.45` gives up to
+    are those of elastic links, within 2.5 % with rigid links. Smith and Chetwynd's `(1 + t/2R)^0.45` gives up to
     1.4 % and 3.4 % too much, no concentration at all 6 to 9 % too little.
     """
     a = 0.5 * ratio
@@ -61,12 +61,13 @@ def neck_wrenches(frames: Frames, chain_stiffness: Array) -> Wrench:
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
 
 
-def peak_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array) -> Array:
-    """Largest neck stress (..., 3 directions) of the nine hinges, MPa per mm and per rad of the platform.
+def peak_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pull: Array) -> Array:
+    """Largest von Mises stress (..., 3 directions) at the nine necks, MPa per mm and per rad of the platform.
 
     Parameters
     ----------
     radius, neck : (..., 3, 3), mm.   thickness : (...), mm.
+    pull : (...), of `design.out_of_plane`: the stress across the plane, per stress along the neck.
 
     Notes
     -----
@@ -77,4 +78,4 @@ def peak_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array) ->
     area = thickness[..., None, None] * neck
     bending = np.abs(wrench.moment) * (6.0 * K.bending / (area * neck))[..., None]
     highest: Array = np.max(bending + np.abs(wrench.normal) * (K.tension / area)[..., None], axis=(-3, -2))
-    return highest
+    return highest * np.sqrt(1.0 - pull + pull**2)[..., None]

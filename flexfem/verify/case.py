@@ -24,7 +24,7 @@ Analysis: TypeAlias = Literal["linear", "nonlinear"]
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 
 
-def _known_formula(name: str) -> str:
+def known_formula(name: str) -> str:
     try:
         formula(name)
     except BadInput as error:
@@ -38,7 +38,7 @@ class Curve(Table):
     label: Label
     stage: Label
     mobility: Literal[3, 6, 12, 21] | None = None
-    formula: Annotated[str, AfterValidator(_known_formula)] = DEFAULT_FORMULA
+    formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
 
 
 class Case(Table):

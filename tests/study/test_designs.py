@@ -18,7 +18,6 @@ FACTORS = (
     'key = "thickness_mm"\nfrom = 5.0\nto = 15.0',
     'key = "material.youngs_modulus_gpa"\nfrom = 60.0\nto = 210.0',
     'key = "material.poissons_ratio"\nfrom = 0.2\nto = 0.4',
-    'key = "material.density_kg_m3"\nfrom = 2000.0\nto = 9000.0',
     'key = "material.yield_strength_mpa"\nfrom = 200.0\nto = 900.0',
     'key = "chain.link_lengths_mm[2]"\nfrom = 23.0\nto = 27.0',
     'key = "chain.joint_angles_deg[0]"\nfrom = 170.0\nto = 180.0',

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from flexfem.design import Override
 from flexfem.errors import BadInput
 from flexfem.study.keys import keys
 from flexfem.study.plan import load_study
@@ -262,3 +264,29 @@ def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     assert plain[0] == "kxx_n_per_mm" and plain[-1] == "envelope_mm" and len(plain) == 16
     assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
     assert verified[:16] == plain and verified[-1] == "band_theta_percent" and bare == verified[:-3]
+
+
+def test_an_override_that_repeats_the_value_of_its_like_is_another_study(studies: Any) -> None:
+    """It does not follow the factor that the others follow."""
+    plain = studies.load()
+    own = Override.model_validate({"chain": 3, "hinge": "base", "neck_mm": 0.53})
+    stage = plain.stage.model_copy(update={"override": (*plain.stage.override, own)})
+    assert stage.hash == plain.stage.hash
+    assert replace(plain, stage=stage).hash != plain.hash
+
+
+@pytest.mark.parametrize("key", ["material.density_kg_m3", "hinges.elbow.neck_mm"])
+def test_a_factor_that_no_answer_depends_on_is_refused(studies: Any, key: str) -> None:
+    stage = studies.folder / "stage.toml"
+    others = (f'[[override]]\nchain = {chain}\nhinge = "elbow"\nneck_mm = 0.5\n' for chain in (1, 3))
+    stage.write_text(stage.read_text().replace("[provenance]", "".join(others) + "[provenance]"))
+    with pytest.raises(BadInput, match=rf"line 12: factor\[0\].key = {re.escape(key)}, expected a number that answers"):
+        studies.load(("hinges.base.neck_mm", key))
+
+
+def test_finite_elements_of_a_corrected_stage_are_refused_before_anything_runs(studies: Any) -> None:
+    stage = studies.folder / "stage.toml"
+    stage.write_text(stage.read_text().replace("thickness_mm = 9.7", 'model = "corrected"\nthickness_mm = 9.7'))
+    assert studies.load(("= 0.4", "= 0.45")).stage.model == "corrected"
+    with pytest.raises(BadInput, match='line 3: model = "fe" on a stage with model = "corrected", expected "analytic"'):
+        studies.load((ANALYTIC, 'model = "fe"'))

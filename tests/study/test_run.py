@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from flexfem import cli
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.study.collect import collect
-from flexfem.study.parts import parts_of
+from flexfem.study.parts import parts_of, read_part
 from flexfem.study.plan import load_study
 from flexfem.study.pool import LocalPool
 from flexfem.study.progress import said
@@ -268,6 +268,36 @@ def test_retry_computes_only_parts_with_designs_that_may_be_answered(study, tmp_
     assert (facts["failed"], facts["refused"], facts["ok"]) == (0, 1, 63)
     changed = [path.name for path in parts.folder.iterdir() if path.stat().st_mtime_ns != before[path.name]]
     assert [name[:12] for name in changed] == ["part-0000001"]
+
+
+def test_retry_asks_for_nothing_that_has_its_answer_and_never_loses_one(study, tmp_path):
+    """On a busy machine a second try may be out of time too: it must not take the answers along."""
+    parts, asked = parts_of(load_study(study("fe", 16)), tmp_path), []
+
+    def busy(late):
+        def late_ones(loaded, start, stop, inside):
+            asked.append(start)
+            rows = strange.plain(loaded, start, stop, inside)
+            if start in late:
+                rows.status[:], rows.reason[:] = "time limit", "no answer in 60 s"
+            return rows
+
+        return late_ones
+
+    run_study(parts, Here(), busy({3, 5}))
+    first = read_part(parts, parts.chunk(0))
+    asked.clear()
+    run_study(parts, Here(), busy(range(16)), retry=True)
+    assert sorted(asked)[-2:] == [3, 5]
+    assert read_part(parts, parts.chunk(0)).equals(first)
+
+    def another_succeeds(loaded, start, stop, inside):
+        if start == 3:
+            run_study(parts, Here(), busy({3}), retry=True)
+        return busy({5})(loaded, start, stop, inside)
+
+    run_study(parts, Here(), another_succeeds, retry=True)
+    assert status_facts(parts)["ok"] == 16
 
 
 def test_a_damaged_part_is_named_and_computed_again(study, tmp_path):
