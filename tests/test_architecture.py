@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import subprocess
 import sys
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -40,9 +43,17 @@ FORBIDDEN = {
 }
 
 
-def imports(module: Path) -> list[str]:
-    found = []
-    for node in ast.walk(ast.parse(module.read_text())):
+MODELS = ("flexfem.analytic.", "flexfem.fem.")
+
+
+def imports(module: Path, types: bool = True) -> list[str]:
+    """Names that a module imports anywhere in it; without `types`, only those that are there when it runs."""
+    found, tree = [], ast.parse(module.read_text())
+    checking = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    unseen = set() if types else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
+    for node in ast.walk(tree):
+        if id(node) in unseen:
+            continue
         if isinstance(node, ast.Import):
             found += [name.name for name in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -56,6 +67,42 @@ def test_arrows_go_one_way(module):
     for name in imports(module):
         for forbidden in FORBIDDEN.get(folder, ()):
             assert name != forbidden and not name.startswith(forbidden + "."), f"{module} imports {name}"
+
+
+@cache
+def reached(name: str) -> frozenset[str]:
+    """Modules of the package that a module, itself among them, runs or may come to run through others."""
+    seen, ahead = set[str](), [name]
+    while ahead:
+        one = ahead.pop()
+        path = ROOT / f"{one.replace('.', '/')}.py"
+        if one not in seen and path.exists():
+            seen.add(one)
+            names = [each for each in imports(path, types=False) if each.startswith("flexfem.")]
+            ahead += [*names, *(each.rpartition(".")[0] for each in names)]
+    return frozenset(seen)
+
+
+REPORTS = [f"flexfem.report.{path.stem}" for path in MODULES if path.parent.name == "report"]
+
+
+@pytest.mark.parametrize("report", REPORTS)
+def test_what_is_drawn_was_answered_before(report):
+    assert not reached(report) & {"flexfem.study.answer", "flexfem.study.solving", "flexfem.study.analytic"}
+
+
+@pytest.mark.parametrize("report", REPORTS)
+def test_from_a_module_that_may_solve_reports_take_records_and_no_function(report):
+    """Results and settings are described beside what computes them; knowing them is no way to compute."""
+    for name in imports(ROOT / f"{report.replace('.', '/')}.py", types=False):
+        module, _, thing = name.rpartition(".")
+        if not name.startswith("flexfem.report.") and any(each.startswith(MODELS) for each in reached(module)):
+            assert not inspect.isroutine(getattr(import_module(module), thing)), f"{report} takes {name}"
+
+
+def test_reach_goes_through_other_modules():
+    assert "flexfem.fem.response" in reached("flexfem.study.commands")
+    assert "flexfem.study.answer" in reached("flexfem.study.nominal")
 
 
 def test_only_the_mesher_imports_gmsh():

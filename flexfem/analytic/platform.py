@@ -45,7 +45,8 @@ def platform_compliance(stage: Stage) -> Array:
     """
     cut_angle(stage)  # refuses lugs with no rim between them
     hinges = [stage.hinge(chain, "platform") for chain in CHAINS]
-    found = {hinge: _added(stage, chain) for chain, hinge in zip(CHAINS, hinges, strict=True)}
+    one_of_each = dict(zip(hinges, CHAINS, strict=True))
+    found = {hinge: _added(stage, chain) for hinge, chain in one_of_each.items()}
     alike = [_circulant(found[hinge]) for hinge in hinges]
     added = np.array([[(alike[i][i, j] + alike[j][i, j]) / 2 for j in range(3)] for i in range(3)])
     poses = [_neck(stage, chain) for chain in CHAINS]

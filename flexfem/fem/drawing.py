@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.layout.outline import Face
+from flexfem.layout.outline import Face, Segment
 
 QUICK_OPTIONS: dict[str, float] = {
     "General.Terminal": 0,  # in a worker that shares its terminal
@@ -69,35 +69,42 @@ def draw(kernel: Any, faces: list[Face]) -> tuple[dict[int, Curve], list[int]]:
     """Draw every point and curve once; returns the curves and the surfaces."""
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
     first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1).reshape(ends.shape)
-    known: dict[int, int] = {}
-    curves: dict[tuple[int, int], int] = {}
-    drawn: dict[int, Curve] = {}
-    surfaces = []
-
-    def point(place: int, at: complex) -> int:
-        if place not in known:
-            known[place] = kernel.addPoint(at.real, at.imag, 0.0)
-        return known[place]
-
-    places = iter(first.tolist())
+    drawn, surfaces, places = _Drawn(kernel), [], iter(first.tolist())
     for face in faces:
-        loop = []
-        for segment, label in zip(face.loop, face.labels, strict=True):
-            one, other = next(places)
-            start, end = point(one, segment.start), point(other, segment.end)
-            if start == end:  # an arc of a bend too slight to draw
-                continue
-            if (end, start) in curves:
-                loop.append(-curves[end, start])
-                continue
-            if segment.centre is None:
-                tag = kernel.addLine(start, end)
-            else:
-                tag = kernel.addCircleArc(start, kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0), end)
-            curves[start, end], drawn[tag] = tag, Curve(label, segment.centre)
-            loop.append(tag)
-        surfaces.append(kernel.addPlaneSurface([kernel.addCurveLoop(loop)]))
-    return drawn, surfaces
+        pieces = zip(face.loop, face.labels, strict=True)
+        tags = [drawn.curve(segment, label, *next(places)) for segment, label in pieces]
+        surfaces.append(kernel.addPlaneSurface([kernel.addCurveLoop([tag for tag in tags if tag])]))
+    return drawn.curves, surfaces
+
+
+class _Drawn:
+    """Points and curves that the kernel has, by the places of their ends among all ends."""
+
+    def __init__(self, kernel: Any) -> None:
+        self.kernel = kernel
+        self.curves: dict[int, Curve] = {}
+        self._points: dict[int, int] = {}
+        self._between: dict[tuple[int, int], int] = {}
+
+    def curve(self, segment: Segment, label: str, start: int, end: int) -> int:
+        """Tag of a curve, negative where its face meets it backwards; 0 for an arc of a bend too slight to draw."""
+        one, other = self._point(start, segment.start), self._point(end, segment.end)
+        if one == other:
+            return 0
+        if (other, one) in self._between:
+            return -self._between[other, one]
+        if segment.centre is None:
+            tag = int(self.kernel.addLine(one, other))
+        else:
+            middle = self.kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
+            tag = int(self.kernel.addCircleArc(one, middle, other))
+        self._between[one, other], self.curves[tag] = tag, Curve(label, segment.centre)
+        return tag
+
+    def _point(self, place: int, at: complex) -> int:
+        if place not in self._points:
+            self._points[place] = self.kernel.addPoint(at.real, at.imag, 0.0)
+        return self._points[place]
 
 
 def set_sizes(gmsh: Any, job: Job) -> None:

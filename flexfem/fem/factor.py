@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve
 
 from flexfem.arrays import Array
 from flexfem.errors import ComputationFailed
@@ -58,6 +59,12 @@ def _cholmod(lower: sp.coo_array) -> Factor:
         cholmod.numeric(matrix_in, factor)
     except ArithmeticError:
         raise _singular() from None
+    return _by(factor)
+
+
+def _by(factor: Any) -> Factor:
+    """What a factor of CHOLMOD solves."""
+    from cvxopt import cholmod, matrix
 
     def solve(b: Array) -> Array:
         x = matrix(np.asfortranarray(b))
@@ -89,6 +96,15 @@ def superlu(lower: sp.coo_array) -> Solve:
     except RuntimeError:
         raise _singular() from None
     return lambda b: np.asarray(factor.solve(b))
+
+
+def dense(A: Array) -> Solve:
+    """As `factorise`, of a dense matrix (m, m)."""
+    try:
+        factor = cho_factor(A)
+    except np.linalg.LinAlgError:
+        raise _singular() from None
+    return lambda b: np.asarray(cho_solve(factor, b))
 
 
 def _singular() -> ComputationFailed:

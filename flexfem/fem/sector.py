@@ -17,12 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve
 
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import blocks, lower_triangle
-from flexfem.fem.factor import Factor, Solve, factor_of
+from flexfem.fem.factor import Factor, Solve, dense, factor_of
 from flexfem.fem.plane_stress import Plate, Strip, internal_forces
 from flexfem.fem.response import (
     BALANCE,
@@ -78,7 +76,7 @@ def ring_response(thirds: tuple[Third, ...], plate: Plate) -> Ring:
     parts = [_condense(third, plate) for third in thirds]
     turns = [_turn(len(thirds[0].ahead), chain) for chain in range(3)]
     A = np.sum([T.T @ part.schur @ T for T, part in zip(turns, _of_chains(parts), strict=True)], axis=0)
-    loads, solve = np.pad(np.eye(3), [(len(A) - 3, 0), (0, 0)]), _dense(A)
+    loads, solve = np.pad(np.eye(3), [(len(A) - 3, 0), (0, 0)]), dense(A)
     size = max(float(np.max(np.abs(third.mesh.nodes))) for third in thirds)
     unknowns = sum(part.inner for part in _of_chains(parts)) + len(A)
     motions, forces = [np.zeros((part.inner + len(part.schur), 3)) for part in parts], list[Array]()
@@ -183,14 +181,6 @@ def _alike(edge: Array) -> Array:
     first = np.mean([cut @ turn for cut, turn in zip(cuts, turns, strict=True)], axis=0)
     pose = np.mean([turn.T @ pose @ turn for turn in turns], axis=0)
     return np.concatenate([*(first @ turn.T for turn in turns), pose])
-
-
-def _dense(A: Array) -> Solve:
-    try:
-        factor = cho_factor(A)
-    except np.linalg.LinAlgError:
-        raise ComputationFailed("finite-element equations singular to working precision: a part is not held") from None
-    return lambda b: np.asarray(cho_solve(factor, b))
 
 
 def _whole(ring: Ring, forces: list[Array]) -> Response:

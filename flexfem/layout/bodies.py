@@ -15,6 +15,8 @@ Drawing rules (the stage file gives the skeleton, these give it flesh; `geometry
 from __future__ import annotations
 
 import cmath
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,12 +34,13 @@ BODIES = ("pad", "link 1", "link 2", "platform")
 
 
 @of_last_stage
-def necks(stage: Stage, chain: int) -> list[Pose]:
+def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
     """Neck centres and directions of one chain (1 to 3), base to platform."""
     placed = stage_frames(stage)
     back = -(chain - 1) * CHAIN_TURN
     centres = turned(placed.centres[chain - 1], back)
-    return [Pose(complex(*centre), axis + back) for centre, axis in zip(centres, placed.axes[chain - 1], strict=True)]
+    axes = placed.axes[chain - 1] + back
+    return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
 
 
 def centrelines(stage: Stage, chain: int) -> list[list[Segment]]:
@@ -89,11 +92,11 @@ def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
         for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True)
     ]
     pad, first, second = ([*line, *notch[0]] for line, notch in zip(lines, notches, strict=True))
-    return [pad, notches[0][1] + first, notches[1][1] + second, notches[2][1] + lug_side(stage, chain, side)]
+    return [pad, notches[0][1] + first, notches[1][1] + second, [*notches[2][1], *lug_side(stage, chain, side)]]
 
 
 @of_last_stage
-def lug_side(stage: Stage, chain: int, side: int) -> list[Segment]:
+def lug_side(stage: Stage, chain: int, side: int) -> tuple[Segment, ...]:
     """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
 
     Raises BadInput when the lug cannot reach the disc.
@@ -111,12 +114,12 @@ def lug_side(stage: Stage, chain: int, side: int) -> list[Segment]:
             f"hinge's face, is {front:g}"
         )
     if aside > 0 and front < disc:  # the hinge's own face meets the disc
-        return _filleted(corner, across, -along, disc, fillet)
+        return tuple(_filleted(corner, across, -along, disc, fillet))
     if abs(aside) < disc - fillet:
-        return _filleted(corner, along, across, disc, fillet)
+        return tuple(_filleted(corner, along, across, disc, fillet))
     end = corner + LUG * width * along
     touch = cmath.phase(end) - side * np.arccos(disc / abs(end))
-    return polyline(corner, end, disc * cmath.exp(1j * touch))
+    return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
 
 
 def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
@@ -153,7 +156,7 @@ def cut_angle(stage: Stage) -> float:
 
 
 @of_last_stage
-def draw_sector(stage: Stage, chain: int) -> dict[str, Face]:
+def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
     """Draw the bodies of the third of the stage that holds one chain (1 to 3).
 
     Raises BadInput when they cannot be drawn.
@@ -167,7 +170,7 @@ def draw_sector(stage: Stage, chain: int) -> dict[str, Face]:
         pieces = [(sections[k], [start]), ("free", towards), *far, ("free", reverse(back))]
         path = [(segment, label) for label, piece in pieces for segment in piece]
         faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
-    return faces
+    return MappingProxyType(faces)
 
 
 def _platform(stage: Stage, rim: Segment) -> list[tuple[str, list[Segment]]]:

@@ -60,7 +60,7 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
 
 @of_last_stage
 def stage_frames(stage: Stage) -> Frames:
-    """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad."""
+    """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
     hinges = [[stage.hinge(chain, name).axis for name in ("base", "elbow", "platform")] for chain in (1, 2, 3)]
     axes = np.array([[np.nan if axis is None else axis for axis in row] for row in hinges])
     return frames(np.array(stage.chain.link_lengths), np.array(stage.chain.joint_angles), axes)

@@ -23,14 +23,12 @@ MARK: Any = {"linestyle": "none", "markerfacecolor": "white", "markersize": 6.5,
 @in_house_style
 def elastica_figure(found: Elastica) -> Figure:
     """Draw the load over both displacements of the tip, and the shapes of the beam."""
-    height = 4.6
-    figure = new_figure(WIDTH, height)
-    lines = [
+    text = (
         f"A cantilever under a force at its tip that keeps its direction, bent by up to {found.across[-1]:.2f} of its "
         "length. Curves: elliptic integrals (Bisshopp and Drucker 1945). "
         f"Marks: {found.unknowns} unknowns, plane stress."
-    ]
-    top = height - header(figure, "Elastica: large displacements against the exact solution", lines, ()) - 0.3
+    )
+    figure, top = _headed(4.6, "Elastica: large displacements against the exact solution", text, 0.3)
     axes = add_axes(figure, LEFT, FOOT, 3.3, top - FOOT)
     _draw_displacements(axes, found)
     shapes = add_axes(figure, LEFT + 3.3 + 0.75, FOOT, WIDTH - LEFT - 4.05 - 0.3, top - FOOT)
@@ -77,15 +75,23 @@ def _draw_shapes(axes: Axes, found: Elastica) -> None:
 @in_house_style
 def taylor_figure(found: Remainders) -> Figure:
     """Draw the remainder of the internal forces over the step, without tangent, with ours and with a wrong one."""
-    height = 4.9
-    figure = new_figure(WIDTH, height)
-    lines = [
+    text = (
         f"Internal forces of a strongly bent bar ({found.unknowns} unknowns, hub turned by about 0.4 rad) after a step "
         "in a random direction, less their linearisation. Only the true derivative leaves a remainder of second order, "
         "down to round-off."
-    ]
-    top = height - header(figure, "Tangent stiffness: the remainder it leaves", lines, ()) - 0.15
-    axes = add_axes(figure, 0.95, FOOT, 4.5, top - FOOT)
+    )
+    figure, top = _headed(4.9, "Tangent stiffness: the remainder it leaves", text, 0.15)
+    _draw_remainders(add_axes(figure, 0.95, FOOT, 4.5, top - FOOT), found)
+    return figure
+
+
+def _headed(height: float, title: str, text: str, gap: float) -> tuple[Figure, float]:
+    """A figure with what stands above its axes, and how high up, in, there is room for these."""
+    figure = new_figure(WIDTH, height)
+    return figure, height - header(figure, title, [text], ()) - gap
+
+
+def _draw_remainders(axes: Axes, found: Remainders) -> None:
     curves: list[tuple[str, Array, float]] = [
         ("nothing taken off", found.none, found.slope(found.none, SMALL)),
         ("tangent without its geometric part", found.material, found.slope(found.material, SMALL)),
@@ -103,4 +109,3 @@ def taylor_figure(found: Remainders) -> Figure:
     axes.minorticks_off()
     axes.grid(color="#D5D5D5", linewidth=0.5)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, labelspacing=0.9)
-    return figure

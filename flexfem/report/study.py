@@ -2,47 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure as Drawing
 
-from flexfem.errors import BadInput
 from flexfem.report.study_distribution import distribution_figure
 from flexfem.report.study_map import map_figure
 from flexfem.report.study_pareto import pareto_figure
 from flexfem.report.study_sensitivity import sensitivity_figure
 from flexfem.report.study_shown import Source, front_of, map_of, scatters_of, shares_of
 from flexfem.report.write import write_beside
-from flexfem.study.figure import Figure, FigureKind
-from flexfem.study.nominal import nominal
-from flexfem.study.plan import LoadedStudy
-from flexfem.study.table import StudyTable
+from flexfem.study.figure import Figure
+from flexfem.study.findings import Best, Extremes, Finding, Marks, Shares
 
-DRAW: dict[FigureKind, Callable[[Source, Figure], Drawing]] = {
-    "map": lambda source, figure: map_figure(map_of(source, figure)),
-    "distribution": lambda source, figure: distribution_figure(*scatters_of(source, figure)),
-    "sensitivity": lambda source, figure: sensitivity_figure(*shares_of(source, figure)),
-    "pareto": lambda source, figure: pareto_figure(front_of(source, figure)),
-}
+if TYPE_CHECKING:
+    from flexfem.study.plan import LoadedStudy
 
 
-def write_study_figures(loaded: LoadedStudy, table: StudyTable, folder: Path) -> list[Path]:
+def write_study_figures(source: Source, found: Sequence[Finding], folder: Path) -> list[Path]:
     """Draw every figure of a study file as PNG and PDF.
 
     Parameters
     ----------
-    loaded, table : the study and its collected table, which may still lack designs.
+    source : the study, its collected table, which may still lack designs, and its base stage.
+    found : what each figure shows, as `study.findings` finds it.
     folder : where the files go, named after study, kind of figure and what a map shows; made when missing.
 
-    Returns the paths written. Raises BadInput when a figure cannot be drawn from the table (nothing answered, or
-    sensitivity with designs that have no answer) or the folder does not take a file.
+    Returns the paths written. Raises BadInput when the designs of a map cover one another, or the folder does not take
+    a file.
     """
-    if not table.ok.any():
-        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
-    source = Source(loaded, table, nominal(loaded))
-    drawn = [(name, DRAW[figure.kind](source, figure)) for name, figure in named(loaded)]
+    figures = zip(named(source.loaded), found, strict=True)
+    drawn = [(name, draw(source, figure, shown)) for (name, figure), shown in figures]
     return [path for name, drawing in drawn for path in write_beside(folder / f"{name}.png", drawing)]
+
+
+def draw(source: Source, figure: Figure, found: Finding) -> Drawing:
+    """Draw one figure of a study file from what was found for it. Raises BadInput as `write_study_figures`."""
+    match found:
+        case Extremes():
+            return map_figure(map_of(source, figure))
+        case Marks():
+            return distribution_figure(*scatters_of(source, figure, found))
+        case Shares():
+            return sensitivity_figure(*shares_of(source, figure, found))
+        case Best():
+            return pareto_figure(front_of(source, figure, found))
 
 
 def named(loaded: LoadedStudy) -> Iterator[tuple[str, Figure]]:

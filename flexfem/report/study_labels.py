@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from flexfem.report.units import SPACE
 from flexfem.study.factors import Column
-from flexfem.study.plan import LoadedStudy
 from flexfem.study.scheme import Method
-from flexfem.study.table import StudyTable
+
+if TYPE_CHECKING:
+    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.table import StudyTable
 
 OUTPUTS: dict[str, tuple[str, str] | tuple[str, str, str]] = {  # name, unit, symbol for an axis
     "kxx_n_per_mm": ("stiffness XX", "N/mm", r"stiffness $K_{xx}$"),

@@ -18,9 +18,9 @@ from flexfem.report.study_axes import ends_of, log_ticks, name_axis
 from flexfem.report.study_contours import draw_contours
 from flexfem.report.study_labels import Caption, Quantity, thousands
 from flexfem.report.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure
+from flexfem.study.pareto import wide
 
 WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, FOOT = 8.27, 7.2, 0.85, 5.75, 1.0  # in
-WIDE = 30.0  # largest over smallest value, from which on colours are logarithmic
 ONE_HUE, TWO_HUES = "viridis", "PuOr_r"  # the first alone reads in grey; the contours' labels say the rest
 HATCHES = ("////", "xxxx", "....")
 HATCHED = "#A8A8A8"
@@ -82,7 +82,7 @@ def norm_of(values: Array) -> Normalize:
     low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
     if low < 0 < high:
         return CenteredNorm(0.0, max(-low, high))
-    if low > 0 and high > WIDE * low:
+    if len(found) and wide(found):
         return LogNorm(low, high)
     return Normalize(low, high)
 

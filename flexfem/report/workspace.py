@@ -109,19 +109,15 @@ def _draw_across(axes: Axes, travel: Travel, unit: Unit, axis: int) -> None:
             axes.annotate(name, place, (7, 0), textcoords="offset points", va="center", size=9.5)
             axes.set_xlim(right=1.4 * place[0])
     if largest < ROUND_OFF:
-        axes.set_ylim(-HONEST, HONEST)
-        axes.set_yticks([0.0])
-        box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
-        axes.text(
-            0.5,
-            0.75,
-            f"round-off only, axis ±{scientific(HONEST)} %",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            size=10,
-            bbox=box,
-        )
+        _say_round_off(axes)
+
+
+def _say_round_off(axes: Axes) -> None:
+    axes.set_ylim(-HONEST, HONEST)
+    axes.set_yticks([0.0])
+    box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
+    place: Any = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+    axes.text(0.5, 0.75, f"round-off only, axis ±{scientific(HONEST)} %", **place, size=10, bbox=box)
 
 
 def _draw_models(axes: Axes, travel: Travel, unit: Unit, curves: dict[str, Array]) -> None:

@@ -132,19 +132,28 @@ def collect(
 
 @app.command()
 def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
-    """Collect the table of a study and draw its figures, as PNG and PDF."""
+    """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
     from flexfem import console, tables
     from flexfem.files import check_folder
-    from flexfem.report.study import write_study_figures
+    from flexfem.report.study import named, write_study_figures
+    from flexfem.report.study_shown import Source
     from flexfem.study.collect import collect as join
     from flexfem.study.collect import table_path
+    from flexfem.study.findings import facts_of, findings
+    from flexfem.study.nominal import nominal
     from flexfem.study.table import read_table
 
     parts = _parts(study, output)
     check_folder(parts.folder.parent)
-    made = join(parts, table_path(parts), partial)
-    written = write_study_figures(parts.loaded, read_table(made.path, parts.loaded), parts.folder.parent)
-    console.show({"written": [str(path) for path in (made.path, *written)]}, json, tables.print_written)
+    loaded, made = parts.loaded, join(parts, table_path(parts), partial)
+    table, base = read_table(made.path, loaded), nominal(loaded)
+    found = findings(loaded, table, base)
+    written = write_study_figures(Source(loaded, table, base), found, parts.folder.parent)
+    facts = {
+        "written": [str(path) for path in (made.path, *written)],
+        "findings": {name: facts_of(one) for (name, _), one in zip(named(loaded), found, strict=True)},
+    }
+    console.show(facts, json, tables.print_written)
 
 
 def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:

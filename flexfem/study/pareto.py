@@ -9,6 +9,8 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 
+WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
+
 
 class Front(NamedTuple):
     """The best designs among those that can be drawn.
@@ -68,6 +70,11 @@ def drawable_front(
             return Front(places, np.flatnonzero(~alive), len(fresh))
         known.update(asked)
         alive[[place for place in asked if not drawable(place)]] = False
+
+
+def wide(values: Array) -> bool:
+    """Whether values (n,) are all positive and so far apart that they are best seen as logarithms."""
+    return bool(0 < WIDE * values.min() < values.max())
 
 
 def spread(x: Array, y: Array, count: int) -> Index:

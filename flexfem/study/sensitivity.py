@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
 from flexfem.study.percentiles import CONFIDENCE
-from flexfem.study.plan import LoadedStudy
-from flexfem.study.table import StudyTable
+
+if TYPE_CHECKING:
+    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.table import StudyTable
 
 RESAMPLES = 200  # of the bootstrap
 FLAT = 1e-9  # spread over size: round-off of a value that no factor changes

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -14,12 +14,9 @@ import pyarrow.parquet as pq
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.errors import BadInput
+from flexfem.study.parts import KEY
+from flexfem.study.plan import RESERVED, LoadedStudy
 
-if TYPE_CHECKING:
-    from flexfem.study.plan import LoadedStudy
-
-KEY = b"flexfem.study"
-CERTAIN = ("design", "status", "reason")
 OK = "ok"
 
 
@@ -45,6 +42,11 @@ class StudyTable(NamedTuple):
         """How many designs have each status, the most frequent first."""
         return dict(Counter(self.status.tolist()).most_common())
 
+    @property
+    def unanswered(self) -> dict[str, AnyArray]:
+        """Which designs, bool (n,), have no answer, by status, the most frequent first."""
+        return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
+
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
         ok = self.ok
@@ -66,11 +68,11 @@ def read_table(path: Path, loaded: LoadedStudy) -> StudyTable:
         reason = "no such file" if missing else "not a Parquet file, or a damaged one"
         raise BadInput(f"{path}: {reason}, expected the collected table of {loaded.path}") from None
     _require_same_study(path, _metadata(path, stored), loaded)
-    names = [*CERTAIN, *(column.name for column in loaded.columns), *loaded.outputs]
+    names = [*RESERVED, *(column.name for column in loaded.columns), *loaded.outputs]
     if lost := [name for name in names if name not in stored.column_names]:
         raise BadInput(f"{path}: no column {lost[0]}, expected the collected table of {loaded.path}")
     stored = stored.sort_by("design")
-    columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names[len(CERTAIN) :]}
+    columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names[len(RESERVED) :]}
     design = np.asarray(stored["design"].to_numpy(), dtype=np.int64)
     return StudyTable(design, _text(stored["status"]), _text(stored["reason"]), columns)
 

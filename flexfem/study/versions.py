@@ -23,6 +23,7 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
     "study/collect.py",
     "study/commands.py",
     "study/figure.py",
+    "study/findings.py",
     "study/pareto.py",
     "study/percentiles.py",
     "study/cluster.py",

@@ -25,6 +25,7 @@ DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 
 
 def known_formula(name: str) -> str:
+    """The name itself, for a key of a file; refuses one that is not registered, and says which are."""
     try:
         formula(name)
     except BadInput as error:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -34,13 +35,11 @@ SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # of STEPS, where finite
 STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a tenth of the amplitude and all of it
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 
+Solve: TypeAlias = Callable[[Stage, int], Solved]
+
 
 def workspace(
-    path: Path,
-    stage: Stage,
-    amplitude: float = AMPLITUDE,
-    resolution: int = RESOLUTION,
-    solve: Callable[[Stage, int], Solved] = solve_stage,
+    path: Path, stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
 ) -> Workspace:
     """Travel of a feasible stage up to `amplitude`, mm, in X and Y, and `TURN` times that in theta, on both sides.
 

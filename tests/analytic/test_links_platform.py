@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic import platform
+from flexfem.analytic.boundary import displacements
 from flexfem.analytic.model import hinge_compliance
 from flexfem.analytic.platform import _circulant, _half_hinge, platform_compliance
 from flexfem.design import Stage
@@ -86,9 +87,34 @@ def test_finer_elements_change_little(monkeypatch):
     np.testing.assert_allclose(np.diag(platform_compliance(stage())), np.diag(C), rtol=ELEMENTS)
 
 
-def test_a_thin_ring_around_the_hub_costs_no_more_elements_than_a_wide_one_and_is_stiffer():
+def solved_by(monkeypatch, of: Stage) -> list[int]:
+    """Numbers of nodes of the three-fold bodies that a stage's platform has solved."""
+    asked = []
+
+    def counted(boundary, loads, held, nu, copies):
+        if copies == 3:
+            asked.append(len(boundary.nodes))
+        return displacements(boundary, loads, held, nu, copies)
+
+    monkeypatch.setattr(platform, "displacements", counted)
+    platform_compliance(of)
+    return asked
+
+
+def test_a_thin_ring_around_the_hub_is_stiffer_than_a_wide_one():
     thin, wide = (platform_compliance(stage(platform__hub_radius_mm=hub)) for hub in (16.9, 8.0))
     assert np.all(np.diag(thin)[[0, 1]] < np.diag(wide)[[0, 1]])
+
+
+def test_a_ring_as_thin_as_a_hair_costs_few_elements_more_than_a_wide_one(monkeypatch):
+    (thin,), (wide,) = (solved_by(monkeypatch, stage(platform__hub_radius_mm=hub)) for hub in (16.9, 8.0))
+    assert thin < 2 * wide  # 1.65; with elements as small as the ring is thin it would be 18
+
+
+@pytest.mark.parametrize(("unlike", "solved"), [(0, 1), (1, 2), (2, 3)])
+def test_each_of_the_lugs_that_differ_is_solved_once(monkeypatch, unlike: int, solved: int):
+    others = [{"chain": 2, "hinge": "platform", "neck_mm": 0.61}, {"chain": 3, "hinge": "platform", "neck_mm": 0.57}]
+    assert len(solved_by(monkeypatch, stage(top__override=others[:unlike]))) == solved
 
 
 def test_a_sheet_twice_as_large_in_all_directions_is_twice_as_stiff():

@@ -24,6 +24,8 @@ from flexfem.report.study_shown import Source, front_of, map_of, scatters_of, sh
 from flexfem.report.units import SPACE
 from flexfem.study.answer import answer
 from flexfem.study.factors import Factor, columns_of
+from flexfem.study.figure import Figure
+from flexfem.study.findings import Finding, findings
 from flexfem.study.keys import keys
 from flexfem.study.nominal import nominal, own_values
 from flexfem.study.outputs import outputs_of
@@ -102,6 +104,19 @@ def answered(loaded: LoadedStudy, **changed: np.ndarray) -> StudyTable:
     columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
     columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
     return StudyTable(np.arange(count), rows.status, rows.reason, columns | changed)
+
+
+def source_of(loaded: LoadedStudy, table: StudyTable) -> Source:
+    return Source(loaded, table, nominal(loaded))
+
+
+def found_for(source: Source, place: int) -> tuple[Figure, Any]:
+    """A figure of the study file, and what there is to be seen in it."""
+    return source.loaded.study.figure[place], found_in(source)[place]
+
+
+def found_in(source: Source) -> list[Finding]:
+    return findings(source.loaded, source.table, source.nominal)
 
 
 def texts(figure: Any) -> str:
@@ -329,7 +344,7 @@ def test_an_outline_has_the_bodies_and_grounds_of_three_chains_a_third_of_a_turn
 def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
-    shown = map_of(Source(loaded, table, nominal(loaded)), loaded.study.figure[0])
+    shown = map_of(source_of(loaded, table), loaded.study.figure[0])
     np.testing.assert_array_equal(shown.values, table.columns["kxx_n_per_mm"])
     np.testing.assert_array_equal(shown.points, sample(loaded, 0, loaded.count))
     assert {why: which.sum() for why, which in shown.missing.items()} == {"refused": table.counts["refused"]}
@@ -352,7 +367,9 @@ def test_a_map_in_which_designs_would_cover_one_another_is_refused(tmp_path: Pat
     third = '[[figure]]\nkind = "pareto"'
     loaded = study(tmp_path, GRID, (third, f'[[factor]]\nkey = "thickness_mm"\nvalues = [9.0, 10.0]\n{third}'))
     with pytest.raises(BadInput, match="map of kxx_n_per_mm: other factors vary too"):
-        map_of(Source(loaded, answered(loaded), {}), loaded.study.figure[0])
+        source = Source(loaded, answered(loaded), {})
+        write_study_figures(source, found_in(source), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None:
@@ -382,7 +399,8 @@ def test_the_mesh_band_of_an_error_is_stated(tmp_path: Path) -> None:
 def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_those_designs(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
-    shown = front_of(Source(loaded, table, nominal(loaded)), loaded.study.figure[2])
+    source = source_of(loaded, table)
+    shown = front_of(source, *found_for(source, 2))
     x, y = table.answered("envelope_mm", "kxx_n_per_mm")
     for place in shown.front:
         assert not ((x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place])))[
@@ -399,7 +417,8 @@ def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> N
     loaded = study(tmp_path, SCATTERED)
     table = answered(loaded)
     assert loaded.count == 80
-    (scatter, _), caption = scatters_of(Source(loaded, table, nominal(loaded)), loaded.study.figure[0])
+    source = source_of(loaded, table)
+    (scatter, _), caption = scatters_of(source, *found_for(source, 0))
     median = scatter.percentiles[1]
     ordered = np.sort(scatter.values)
     ranks = np.searchsorted(ordered, [median.low, median.high])
@@ -410,13 +429,12 @@ def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> N
     )
 
 
-def test_a_failed_design_is_refused_by_the_sensitivity_and_nothing_is_written(tmp_path: Path) -> None:
+def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:
     loaded = study(tmp_path, SCATTERED)
     table = answered(loaded)
     table.status[5], table.reason[5] = "failed", "mesh: no"
     with pytest.raises(BadInput, match=r"sensitivity of kxx_n_per_mm: 1 of 80 designs.*design 5: failed: mesh: no"):
-        write_study_figures(loaded, table, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+        found_in(Source(loaded, table, {}))
 
 
 def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
@@ -424,14 +442,14 @@ def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
     table = answered(loaded)
     table.status[:] = "refused"
     with pytest.raises(BadInput, match="none of 28 designs has an answer"):
-        write_study_figures(loaded, table, tmp_path / "out")
+        found_in(Source(loaded, table, {}))
 
 
 @pytest.mark.parametrize("text", [GRID, SCATTERED], ids=["grid", "scattered"])
 def test_the_same_table_gives_the_same_files_of_every_figure(tmp_path: Path, text: str) -> None:
     loaded = study(tmp_path, text)
-    table = answered(loaded)
-    first, second = (write_study_figures(loaded, table, tmp_path / name) for name in ("a", "b"))
+    source = source_of(loaded, answered(loaded))
+    first, second = (write_study_figures(source, found_in(source), tmp_path / name) for name in ("a", "b"))
     assert [path.name for path in first] == [path.name for path in second]
     assert [path.stem for path in first[::2]] == [name for name, _ in named(loaded)]
     assert all(one.read_bytes() == other.read_bytes() for one, other in zip(first, second, strict=True))
@@ -453,7 +471,8 @@ def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Pat
 
 def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
     loaded = study(tmp_path, SCATTERED)
-    shares, factors, _ = shares_of(Source(loaded, answered(loaded), {}), loaded.study.figure[1])
+    source = Source(loaded, answered(loaded), {})
+    shares, factors, _ = shares_of(source, *found_for(source, 1))
     assert factors == ["neck of base hinges", "neck of elbow hinges", "neck of platform hinges"]
     assert [share.quantity for share in shares] == [output("kxx_n_per_mm"), output("ktt_n_mm_per_rad")]
 

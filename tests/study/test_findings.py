@@ -1,0 +1,121 @@
+"""What the figures of a study show, as numbers."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import flexfem.study.findings
+from flexfem.study.findings import Best, Marks, Shares, facts_of, findings, power_of
+from flexfem.study.percentiles import Percentile
+from flexfem.study.plan import LoadedStudy
+from flexfem.study.sampling import sample
+from flexfem.study.table import StudyTable
+
+FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
+GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'
+FRONT = '[[figure]]\nkind = "pareto"\nx = "reach_x_um"\ny = "kxx_n_per_mm"'
+
+
+def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
+    """A table in which all have an answer but the second design, given values and else ones."""
+    n, values = loaded.count, sample(loaded, 0, loaded.count)
+    status, reason = np.full(n, "ok", dtype=object), np.full(n, "", dtype=object)
+    status[1], reason[1] = "refused", "no"
+    found = {name: np.full(n, 1.0) for name in loaded.outputs} | columns
+    found = {name: np.where(status == "ok", value, np.nan) for name, value in found.items()}
+    return StudyTable(
+        np.arange(n), status, reason, {c.name: values[:, k] for k, c in enumerate(loaded.columns)} | found
+    )
+
+
+def test_the_ends_of_a_map_are_where_its_value_is_least_and_most(studies) -> None:
+    figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
+    loaded = studies.of('method = "grid"', *GRID, tail=figure)
+    values = np.array([3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7])  # the second has no answer
+    (found,) = findings(loaded, table_of(loaded, kxx_n_per_mm=values), {})
+    neck, thickness = sample(loaded, 0, 12).T
+    assert found == ((2.5, thickness[3], neck[3]), (9.0, thickness[7], neck[7]))
+    assert facts_of(found)["most"] == {"value": 9.0, "x": thickness[7], "y": neck[7]}
+
+
+def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(studies) -> None:
+    loaded = studies.of('method = "monte_carlo"\ndesigns = 200\nseed = 3', FREE, tail=FRONT)
+    best = np.arange(200) % 10 == 0
+    reach = np.random.default_rng(4).uniform(20.0, 60.0, 200)
+    reach[best] = np.geomspace(20.0, 60.0, 20)  # so near to one another that none of the others is on the front
+    stiffness = np.where(best, 1e7 * reach**-3.3, 1e6 * reach**-2.9)
+    table = table_of(loaded, reach_x_um=reach, kxx_n_per_mm=stiffness)
+    (found,) = findings(loaded, table, {})
+    assert isinstance(found, Best)
+    assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front.places) == 20
+    assert len(found.chosen) == 4 and set(found.chosen) <= set(found.front.places.tolist()) and found.gain is None
+
+
+def test_power_of_a_power() -> None:
+    x = np.geomspace(0.3, 7.0, 11)
+    assert power_of(x, 4.1 * x**-3.3) == pytest.approx(-3.3, rel=1e-12)
+    assert power_of(x[:1], x[:1]) is None and power_of(x, x - 1.0) is None and power_of(np.full(3, 2.0), x[:3]) is None
+
+
+@pytest.mark.parametrize(
+    ("x_better", "y_better", "expected"),
+    [("larger", "larger", 9.0 / 2.0), ("smaller", "larger", 8.0 / 2.0), ("larger", "smaller", 3.0 / 2.0)],
+)
+def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope(
+    studies, monkeypatch: pytest.MonkeyPatch, x_better: str, y_better: str, expected: float
+) -> None:
+    loaded = studies.of('method = "monte_carlo"\ndesigns = 7\nseed = 3', FREE, tail=FRONT)
+    better = loaded.study.figure[0].model_copy(update={"x_better": x_better, "y_better": y_better})
+    loaded = LoadedStudy(
+        loaded.path, loaded.study.model_copy(update={"figure": (better,)}), loaded.stage, loaded.columns, "study"
+    )
+    table = table_of(
+        loaded,
+        reach_x_um=np.array([30.0, 0, 31.0, 29.0, 35.0, 40.0, 30.0]),
+        kxx_n_per_mm=np.array([3.0, 0, 9.0, 8.0, 99.0, 70.0, 5.0]),  # 99 in too large an envelope
+        envelope_mm=np.array([100.0, 0, 99.0, 98.0, 101.0, 97.0, 96.0]),
+    )
+    neck = table.columns["hinges.base.neck_mm"][5]  # the best cannot be drawn
+    drawable = flexfem.study.findings.drawable
+    monkeypatch.setattr(flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v))
+    base = {"reach_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
+    (found,) = findings(loaded, table, base)
+    assert isinstance(found, Best) and found.gain == pytest.approx(expected, rel=1e-12)
+    (beyond,) = findings(loaded, table, base | {"envelope_mm": 50.0})
+    assert isinstance(beyond, Best) and beyond.gain is None
+    assert facts_of(found) == {"front": len(found.front.places), "power": found.power, "gain": found.gain}
+
+
+def test_an_open_interval_has_no_end_in_json(studies) -> None:
+    loaded = studies.of(
+        'method = "monte_carlo"\ndesigns = 20\nseed = 3',
+        FREE,
+        tail='[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]',
+    )
+    (found,) = findings(loaded, table_of(loaded, kxx_n_per_mm=np.linspace(1.0, 2.0, 20)), {})
+    assert isinstance(found, Marks)
+    first, *_ = found.percentiles["kxx_n_per_mm"]
+    assert isinstance(first, Percentile) and first.low == -np.inf
+    facts = json.loads(json.dumps(facts_of(found), allow_nan=False))["kxx_n_per_mm"]
+    assert [one["percent"] for one in facts] == [2.5, 50.0, 97.5] and facts[0]["low"] is None
+    assert facts[1]["value"] == pytest.approx(found.percentiles["kxx_n_per_mm"][1].value)
+
+
+def test_shares_are_by_factor(studies) -> None:
+    loaded = studies.of(
+        'method = "saltelli"\nbase = 64\nseed = 5',
+        FREE,
+        'key = "thickness_mm"\nfrom = 8.0\nto = 12.0',
+        tail='[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]',
+    )
+    table = table_of(loaded, kxx_n_per_mm=sample(loaded, 0, loaded.count)[:, 1])
+    table.status[:] = "ok"
+    table.columns["kxx_n_per_mm"][1] = sample(loaded, 1, 2)[0, 1]
+    (found,) = findings(loaded, table, {})
+    assert isinstance(found, Shares)
+    facts = facts_of(found)["kxx_n_per_mm"]
+    assert facts["total"]["thickness_mm"] == pytest.approx(1.0, abs=0.1)
+    assert facts["first"]["hinges.base.neck_mm"] == pytest.approx(0.0, abs=0.1)
