@@ -378,6 +378,7 @@ def accept_baseline(
 
 def main() -> None:
     """Run the command line; refusals are one line on standard error."""
+    _open_streams()
     try:
         try:
             app(prog_name="flexfem")
@@ -396,6 +397,16 @@ def main() -> None:
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(_say(error, 1))
+
+
+def _open_streams() -> None:
+    """Open standard streams that are closed: else the next file or pipe would take their place."""
+    for stream in (0, 1, 2):
+        try:
+            os.fstat(stream)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, this one
+            os.set_inheritable(opened, True)  # for child processes, whose pipes would take its place
 
 
 def _say(error: Exception, code: int) -> int:

@@ -3,37 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
-from flexfem import cli
-
 ROOT = Path(__file__).parent.parent
 STAGE = str(ROOT / "geometry/mobility6.toml")
-
-
-@pytest.fixture
-def flexfem(monkeypatch, capsys, tmp_path):
-    """Run a command in an empty folder; returns exit code, standard output and standard error."""
-    folder = tmp_path / "empty"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["flexfem", *map(str, arguments)])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
 
 
 def machine(flexfem, *arguments):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import re
 import time
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
@@ -28,6 +29,8 @@ class DaskPool:
             distributed: Any = importlib.import_module("distributed")
         except ImportError:
             raise BadInput(f"--scheduler {address}: Dask is not installed, expected flexfem[dask]") from None
+        if not re.fullmatch(r"((tcp|tls|ws|wss)://)?[^/\s]+:[0-9]{1,5}", address):
+            raise BadInput(f"--scheduler {address}, expected host:port, such as tcp://127.0.0.1:8786")
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
             logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line
         try:

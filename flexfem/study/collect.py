@@ -49,12 +49,12 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     Raises BadInput when designs are open, a part is damaged, or the table cannot be written.
     """
     open_designs = sum(chunk.stop - chunk.start for chunk in _chunks(parts) if not parts.path(chunk).exists())
-    if open_designs and not partial:
+    if open_designs == parts.loaded.count or (open_designs and not partial):
         foreign = len(listed(parts)[1])
         others = f"; {foreign} files there are of other inputs or versions" if foreign else ""
         raise BadInput(
-            f"{parts.folder}: {open_designs} of {parts.loaded.count} designs are open, expected all: "
-            f"flexfem study run goes on, --partial leaves them out{others}"
+            f"{parts.folder}: {open_designs} of {parts.loaded.count} designs are open, expected "
+            f"{'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
         )
     written = 0
     sweep(path.parent, path.stem)

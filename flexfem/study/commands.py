@@ -63,17 +63,20 @@ def run(
         raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = _parts(study, output)
     check_folder(parts.folder)
-    with _pool(workers, scheduler) as pool, watching() as watch, _resumable(parts):
+    tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
+    with _pool(min(workers or _processors(), tasks), scheduler) as pool, watching() as watch, _resumable(parts):
         run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
-    console.show(_run_facts(parts, part), json, print_status)
+    facts = _run_facts(parts, part)
+    console.show(facts, json, print_status)
+    raise typer.Exit(1 if facts["failed"] and not facts["ok"] else 0)
 
 
 @contextmanager
-def _pool(workers: int | None, scheduler: str | None) -> Iterator[Pool]:
+def _pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
     from flexfem.study.cluster import DaskPool
     from flexfem.study.pool import LocalPool
 
-    pool = DaskPool(scheduler) if scheduler is not None else LocalPool(workers or _processors())
+    pool = DaskPool(scheduler) if scheduler is not None else LocalPool(workers)
     try:
         yield pool
     finally:
@@ -102,10 +105,13 @@ def _note(text: str) -> None:
 def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> None:
     """Count the designs of a study that are done, refused, failed with reasons, and open."""
     from flexfem import console
+    from flexfem.files import check_folder
     from flexfem.study.progress import print_status
     from flexfem.study.status import status_facts
 
-    console.show(status_facts(_parts(study, output)), json, print_status)
+    parts = _parts(study, output)
+    check_folder(parts.folder)
+    console.show(status_facts(parts), json, print_status)
 
 
 @app.command()
@@ -162,5 +168,6 @@ def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
     facts = status_facts(parts)
     file, folder = facts["file"], parts.folder.parent.parent
     where = "" if folder == REPORTS else f" --output {folder}"
-    going_on = f"flexfem study {'status' if facts['open'] else 'plot'} {file}{where}"
+    wanted = "run --retry" if facts["failed"] else "status" if facts["open"] else "plot"
+    going_on = f"flexfem study {wanted} {file}{where}"
     return facts | {"shard": f"{shard.first + 1}/{shard.step}", "next": going_on}

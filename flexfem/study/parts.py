@@ -36,7 +36,8 @@ PARQUET: Mapping[str, Any] = {  # how parts and tables are written
     "write_page_checksum": True,
 }
 BROADCAST = 8192  # designs a part, of a model that answers all of them at once
-DRAWN = 512  # analytic designs that are drawn, or whose links bend: some milliseconds each
+DRAWN = 512  # analytic designs that are drawn: some milliseconds each
+LINKED = 32  # analytic designs whose links bend: a tenth of a second each
 MESHED = 16
 STALE = 3600.0  # s, after which the temporary file of a killed run is removed
 PART = re.compile(r"part-(\d{7,})-([0-9a-f]{16})\.parquet")
@@ -106,7 +107,8 @@ class Parts:
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
     """The parts of a study in an output folder; `size` designs each, by default as many as are some seconds of work."""
     study = loaded.study
-    usual = MESHED if study.model != "analytic" else DRAWN if study.draws or study.links else BROADCAST
+    analytic = LINKED if study.links else DRAWN if study.draws else BROADCAST
+    usual = analytic if study.model == "analytic" else MESHED
     return Parts(loaded, output / loaded.stem / "parts", size or usual)
 
 
@@ -146,6 +148,8 @@ def read_part(parts: Parts, chunk: Chunk) -> Any:
         The file is damaged (every page has a checksum), or is not the part that its name says.
     """
     path = parts.path(chunk)
+    if path.exists() and not path.is_file():
+        raise BadInput(f"{path}: a pipe, device or folder in the place of a part")
     try:
         table = pq.ParquetFile(path, page_checksum_verification=True).read(use_threads=False)
     except FileNotFoundError:

@@ -19,6 +19,7 @@ from concurrent.futures import Future, InvalidStateError
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import lru_cache
+from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeAlias
 
 from flexfem.errors import BadInput, ComputationFailed
@@ -98,6 +99,7 @@ class LocalPool:
         import pebble
 
         pebble.CONSTS.term_timeout = KILLED_AFTER
+        resource_tracker.ensure_running()  # started later it would let the first worker see Ctrl-C
         self._slots = [_Slot() for _ in range(workers)]
         self._before = {name: os.environ.get(name) for name in ONE_THREAD}
         os.environ.update(ONE_THREAD)  # numpy of the spawned reads them when it is loaded

@@ -207,7 +207,7 @@ class _Run:
             found = self.pool.outcome(future)
             failure = ("failed", found if isinstance(found, str) else "")
         except TimeoutError:
-            found, failure = "", ("time limit", f"no answer in {self._allowed:g} s")
+            found, failure = "", ("time limit", f"no answer in {self._allowed:g} s and {STARTUP:g} s more")
         except Died as death:
             if not death.final and task.deaths + 1 < DEATHS:
                 self.ready.appendleft(task._replace(deaths=task.deaths + 1))

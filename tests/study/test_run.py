@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import json
+import os
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -15,7 +17,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem import cli
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.study.collect import collect
 from flexfem.study.parts import parts_of, read_part
@@ -209,7 +210,7 @@ def test_hanging_and_crashing_designs_become_rows_and_the_rest_completes(study, 
     made = table(parts, tmp_path / "t.parquet").to_pydict()
     bad = {n: (s, r) for n, s, r in zip(made["design"], made["status"], made["reason"], strict=True) if s != "ok"}
     assert bad == {
-        strange.HANGS: ("time limit", "no answer in 1 s"),
+        strange.HANGS: ("time limit", "no answer in 1 s and 1 s more"),
         strange.KILLED: ("crashed", "the worker died"),
         strange.SEGMENTATION: ("crashed", "the worker died"),
         strange.RAISES: ("failed", "ValueError: a bug in two lines"),
@@ -375,23 +376,6 @@ def test_bad_shards_are_refused(text):
         shard_of(text)
 
 
-@pytest.fixture
-def flexfem(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["flexfem", *map(str, arguments)])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
-
-
 def test_commands_run_count_and_collect(flexfem, study, tmp_path):
     path = study()
     code, out, _ = flexfem("study", "status", path, "--json")
@@ -406,7 +390,7 @@ def test_commands_run_count_and_collect(flexfem, study, tmp_path):
     for target in ("t.csv", "t.parquet"):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
-    assert (tmp_path / "t.csv").read_text().count("\n") == 301
+    assert (Path("t.csv")).read_text().count("\n") == 301
     assert len(pq.read_table("t.parquet")) == 300
 
 
@@ -418,7 +402,7 @@ def test_plot_collects_and_draws(flexfem, study, tmp_path):
     assert code == 0
     found = json.loads(out)["written"]
     assert found[0] == "reports/necks/necks.parquet" and {Path(name).suffix for name in found[1:]} == {".png", ".pdf"}
-    assert all((tmp_path / name).stat().st_size > 1000 for name in found)
+    assert all(Path(name).stat().st_size > 1000 for name in found)
 
 
 @pytest.mark.parametrize(
@@ -426,7 +410,7 @@ def test_plot_collects_and_draws(flexfem, study, tmp_path):
     [
         (["run", "--shard", "3/2"], "--shard 3/2"),
         (["run", "--workers", "1", "--scheduler", "127.0.0.1:1"], "--workers with --scheduler"),
-        (["run", "--scheduler", "nonsense://x"], "no scheduler answers"),
+        (["run", "--scheduler", "nonsense://x"], "expected host:port"),
         (["collect", "--to", "t.xlsx"], "expected a file name that ends in"),
     ],
 )
@@ -444,3 +428,47 @@ def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     made = collect(parts, tmp_path / "t.parquet", partial=True)
     assert (made.designs, made.open) == (128, 172)
     assert pq.read_table(made.path)["design"].to_pylist() == [*range(64, 128), *range(192, 256)]
+
+
+@pytest.mark.parametrize("address", ["nonsense", "", "tcp://", "http://localhost:80", "inproc://x", "/no/such.json"])
+def test_what_is_no_address_of_a_scheduler_is_refused_at_once(flexfem, study, address):
+    code, _, err = flexfem("study", "run", study(), "--scheduler", address)
+    assert code == 2 and err.count("\n") == 1 and "expected host:port" in err
+
+
+def test_a_pipe_in_the_place_of_a_part_is_named_and_replaced(study, tmp_path):
+    parts = parts_of(load_study(study()), tmp_path, 100)
+    run_study(parts, Here())
+    path = parts.path(parts.chunk(1))
+    whole = path.read_bytes()
+    path.unlink()
+    os.mkfifo(path)
+    told = []
+    run_study(parts, Here(), say=told.append)
+    assert len(told) == 1 and str(path) in told[0]
+    assert path.read_bytes() == whole
+
+
+def test_a_partial_table_of_nothing_replaces_none(study, tmp_path):
+    parts = parts_of(load_study(study()), tmp_path)
+    with pytest.raises(BadInput, match="300 of 300 designs are open, expected some"):
+        collect(parts, tmp_path / "t.parquet", partial=True)
+    assert not (tmp_path / "t.parquet").exists()
+
+
+@pytest.mark.slow
+def test_a_run_that_answers_nothing_and_fails_exits_with_one_and_names_the_cure(flexfem, study):
+    path = study("fe", 2, edit=("[sampling]", "resolution = 64\n[sampling]"))  # more triangles than are allowed
+    code, out, _ = flexfem("study", "run", path)
+    assert code == 1 and " 0 ok" in out and "study run --retry" in out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_closed_standard_streams_take_no_worker_along(flexfem, study, closed):
+    path = study("fe", 3)
+    command = f"exec {sys.executable} -m flexfem study run {path} --workers 2 {closed}"
+    subprocess.run(["sh", "-c", command], check=True, capture_output=True, timeout=120)
+    code, out, _ = flexfem("study", "status", path, "--json")
+    facts = json.loads(out)
+    assert (code, facts["open"], facts["failed"]) == (0, 0, 0) and facts["ok"] > 0
