@@ -129,10 +129,11 @@ def model_words(loaded: LoadedStudy) -> str:
     mobility = study.mobility or loaded.stage.mobility
     analytic = f"{study.formula}, mobility {mobility}" + (", elastic links" if study.links else "")
     meshed = f"{study.resolution} triangles across every neck"
+    plane = "" if loaded.stage.model == "plane_stress" else f", {loaded.stage.model.replace('_', ' ')}"
     return {
-        "analytic": f"Analytic model: {analytic}",
-        "fe": f"Finite elements: {meshed}",
-        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic})",
+        "analytic": f"Analytic model: {analytic}{plane}",
+        "fe": f"Finite elements: {meshed}{plane}",
+        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic}){plane}",
     }[study.model]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from flexfem.report.stage_outline import outline_of
 from flexfem.report.study import named, write_study_figures
 from flexfem.report.study_contours import levels
 from flexfem.report.study_distribution import Scatter, distribution_figure, histogram
-from flexfem.report.study_labels import OUTPUTS, Caption, Quantity, factor, output
+from flexfem.report.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
 from flexfem.report.study_map import StudyMap, edges, map_figure, norm_of
 from flexfem.report.study_pareto import Chosen, ParetoFront, pareto_figure
 from flexfem.report.study_sensitivity import Share, limits, sensitivity_figure
@@ -522,3 +523,11 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
         ('"the other necks"', '"mixed"'),
     )
     assert set(own_values(loaded)) == {"hinges.base.radius_mm"}
+
+
+@pytest.mark.parametrize(("model", "said"), [("plane_stress", "mobility 6"), ("plane_strain", "plane strain")])
+def test_the_caption_says_in_which_plane_model_the_stage_is(model: Any, said: str) -> None:
+    loaded = load_study(Path(__file__).parents[2] / "cases" / "study-trust.toml")
+    assert (
+        model_words(replace(loaded, stage=loaded.stage.model_copy(update={"model": model}))).rstrip(")").endswith(said)
+    )
