@@ -6,12 +6,6 @@
 from __future__ import annotations
 
 import datetime
-import importlib.metadata
-import json
-import multiprocessing
-import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.resources import files
 from itertools import product
@@ -21,13 +15,12 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.fem.charting import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
 from flexfem.fem.hinge import FREEDOMS, LENGTH, LEVELS, Hinge, Sample, sample
-from flexfem.files import write_atomically
 
 RATIOS, HEIGHTS = (0.02, 1.2), (1.0, 3.0)  # t/R, H/h
 SHAPE = (10, 8)  # samples in t/R and in H/h
 DIGITS = 8  # kept of a number; a slender neck's last two, in rotation, depend on who solved the equations
-PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
 ABOUT = (
     "Compliances of a circular hinge (radius R, neck t, notch height h = 2R + t) between elastic blocks of height H, "
     "about the neck's centre, plane stress, less the blocks' own as beams from x = R on (Euler-Bernoulli bending, "
@@ -35,14 +28,6 @@ ABOUT = (
     "columns H/h. Rotation and axial do not depend on Poisson's ratio; shear grows by exactly 4.8 nu R/H. Bands are "
     "relative."
 )
-
-Progress = Callable[[int, int], None]
-
-
-def chebyshev_points(number: int, low: float, high: float) -> Array:
-    """Zeros (number,) of the Chebyshev polynomial of that degree on an interval, in ascending order."""
-    x = -np.cos((2 * np.arange(number) + 1) * np.pi / (2 * number))
-    return np.asarray(low + (high - low) * (x + 1) / 2)
 
 
 def chart_points(shape: tuple[int, int] = SHAPE) -> tuple[Array, Array]:
@@ -70,21 +55,8 @@ def make_chart(
     """
     ratios, heights = chart_points(shape)
     hinges = [Hinge(float(ratio), float(height)) for ratio, height in product(ratios, heights)]
-    samples = []
-    for made in _sampled(hinges, levels, workers):
-        samples.append(made)
-        progress(len(samples), len(hinges))
-    text = _lines(_document(ratios, heights, samples, levels, date))
-    write_atomically(path, lambda file: file.write(text.encode()))
-
-
-def _sampled(hinges: list[Hinge], levels: tuple[int, ...], workers: int) -> Iterator[Sample]:
-    compute = partial(sample, levels=levels)
-    if workers == 1:
-        yield from map(compute, hinges)
-        return
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(compute, hinges)
+    samples = sampled(partial(sample, levels=levels), hinges, workers, progress)
+    write_chart(path, _document(ratios, heights, samples, levels, date))
 
 
 def _document(
@@ -97,30 +69,17 @@ def _document(
         "about": ABOUT,
         "regenerate": "python -m flexfem.fem.chart",
         "date": date or datetime.date.today().isoformat(),
-        "versions": {program: importlib.metadata.version(program) for program in PROGRAMS},
+        "versions": versions(),
         "meshes": f"mapped grids of curved quadratic triangles (no gmsh), refinements {list(levels)}, at most "
         f"{max(made.unknowns for made in samples)} unknowns, Richardson extrapolation with order 4; blocks "
         f"{LENGTH:g} H long",
-        "largest_band": {name: _kept(np.max(bands[..., k]), 2) for k, name in enumerate(FREEDOMS)},
+        "largest_band": {name: kept(np.max(bands[..., k]), 2) for k, name in enumerate(FREEDOMS)},
         "range": {"t/R": list(RATIOS), "H/h": list(HEIGHTS)},
-        "t/R": _kept(ratios),
-        "H/h": _kept(heights),
-        **{name: _kept(values[..., k]) for k, name in enumerate(FREEDOMS)},
-        "bands": {name: _kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
+        "t/R": kept(ratios, DIGITS),
+        "H/h": kept(heights, DIGITS),
+        **{name: kept(values[..., k], DIGITS) for k, name in enumerate(FREEDOMS)},
+        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
     }
-
-
-def _lines(document: dict[str, Any]) -> str:
-    """JSON with one line a key and one a row of a table: short enough to read, and to compare."""
-    entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
-    return "{\n" + ",\n".join(entries) + "\n}\n"
-
-
-def _kept(values: Any, digits: int = DIGITS) -> Any:
-    """Nested lists of numbers rounded to so many significant digits."""
-    if np.ndim(values):
-        return [_kept(value, digits) for value in values]
-    return float(f"{values:.{digits - 1}e}")
 
 
 def chart_path() -> Path:
@@ -130,14 +89,7 @@ def chart_path() -> Path:
 
 def main() -> None:
     """Make the chart with two processes and say how far it is."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else chart_path()
-    make_chart(path, workers=2, progress=_say)
-    print(path)
-
-
-def _say(done: int, number: int) -> None:
-    if done % 10 == 0 or done == number:
-        print(f"sample {done} of {number}", flush=True)
+    make_and_say(make_chart, chart_path(), 10)
 
 
 if __name__ == "__main__":

@@ -6,11 +6,6 @@
 from __future__ import annotations
 
 import datetime
-import importlib.metadata
-import multiprocessing
-import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.resources import files
 from itertools import product
@@ -20,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.chart import PROGRAMS, Progress, _kept, _lines, chebyshev_points
+from flexfem.fem.charting import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
 from flexfem.fem.thick import FREEDOMS, LEVELS, Sample, ThickHinge, sample
-from flexfem.files import write_atomically
 
 RATIOS, WIDTHS, POISSONS = (0.02, 1.2), (0.5, 50.0), (0.1, 0.45)  # t/R, b/t, nu
 SHAPE = (7, 11, 3)  # samples in t/R, b/t and nu
@@ -61,21 +55,8 @@ def make_thickness_chart(
     """
     points = chart_points(shape)
     hinges = [ThickHinge(*map(float, point)) for point in product(*points)]
-    samples = []
-    for made in _sampled(hinges, levels, workers):
-        samples.append(made)
-        progress(len(samples), len(hinges))
-    text = _lines(_document(points, samples, levels, date))
-    write_atomically(path, lambda file: file.write(text.encode()))
-
-
-def _sampled(hinges: list[ThickHinge], levels: tuple[int, ...], workers: int) -> Iterator[Sample]:
-    compute = partial(sample, levels=levels)
-    if workers == 1:
-        yield from map(compute, hinges)
-        return
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(compute, hinges)
+    samples = sampled(partial(sample, levels=levels), hinges, workers, progress)
+    write_chart(path, _document(points, samples, levels, date))
 
 
 def _document(
@@ -89,17 +70,17 @@ def _document(
         "about": ABOUT,
         "regenerate": "python -m flexfem.fem.thick_chart",
         "date": date or datetime.date.today().isoformat(),
-        "versions": {program: importlib.metadata.version(program) for program in PROGRAMS},
+        "versions": versions(),
         "meshes": f"curved quadratic triangles times quadratic segments (no gmsh), refinements {list(levels)}, at most "
         f"{max(made.unknowns for made in samples)} unknowns, Richardson extrapolation with order 4",
-        "largest_band": {name: _kept(np.max(worth[..., k]), 2) for k, name in enumerate(FREEDOMS)},
+        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in enumerate(FREEDOMS)},
         "largest_band_is": "of the compliance, relative: nu^2 times the band of p",
         "range": {"t/R": list(RATIOS), "b/t": list(WIDTHS), "nu": list(POISSONS)},
-        "t/R": _kept(points[0], 10),
-        "b/t": _kept(points[1], 10),
-        "nu": _kept(points[2], 10),
-        **{name: _kept(values[..., k], DIGITS) for k, name in enumerate(FREEDOMS)},
-        "bands": {name: _kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
+        "t/R": kept(points[0], 10),
+        "b/t": kept(points[1], 10),
+        "nu": kept(points[2], 10),
+        **{name: kept(values[..., k], DIGITS) for k, name in enumerate(FREEDOMS)},
+        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
     }
 
 
@@ -110,14 +91,7 @@ def thickness_chart_path() -> Path:
 
 def main() -> None:
     """Make the chart with two processes and say how far it is."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else thickness_chart_path()
-    make_thickness_chart(path, workers=2, progress=_say)
-    print(path)
-
-
-def _say(done: int, number: int) -> None:
-    if done % 20 == 0 or done == number:
-        print(f"sample {done} of {number}", flush=True)
+    make_and_say(make_thickness_chart, thickness_chart_path(), 20)
 
 
 if __name__ == "__main__":
