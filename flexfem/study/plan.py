@@ -20,7 +20,7 @@ from flexfem.refusals import place_of, refusal, shown, suggestion
 from flexfem.study.factors import Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
 from flexfem.study.outputs import outputs_of
-from flexfem.study.scheme import MOST, MOST_HELD, Drive, Sampling
+from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Sampling
 from flexfem.tomlfile import Table, read_toml, validate
 from flexfem.verify.case import known_formula
 
@@ -80,9 +80,8 @@ class Study(Table):
                 raise refusal('no points but with method = "grid"', "factor", index, "points")
         if grid and self.count > MOST:
             raise refusal(f"a grid of at most {MOST} designs, not {self.count}", "factor")
-        if self.sampling.base is not None and self.count > MOST_HELD:
-            expected = f"base * (factors + 2) of at most {MOST_HELD}, not {self.count}: all are held in memory"
-            raise refusal(expected, "sampling", "base")
+        if self.sampling.base is not None and self.count > MOST:
+            raise refusal(f"base * (factors + 2) of at most {MOST}, not {self.count}", "sampling", "base")
         return self
 
     @model_validator(mode="after")
@@ -172,10 +171,15 @@ class LoadedStudy:
 
     @property
     def hash(self) -> str:
-        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take."""
+        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
+
+        How many designs there are counts only where it changes the first ones too.
+        """
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit"}
         content = self.study.model_dump(mode="json", exclude=unneeded)
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
+        if self.study.sampling.method in EXTENSIBLE:
+            content["sampling"] = content["sampling"] | {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         content["override"] = sorted((o.chain, o.hinge, sorted(o.changes)) for o in self.stage.override)
         content["columns"] = [

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import lru_cache
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.study.factors import Factor
 from flexfem.study.plan import LoadedStudy
 
 BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of its own
+BITS = 30  # of a Sobol point, so that 2^30 differ
 INSIDE = 2.0**-53  # keeps quantiles off 0 and 1, where a normal distribution is infinite
 
 
@@ -20,8 +20,8 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
 
     Notes
     -----
-    Memory is bounded by the range, except for Latin hypercubes and Saltelli's scheme, which hold the whole sample. A
-    grid counts its last factor fastest.
+    Memory and time go with the range, wherever it lies, except for Latin hypercubes, which hold the whole sample. A
+    grid counts its last factor fastest. Samples of methods that are `EXTENSIBLE` begin alike however large they are.
     """
     factors = [column.factor for column in loaded.columns]
     start, stop = max(start, 0), min(stop, loaded.count)
@@ -73,8 +73,7 @@ def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
     if sampling.method == "sobol":
         return _sobol(sampling.seed, columns, start, stop)
     if sampling.method == "saltelli":
-        assert sampling.base is not None
-        return _saltelli(sampling.seed, columns, sampling.base)[start:stop]
+        return _saltelli(sampling.seed, columns, start, stop)
     return _latin_hypercube(sampling.seed, columns, loaded.count)[start:stop]
 
 
@@ -86,14 +85,48 @@ def _monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
 
 
 def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:
+    """Points `start` up to `stop` of the scrambled sequence that `scipy.stats.qmc.Sobol` draws, whatever comes before.
+
+    Notes
+    -----
+    I. A. Antonov, V. M. Saleev, USSR Comput. Math. Math. Phys. 19(1) (1979) 252: point n differs from the one before
+    in the direction number of the lowest bit set in n; from the first in those of the bits of the Gray code of n.
+    """
+    first, directions = _directions(seed, columns)
+    gray = start ^ (start >> 1)
+    bits = [k for k in range(BITS) if gray >> k & 1]
+    begin = first ^ np.bitwise_xor.reduce(directions[bits], axis=0)
+    after = np.arange(start + 1, stop)
+    steps = directions[np.bitwise_count((after & -after) - 1)]
+    return np.bitwise_xor.accumulate(np.concatenate([begin[None], steps]))[: stop - start] / 2.0**BITS
+
+
+@lru_cache(maxsize=4)
+def _directions(seed: int, columns: int) -> tuple[AnyArray, AnyArray]:
+    """First point (columns,) and direction numbers (BITS, columns) of a scrambled sequence, in units of 2^-BITS.
+
+    The engine adds direction number k to its last point when it has drawn 2^k points, so it is told that it has.
+    """
     from scipy.stats import qmc
 
     engine = qmc.Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
-    with warnings.catch_warnings():  # a range of a sequence need not be a power of two long
-        warnings.simplefilter("ignore", UserWarning)
-        if start:
-            engine.fast_forward(start)
-        return np.asarray(engine.random(stop - start))
+    drawn = [engine.random(1)]
+    for k in range(BITS):
+        engine.num_generated = 2**k
+        drawn.append(engine.random(1))
+    numbers = (np.concatenate(drawn) * 2.0**BITS).astype(np.uint32)
+    return numbers[0], numbers[1:] ^ numbers[:-1]
+
+
+def _saltelli(seed: int, columns: int, start: int, stop: int) -> Array:
+    """Rows of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: of every Sobol point (A, B) in turn the designs
+    A, A with one column of B at a time, and B."""
+    group, k = columns + 2, np.arange(columns)
+    first = start // group
+    points = _sobol(seed, 2 * columns, first, -(-stop // group))
+    rows = np.repeat(points[:, None, :columns], group, axis=1)
+    rows[:, 1 + k, k] = rows[:, -1] = points[:, columns:]
+    return rows.reshape(-1, columns)[start - group * first :][: stop - start]
 
 
 @lru_cache(maxsize=1)
@@ -101,12 +134,3 @@ def _latin_hypercube(seed: int, columns: int, designs: int) -> Array:
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(columns, rng=np.random.default_rng(seed)).random(designs))
-
-
-@lru_cache(maxsize=1)
-def _saltelli(seed: int, columns: int, base: int) -> Array:
-    from SALib.sample import sobol
-
-    problem = {"num_vars": columns, "names": list(map(str, range(columns))), "bounds": [[0.0, 1.0]] * columns}
-    rng = np.random.default_rng(seed)
-    return np.asarray(sobol.sample(problem, base, calc_second_order=False, seed=rng))

@@ -12,7 +12,8 @@ from flexfem.tomlfile import Table
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli"]
 MOST = 10**9  # designs; a design and 100 columns are a kilobyte
 MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
-HELD: tuple[Method, ...] = ("latin_hypercube", "saltelli")
+HELD: tuple[Method, ...] = ("latin_hypercube",)
+EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
 
 
 class Sampling(Table):
@@ -20,7 +21,7 @@ class Sampling(Table):
 
     method: Method
     designs: int | None = Field(default=None, ge=1, le=MOST)
-    base: int | None = Field(default=None, ge=2, le=MOST_HELD)
+    base: int | None = Field(default=None, ge=2, le=MOST)
     seed: int | None = Field(default=None, ge=0, lt=2**63)
 
     @model_validator(mode="after")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from flexfem.study import sampling
 from flexfem.study.sampling import BLOCK, sample
 
 METHODS = {
@@ -136,10 +138,45 @@ def test_saltelli_rows_are_in_the_order_that_the_analysis_expects(studies: Any) 
         np.testing.assert_array_equal(groups[:, 1 + column], mixed)
 
 
+@pytest.mark.parametrize("start", [0, 1, 6, 4095, 2**20 + 7])
+def test_points_by_number_are_those_of_scipy(start: int) -> None:
+    """Against the engine itself, which walks there."""
+    engine = stats.qmc.Sobol(31, scramble=True, rng=np.random.default_rng(2003))
+    if start:
+        engine.fast_forward(start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # not a power of two
+        np.testing.assert_array_equal(sampling._sobol(2003, 31, start, start + 37), engine.random(37))
+
+
+def test_far_points_of_a_sobol_sample_fill_their_strata(studies: Any) -> None:
+    """Of 2^12 consecutive points from a multiple of 2^12 on, each of 2^12 strata of every factor holds one."""
+    first = 10**9 // 2**12 * 2**12 - 2**12
+    points = sampling._sobol(3, 5, first, first + 2**12)
+    assert all(len(set((column * 2**12).astype(int))) == 2**12 for column in points.T)
+
+
+def test_the_two_samples_of_saltelli_are_halves_of_one_sobol_point(studies: Any) -> None:
+    loaded = studies.of(
+        'method = "saltelli"\nbase = 16\nseed = 3', LOG, 'key = "platform.radius_mm"\nfrom = 15.0\nto = 17.0'
+    )
+    points = stats.qmc.Sobol(4, scramble=True, rng=np.random.default_rng(3)).random(16)
+    first, last = sample(loaded, 0, 64)[::4], sample(loaded, 0, 64)[3::4]
+    np.testing.assert_allclose(first[:, 1], 15.0 + 2.0 * points[:, 1], rtol=1e-15)
+    np.testing.assert_allclose(last[:, 1], 15.0 + 2.0 * points[:, 3], rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["sobol", "monte carlo", "saltelli"])
+def test_a_larger_sample_begins_with_the_smaller_one(name: str, studies: Any) -> None:
+    small = of_method(studies, name)
+    text = METHODS[name].replace("2500", "5003").replace("512", "1024")
+    large = studies.of(text, LOG, 'key = "platform.radius_mm"\nfrom = 15.0\nto = 17.0')
+    assert large.count > small.count
+    np.testing.assert_array_equal(sample(large, 0, small.count), sample(small, 0, small.count))
+
+
 def test_no_quantile_is_infinite_whatever_the_seed_draws(studies: Any) -> None:
     """A generator may return exactly zero, where a normal distribution has its end."""
-    from flexfem.study import sampling
-
     loaded = studies.of('method = "sobol"\ndesigns = 8\nseed = 3', BELL.split("\nlower")[0])
     drawn = sampling._sobol
     try:
