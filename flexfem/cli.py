@@ -282,6 +282,7 @@ def workspace(
 
     from flexfem import console, tables
     from flexfem.layout.feasibility import load_feasible, naming
+    from flexfem.units import unit_of
     from flexfem.verify.result import write_record
     from flexfem.verify.workspace import workspace as travel
 
@@ -289,7 +290,7 @@ def workspace(
     if not np.isfinite(amplitude_um):
         raise BadInput(f"--amplitude-um {amplitude_um}, expected a number of um")
     with naming(stage):
-        found = travel(stage, loaded, 1e-3 * amplitude_um)
+        found = travel(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
     if output is not None:
         from flexfem.report.workspace import workspace_figure
         from flexfem.report.write import write_beside

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from flexfem.arrays import Array
 from flexfem.facts import Facts
+from flexfem.units import COMMANDS, COMPLIANCES, DEGREE, FORCES, LENGTH, POSES, STIFFNESSES, STRESS, Unit
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Result
 
@@ -35,9 +36,9 @@ def print_stage(facts: Facts) -> None:
         f"{facts['name']}: mobility {facts['mobility']}, chains {'alike' if facts['chains_alike'] else 'differ'}, "
         f"{_plane(facts)}"
     )
-    table = Table(
-        "chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms", box=None, padding=(0, 2, 0, 0)
-    )
+    x, y, R, t = (f"{name} {LENGTH}" for name in ("x", "y", "R", "t"))
+    columns = ("chain", "hinge", x, y, f"axis {DEGREE.plain}", R, t, "freedoms")
+    table = Table(*columns, box=None, padding=(0, 2, 0, 0))
     for h in facts["hinges"]:
         x, y = h["centre_mm"]
         freedoms = "rotation, axial" if h["prismatic"] else "rotation"
@@ -59,8 +60,8 @@ def print_analytic(facts: Facts) -> None:
         f"{facts['name']}: analytic model, mobility {facts['mobility']}, {facts['formula']}{outside}, {_plane(facts)}",
         markup=False,
     )
-    _print_matrix(out, "stiffness K_uu, N/mm and N mm/rad", np.array(facts["stiffness"]))
-    _print_matrix(out, "compliance C_uu, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    _print_matrix(out, f"stiffness K_uu, {_both(STIFFNESSES)}", np.array(facts["stiffness"]))
+    _print_matrix(out, f"compliance C_uu, {_both(COMPLIANCES)}", np.array(facts["compliance"]))
     _print_assumed(out, facts)
 
 
@@ -69,12 +70,12 @@ def print_solution(facts: Facts) -> None:
     out = _people()
     size = f"{facts['triangles']} triangles, {facts['unknowns']} unknowns"
     out.print(f"{facts['name']}: finite elements, {_plane(facts)}, {size}")
-    _print_matrix(out, "stiffness, N/mm and N mm/rad", np.array(facts["stiffness"]))
-    _print_matrix(out, "compliance, mm/N and rad/(N mm)", np.array(facts["compliance"]))
+    _print_matrix(out, f"stiffness, {_both(STIFFNESSES)}", np.array(facts["stiffness"]))
+    _print_matrix(out, f"compliance, {_both(COMPLIANCES)}", np.array(facts["compliance"]))
     if any(facts["force"]):
-        out.print("force        " + "  ".join(f"{v: .6e}" for v in facts["force"]) + "  N, N, N mm")
-        out.print("displacement " + "  ".join(f"{v: .6e}" for v in facts["displacement"]) + "  mm, mm, rad")
-        out.print("largest von Mises stress at the necks, MPa, chain by chain (base, elbow, platform):")
+        out.print("force        " + "  ".join(f"{v: .6e}" for v in facts["force"]) + f"  {_all(FORCES)}")
+        out.print("displacement " + "  ".join(f"{v: .6e}" for v in facts["displacement"]) + f"  {_all(POSES)}")
+        out.print(f"largest von Mises stress at the necks, {STRESS}, chain by chain (base, elbow, platform):")
         for chain, row in enumerate(facts["neck_stress"], start=1):
             out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
     _print_assumed(out, facts)
@@ -109,7 +110,7 @@ def print_convergence(facts: Facts) -> None:
     """Print the levels of a mesh study, and what they tend to."""
     out = _people()
     out.print(f"{facts['stage']}: platform compliance on finer and finer meshes", markup=False)
-    names = ("triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)")
+    names = ("triangles across a neck", "unknowns", *map(" ".join, zip(DIRECTIONS, map(str, COMPLIANCES), strict=True)))
     table = Table(*names, box=None, padding=(0, 2, 0, 0))
     for resolution, unknowns, matrix in zip(facts["resolutions"], facts["unknowns"], facts["compliance"], strict=True):
         table.add_row(str(resolution), str(unknowns), *(f"{matrix[k][k]:.9e}" for k in range(3)))
@@ -182,11 +183,10 @@ def print_workspace(facts: Facts) -> None:
     columns = ("(16) less its terms", "(16)", "exact", "elements", "elements, same load")
     table = Table("per cent", "commanded", "at", *columns, box=None, padding=(0, 2, 0, 0))
     for kind, name in kinds.items():
-        for axis in DIRECTIONS:
+        for axis, unit in zip(DIRECTIONS, COMMANDS, strict=True):
             for point in facts["travel"][axis]["points"]:
-                unit = "mrad" if axis == "theta" else "um"
                 numbers = (f"{point[kind][m]:+z.4f}" if m in point[kind] else "" for m in models)
-                table.add_row(name, axis, f"{1e3 * point['commanded']:+g} {unit}", *numbers)
+                table.add_row(name, axis, f"{unit.factor * point['commanded']:+g} {unit.plain}", *numbers)
     out.print(table)
     for part, size in (("small", "a tenth of these commands"), ("box", "all of them")):
         box = facts[part]
@@ -232,6 +232,15 @@ def print_written(facts: Facts) -> None:
     """Print the files written."""
     for path in facts["written"]:
         print(path)
+
+
+def _both(units: Sequence[Unit]) -> str:
+    """The units of translations and of rotations."""
+    return " and ".join(dict.fromkeys(unit.plain for unit in units))
+
+
+def _all(units: Sequence[Unit]) -> str:
+    return ", ".join(unit.plain for unit in units)
 
 
 def _print_matrix(out: Console, title: str, matrix: Array) -> None:

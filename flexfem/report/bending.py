@@ -13,8 +13,8 @@ from flexfem.benchmark.elastica import Elastica
 from flexfem.benchmark.taylor import SMALL, Remainders
 from flexfem.report.curves import COLOURS
 from flexfem.report.marks import show_window
+from flexfem.report.numbers import scientific
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure
-from flexfem.report.units import scientific
 
 WIDTH, LEFT, FOOT = 8.27, 0.75, 0.6  # in
 MARK: Any = {"linestyle": "none", "markerfacecolor": "white", "markersize": 6.5, "markeredgewidth": 1.4, "zorder": 3}

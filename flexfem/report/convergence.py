@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexfem.report.curves import NAMES, curve_style
+from flexfem.report.numbers import scientific
 from flexfem.report.style import GREY, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import scientific
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.converge import MeshStudy
 

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.report.numbers import banded, scientific
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import Unit, banded, scientific, unit_for
+from flexfem.units import LENGTH, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction
 from flexfem.verify.result import Result
 
@@ -74,7 +75,7 @@ def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
 def normalisation(result: Result) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = sorted({model.lever for model in result.models.values()})
-    l3 = "l₃ = " + ", ".join(f"{lever:g}" for lever in levers) + " mm"
+    l3 = "l₃ = " + ", ".join(f"{lever:g}" for lever in levers) + f" {LENGTH}"
     command = NAMES[result.direction]
     if result.direction == "theta":
         cross = f"X and Y relative to the commanded rotation times {l3}"

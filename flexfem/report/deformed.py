@@ -17,9 +17,10 @@ from flexfem.arrays import Array
 from flexfem.layout.bodies import BODIES
 from flexfem.report.curves import NAMES
 from flexfem.report.marks import clear_spot, show_window
+from flexfem.report.numbers import round_factor, significant
 from flexfem.report.style import INK, add_axes, header, in_house_style, new_figure, wrapped
 from flexfem.report.triangles import edges_of, loops_of, polygon, quarters
-from flexfem.report.units import round_factor, significant, unit_for
+from flexfem.units import STRESS, unit_for
 from flexfem.verify.result import Fields, Model, Result
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
@@ -136,7 +137,7 @@ def _around_origin(points: Array, hub_radius: float) -> bool:
 def _name_largest(axes: Axes, model: Model, fields: Fields, moved: Array, size: float) -> None:
     """Point at the largest stress and write value and place below the stage."""
     node, place = largest_stress(model, fields)
-    text = f"largest {significant(float(fields.stress[node]), 3)} MPa at {place}"
+    text = f"largest {significant(float(fields.stress[node]), 3)} {STRESS} at {place}"
     axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
     spot = clear_spot(moved[node], 0.09 * size, np.concatenate([moved[::4], fields.nodes[::4]]), 0.05 * size)
     arrow = {"arrowstyle": "-|>", "color": "#B00000", "linewidth": 1.2, "shrinkA": 2.0, "shrinkB": 4.0}
@@ -163,4 +164,4 @@ def _draw_scale(figure: Figure, norm: LogNorm, width: float) -> None:
     bar.set_ticks([tick for tick in ticks if 0.0 <= norm(tick) <= 1.0])
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    bar.set_label("von Mises stress (MPa)")
+    bar.set_label(f"von Mises stress ({STRESS})")

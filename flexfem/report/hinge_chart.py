@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
 from flexfem.report.curves import COLOURS, MARKERS
+from flexfem.report.numbers import SPACE
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import SPACE
 
 FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}

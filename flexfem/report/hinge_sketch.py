@@ -11,8 +11,9 @@ from matplotlib.patches import FancyArrowPatch
 
 from flexfem.arrays import Array
 from flexfem.report.marks import Point, arrow
+from flexfem.report.numbers import significant
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure
-from flexfem.report.units import significant
+from flexfem.units import LENGTH
 from flexfem.verify.result import Model
 
 NECK = 0.42  # t/R of the drawing, whatever the stage's
@@ -162,7 +163,7 @@ def _label(axes: Axes, at: Point, name: str, side: str, size: float = 13, colour
 
 def _draw_table(axes: Axes, rows: list[tuple[str, ...]]) -> None:
     axes.set_axis_off()
-    head = ("hinge", "R (mm)", "t (mm)", "h (mm)", "t/R")
+    head = ("hinge", f"R ({LENGTH})", f"t ({LENGTH})", f"h ({LENGTH})", "t/R")
     across = (0.0, 0.4, 0.55, 0.7, 0.85)
     for line, row in enumerate([head, *rows]):
         y = 1 - (line + 0.5) / (len(rows) + 1)

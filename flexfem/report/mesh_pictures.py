@@ -10,9 +10,10 @@ from matplotlib.patches import Circle
 
 from flexfem.arrays import Array, Index
 from flexfem.report.marks import arrow, clear_spot, frame_cross, hatch_ground, write
+from flexfem.report.numbers import SPACE
 from flexfem.report.style import GREY, INK, PALE, add_axes, header, in_house_style, new_figure
 from flexfem.report.triangles import Edges, clamped_edges, drawn_edges, edges_of, loops_of, polygon
-from flexfem.report.units import SPACE
+from flexfem.units import LENGTH
 from flexfem.verify.result import Fields, HingeDrawing, Model
 
 MESH_COLOUR = "#5B7FA6"
@@ -42,8 +43,8 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     axes.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(axes, max(0.6 * model.hub_radius, 0.04 * size))
     _number_hinges(axes, model, fields.nodes, size)
-    axes.set_xlabel("x (mm)")
-    axes.set_ylabel("y (mm)")
+    axes.set_xlabel(f"x ({LENGTH})")
+    axes.set_ylabel(f"y ({LENGTH})")
     return figure
 
 
@@ -116,9 +117,9 @@ def neck_figure(model: Model, fields: Fields) -> Figure:
         for row, half in enumerate((1.2 * whole, 1.1 * hinge.neck)):
             axes = add_axes(figure, 0.75 + 3.2 * column, 0.55 + (1 - row) * (height + 0.6), 2.6, height)
             _draw_neck(axes, local, edges, half, height / 2.6)
-            axes.set_xlabel("along the neck (mm)")
+            axes.set_xlabel(f"along the neck ({LENGTH})")
             if column == 0:
-                axes.set_ylabel("across the neck (mm)")
+                axes.set_ylabel(f"across the neck ({LENGTH})")
             if row == 0:
                 axes.set_title(f"{hinge.hinge} hinge")
                 _dimension_notch(axes, hinge)
@@ -170,11 +171,13 @@ def _dimension_notch(axes: Axes, hinge: HingeDrawing) -> None:
     tip = middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)])
     axes.plot(*middle, "+", color=INK, markersize=8, zorder=5)
     arrow(axes, middle, tip)
-    axes.text(middle[0], middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} mm", size=10, ha="center", va="top")
+    axes.text(
+        middle[0], middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top"
+    )
 
 
 def _dimension_neck(axes: Axes, hinge: HingeDrawing) -> None:
     """Width of the narrowest section, between two arrows."""
     arrow(axes, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
     box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
-    axes.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} mm", size=10, va="center", zorder=6, bbox=box)
+    axes.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)

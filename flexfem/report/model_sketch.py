@@ -13,6 +13,7 @@ from flexfem.arrays import Array
 from flexfem.report.joints import KEY_LINE, LINK, MEANING, draw_ground, draw_joint, draw_key, side_of, symbol_radius
 from flexfem.report.marks import clear_spot, frame_cross, show_window, write
 from flexfem.report.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, text_width
+from flexfem.units import DEGREE, LENGTH
 from flexfem.verify.result import HingeDrawing, Model
 
 WIDTH = 8.27  # in
@@ -95,10 +96,10 @@ def _write_labels(axes: Axes, model: Model, size: float) -> None:
         taken.append(_draw_angle(axes, point, heading - angle, angle, arc))
     for k, (point, heading, angle) in enumerate(zip(points, headings, angles, strict=False), start=1):
         middle = heading - angle / 2
-        name = rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}°".replace("-", "\N{MINUS SIGN}")
+        name = rf"$\varphi_{k}$ = {DEGREE.factor * angle:.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
         _place(axes, point + arc * np.array([np.cos(middle), np.sin(middle)]), name, taken, size, NOTE_COLOUR)
     for k, (start, end) in enumerate(pairwise(points), start=1):
-        _place(axes, (start + end) / 2, rf"$l_{k}$ = {lengths[k - 1]:.5g} mm", taken, size, LINK)
+        _place(axes, (start + end) / 2, rf"$l_{k}$ = {lengths[k - 1]:.5g} {LENGTH}", taken, size, LINK)
     for hinge in model.hinges[::3]:
         _place(axes, _behind(hinge, 4.0 * radius), f"chain {hinge.chain}", taken, size, INK)
 

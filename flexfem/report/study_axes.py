@@ -10,8 +10,8 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexfem.arrays import Array
+from flexfem.report.numbers import significant
 from flexfem.report.study_labels import Quantity
-from flexfem.report.units import significant
 
 FEW_DECADES = 2.5  # up to which 2 and 5 have ticks between the powers of ten
 

@@ -13,9 +13,9 @@ from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
 from flexfem.report.curves import DASHES
+from flexfem.report.numbers import SPACE, significant
 from flexfem.report.study_labels import Caption, Quantity
 from flexfem.report.style import INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure
-from flexfem.report.units import SPACE, significant
 from flexfem.study.percentiles import Percentile
 
 WIDTH, AXES_LEFT, AXES_WIDTH, PANEL, PANEL_GAP, FOOT = 8.27, 0.85, 4.55, 1.35, 0.62, 0.55  # in

@@ -6,43 +6,44 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexfem.report.units import SPACE
+from flexfem.report.numbers import SPACE
 from flexfem.study.factors import Column
 from flexfem.study.scheme import Method
+from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
     from flexfem.study.table import StudyTable
 
-OUTPUTS: dict[str, tuple[str, str] | tuple[str, str, str]] = {  # name, unit, symbol for an axis
-    "kxx_n_per_mm": ("stiffness XX", "N/mm", r"stiffness $K_{xx}$"),
-    "kyy_n_per_mm": ("stiffness YY", "N/mm", r"stiffness $K_{yy}$"),
-    "ktt_n_mm_per_rad": ("stiffness θθ", "N mm/rad", r"stiffness $K_{\theta\theta}$"),
-    "kxy_n_per_mm": ("stiffness XY", "N/mm", r"stiffness $K_{xy}$"),
-    "kxt_n": ("stiffness Xθ", "N", r"stiffness $K_{x\theta}$"),
-    "kyt_n": ("stiffness Yθ", "N", r"stiffness $K_{y\theta}$"),
-    "coupling_xy": ("coupling XY", "", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
-    "coupling_xt": ("coupling Xθ", "", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
-    "coupling_yt": ("coupling Yθ", "", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
-    "stress_x_mpa_per_um": ("peak neck stress per X", "MPa/µm"),
-    "stress_y_mpa_per_um": ("peak neck stress per Y", "MPa/µm"),
-    "stress_theta_mpa_per_mrad": ("peak neck stress per θ", "MPa/mrad"),
-    "reach_x_um": ("reach in X at yield", "µm"),
-    "reach_y_um": ("reach in Y at yield", "µm"),
-    "reach_theta_mrad": ("reach in θ at yield", "mrad"),
-    "envelope_mm": ("diameter of the envelope", "mm"),
-    "travel_x_um": ("travel in X for the stroke", "µm"),
-    "travel_y_um": ("travel in Y for the stroke", "µm"),
-    "travel_theta_mrad": ("travel in θ for the stroke", "mrad"),
-    "error_x_percent": ("error along X", "%"),
-    "error_y_percent": ("error along Y", "%"),
-    "error_theta_percent": ("error along θ", "%"),
-    "cross_x_percent": ("largest cross error under X", "%"),
-    "cross_y_percent": ("largest cross error under Y", "%"),
-    "cross_theta_percent": ("largest cross error under θ", "%"),
-    "band_x_percent": ("mesh band of the error along X", "%"),
-    "band_y_percent": ("mesh band of the error along Y", "%"),
-    "band_theta_percent": ("mesh band of the error along θ", "%"),
+OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
+    "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
+    "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
+    "ktt_n_mm_per_rad": ("stiffness θθ", r"stiffness $K_{\theta\theta}$"),
+    "kxy_n_per_mm": ("stiffness XY", r"stiffness $K_{xy}$"),
+    "kxt_n": ("stiffness Xθ", r"stiffness $K_{x\theta}$"),
+    "kyt_n": ("stiffness Yθ", r"stiffness $K_{y\theta}$"),
+    "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
+    "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
+    "coupling_yt": ("coupling Yθ", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
+    "stress_x_mpa_per_um": ("peak neck stress per X", ""),
+    "stress_y_mpa_per_um": ("peak neck stress per Y", ""),
+    "stress_theta_mpa_per_mrad": ("peak neck stress per θ", ""),
+    "reach_x_um": ("reach in X at yield", ""),
+    "reach_y_um": ("reach in Y at yield", ""),
+    "reach_theta_mrad": ("reach in θ at yield", ""),
+    "envelope_mm": ("diameter of the envelope", ""),
+    "travel_x_um": ("travel in X for the stroke", ""),
+    "travel_y_um": ("travel in Y for the stroke", ""),
+    "travel_theta_mrad": ("travel in θ for the stroke", ""),
+    "error_x_percent": ("error along X", ""),
+    "error_y_percent": ("error along Y", ""),
+    "error_theta_percent": ("error along θ", ""),
+    "cross_x_percent": ("largest cross error under X", ""),
+    "cross_y_percent": ("largest cross error under Y", ""),
+    "cross_theta_percent": ("largest cross error under θ", ""),
+    "band_x_percent": ("mesh band of the error along X", ""),
+    "band_y_percent": ("mesh band of the error along Y", ""),
+    "band_theta_percent": ("mesh band of the error along θ", ""),
 }
 METHODS: dict[Method, str] = {
     "grid": "grid",
@@ -51,8 +52,6 @@ METHODS: dict[Method, str] = {
     "monte_carlo": "Monte Carlo",
     "saltelli": "Saltelli",
 }
-UNITS = {"mm": "mm", "gpa": "GPa", "mpa": "MPa", "deg": "°", "kg_m3": "kg/m³"}
-UNIT = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -86,13 +85,14 @@ class Caption(NamedTuple):
 
 def output(column: str) -> Quantity:
     """What an output column is called."""
-    return Quantity(*OUTPUTS[column])
+    name, symbol = OUTPUTS[column]
+    return Quantity(name, unit_of(column).name, symbol)
 
 
 def factor(column: Column) -> Quantity:
     """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
-    units = {UNITS[found[1]] if (found := UNIT.search(key)) else "" for key in column.keys}
-    name = column.factor.label or " = ".join(words(UNIT.sub(r"\2", key)) for key in column.keys)
+    units = {unit_of(key).name for key in column.keys}
+    name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
     return Quantity(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
 
 

@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array, Index
+from flexfem.report.numbers import SPACE, round_factor
 from flexfem.report.stage_outline import Outline, draw_outline
 from flexfem.report.study_axes import ends_of, name_axis
 from flexfem.report.study_labels import Caption, Quantity, thousands
 from flexfem.report.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import SPACE, round_factor
+from flexfem.units import LENGTH
 
 WIDTH, AXES_LEFT, AXES_WIDTH, AXES_HEIGHT, FOOT = 8.27, 0.85, 7.1, 4.0, 0.7  # in
 ACROSS, LEFT, CELL, LINE, LETTERS = (
@@ -178,4 +179,4 @@ def _draw_scale(axes: Axes, width: float) -> None:
     axes.set(xlim=(0.0, width), ylim=(0.0, 1.0))
     axes.set_axis_off()
     axes.plot([0.0, length], [0.75, 0.75], color=INK, linewidth=2.5, solid_capstyle="butt")
-    axes.text(length + 0.04 * width, 0.75, f"{length:g}{SPACE}mm, all drawings", size=LETTERS, va="center")
+    axes.text(length + 0.04 * width, 0.75, f"{length:g}{SPACE}{LENGTH}, all drawings", size=LETTERS, va="center")

@@ -9,13 +9,13 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
+from flexfem.report.numbers import significant
 from flexfem.report.stage_outline import outline_of
 from flexfem.report.study_distribution import Scatter
 from flexfem.report.study_labels import Caption, Quantity, caption_of, counted, factor, output
 from flexfem.report.study_map import StudyMap
 from flexfem.report.study_pareto import Chosen, ParetoFront
 from flexfem.report.study_sensitivity import Share
-from flexfem.report.units import significant
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Marks, Shares
 from flexfem.study.pareto import wide

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexfem.report.units import banded, percent, significant, unit_for
+from flexfem.report.numbers import banded, percent, significant
+from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Model, Result
-
-FORCE_UNITS = ("N", "N", "N mm")
 
 
 def markdown_report(results: Sequence[Result]) -> str:
@@ -79,7 +78,7 @@ def _command(result: Result) -> str:
 
 def _normalisation(results: Sequence[Result]) -> str:
     levers = sorted({model.lever for result in results for model in result.models.values()})
-    l3 = ", ".join(f"{lever:g} mm" for lever in levers)
+    l3 = ", ".join(f"{lever:g} {LENGTH}" for lever in levers)
     return (
         "The commanded direction is relative to the command. In the cross directions a translation is relative to the "
         "commanded translation, a rotation is first multiplied by l₃ "
@@ -104,10 +103,10 @@ def _forces(results: Sequence[Result]) -> str:
             tiny = 1e-9 * max(abs(value) / scale for value, scale in zip(force, _scales(model), strict=True))
             cells = [
                 _force(value, tiny * scale, unit)
-                for value, scale, unit in zip(force, _scales(model), FORCE_UNITS, strict=True)
+                for value, scale, unit in zip(force, _scales(model), FORCES, strict=True)
             ]
             stress = significant(float(np.max(model.neck_stress)), 3)
-            rows.append([result.case, label, *cells, f"{stress} MPa"])
+            rows.append([result.case, label, *cells, f"{stress} {STRESS}"])
     head = ["case", "curve", "F_x", "F_y", "M", "largest stress at the necks (finite elements)"]
     return _table(head, rows, numbers=4)
 
@@ -116,7 +115,7 @@ def _scales(model: Model) -> tuple[float, float, float]:
     return (1.0, 1.0, model.lever)
 
 
-def _force(value: float, round_off: float, unit: str) -> str:
+def _force(value: float, round_off: float, unit: Unit) -> str:
     return "0" if abs(value) <= round_off else f"{significant(value)} {unit}"
 
 
@@ -125,7 +124,7 @@ def _stiffness(results: Sequence[Result]) -> str:
     for result in results:
         for label, model in result.models.items():
             elements = np.diag(np.linalg.inv(np.array(model.compliance)))
-            for k, (name, unit) in enumerate((("K_xx", "N/mm"), ("K_yy", "N/mm"), ("K_θθ", "N mm/rad"))):
+            for k, (name, unit) in enumerate(zip(("K_xx", "K_yy", "K_θθ"), STIFFNESSES, strict=True)):
                 analytic = model.stiffness[k][k]
                 difference = percent(100.0 * (analytic / float(elements[k]) - 1.0))
                 formula = model.formula if model.formula_in_range else f"{model.formula}, outside its range"

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.report.curves import COLOURS, DASHES
+from flexfem.report.numbers import SPACE
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.report.units import SPACE
 
 FREEDOMS = ("rotation", "axial")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$"}

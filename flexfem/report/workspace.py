@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.report.curves import COLOURS, NAMES, ROUND_OFF
+from flexfem.report.numbers import scientific
 from flexfem.report.style import GREY, INK, add_axes, header, in_house_style, new_figure
-from flexfem.report.units import Unit, scientific, unit_for
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import COMMANDS, Unit, unit_for
+from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.travel import Travel, Workspace
 
 WIDTH, HEIGHT = 11.69, 9.6  # in
@@ -67,19 +68,23 @@ def workspace_figure(found: Workspace) -> Figure:
 
 
 def _lines(found: Workspace) -> list[str]:
-    travel = found.travel["x"].points
-    near, far = (abs(travel[k].commanded) * 1e3 for k in (2, 3))
-    turn = abs(found.travel["theta"].points[3].commanded) * 1e3
+    near, far = (" and ".join(_size(found, axis, point) for axis in ("x", "theta")) for point in (2, 3))
     return [
         f"Pseudo-rigid stage of mobility {found.mobility}, {found.formula}, and nonlinear finite elements "
         f"({found.unknowns} unknowns), each against its own linear answer: linear theory (18) is the line at zero. "
         "Errors are the linear position under the load that holds the stage at the command, minus the command; along "
         "it this is by how much the load deviates from (18). Rotations are made displacements by l₃.",
-        f"Anywhere within ±{near:g} µm and ±{near / far * turn:g} mrad linear theory misses the position by up to "
-        f"{found.small.position:.2f} %, within ±{far:g} µm and ±{turn:g} mrad by {found.box.position:.2f} %; "
+        f"Anywhere within {near} linear theory misses the position by up to "
+        f"{found.small.position:.2f} %, within {far} by {found.box.position:.2f} %; "
         f"the two terms change the tangent compliance there by up to {found.small.terms:.2f} and "
         f"{found.box.terms:.2f} %.",
     ]
+
+
+def _size(found: Workspace, axis: Direction, point: int) -> str:
+    """The command of a point, to both sides."""
+    unit = COMMANDS[DIRECTIONS.index(axis)]
+    return f"±{unit.factor * abs(found.travel[axis].points[point].commanded):g} {unit}"
 
 
 def _draw_stiffness(axes: Axes, travel: Travel, unit: Unit) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.units import unit_of
 
 STIFFNESSES = ("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad", "kxy_n_per_mm", "kxt_n", "kyt_n")
 COUPLINGS = ("coupling_xy", "coupling_xt", "coupling_yt")
@@ -17,7 +18,6 @@ CROSSES = ("cross_x_percent", "cross_y_percent", "cross_theta_percent")
 BANDS = ("band_x_percent", "band_y_percent", "band_theta_percent")
 COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *REACHES, *ENVELOPE)
 
-_THOUSANDTH = 1e-3  # um in mm, mrad in rad
 _ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
 
@@ -33,8 +33,9 @@ def common_columns(stiffness: Array, stress: Array, yield_strength: Array, envel
     entries = stiffness[:, *_ENTRIES]
     size = np.sqrt(np.abs(entries[:, :3]))
     coupling = entries[:, 3:] / (size[:, [0, 0, 1]] * size[:, [1, 2, 2]])
-    per_unit = _THOUSANDTH * stress
-    return np.concatenate([entries, coupling, per_unit, yield_strength[:, None] / per_unit, envelope[:, None]], axis=1)
+    reach = yield_strength[:, None] / stress
+    per_unit, reach = stress * _factors(STRESSES), reach * _factors(REACHES)
+    return np.concatenate([entries, coupling, per_unit, reach, envelope[:, None]], axis=1)
 
 
 def travel_columns(turning: Array, rotation: float) -> Array:
@@ -42,4 +43,9 @@ def travel_columns(turning: Array, rotation: float) -> Array:
 
     `turning` : (n, 3), the largest rotation of a base hinge per displacement, rad per mm and per rad.
     """
-    return rotation / turning / _THOUSANDTH
+    return rotation / turning * _factors(TRAVELS)
+
+
+def _factors(columns: tuple[str, ...]) -> Array:
+    """What turns numbers in N, mm, MPa, rad into those of the columns (k,)."""
+    return np.array([unit_of(column).factor for column in columns])

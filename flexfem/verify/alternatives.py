@@ -27,6 +27,7 @@ from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
 from flexfem.layout.frames import stage_frames
+from flexfem.units import MICROMETRE
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.protocol import Solved, compare
@@ -108,10 +109,11 @@ def _finite_elements(stage: Stage, model: int, solve: Solve) -> list[Alternative
 def _stages(stage: Stage, model: int) -> list[Alternative]:
     """The same model against a stage that is made inexactly, or that is driven at its joints."""
     percent = np.abs(scatter(stage, model))
+    deviation = f"{MICROMETRE.factor * SCATTER:g} {MICROMETRE.plain}"
     found = []
     for name, share in QUANTILES.items():
         size = np.quantile(percent, share, axis=0)
-        found.append(_row(f"necks scattered by {1e3 * SCATTER:g} um, {name} of {DRAWS} stages", model, size))
+        found.append(_row(f"necks scattered by {deviation}, {name} of {DRAWS} stages", model, size))
     return [*found, _row("joints commanded instead of the platform", model, joint_command(stage, model))]
 
 

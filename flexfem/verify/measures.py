@@ -14,6 +14,7 @@ from flexfem.analytic.stiffness import inverse_kinematics, stiffness
 from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
+from flexfem.units import COMMANDS
 from flexfem.verify.alternatives import Solve, error_matrix
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.convergence import grid_convergence, levels
@@ -133,9 +134,9 @@ def _second_order(on: Evidence) -> Finding:
     lever = on.six.stage.chain.link_lengths[2]
     moved, terms = (100 * value for value in missed(of, on.amplitude, lever))
     far = 100 * missed(of, 10 * on.amplitude, lever).position
-    x, _, theta = 1e3 * on.amplitude
+    within = " and ".join(f"{COMMANDS[k].factor * on.amplitude[k]:g} {COMMANDS[k].plain}" for k in (0, 2))
     said = (
-        f"exact and linear position differ by up to {moved:.3f} % within {x:g} um and {theta:g} mrad, the two terms"
+        f"exact and linear position differ by up to {moved:.3f} % within {within}, the two terms"
         f" change the tangent compliance by up to {terms:.3f} %; at ten times these commands the positions differ by up"
         f" to {far:.2f} %"
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.report.curves import HONEST, error_figure, normalisation, panel_of
-from flexfem.report.units import unit_for
+from flexfem.units import unit_for
 from flexfem.verify.case import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 3e-5, -2e-4), "mobility six": (0.0712, 1e-15, 4e-4)}

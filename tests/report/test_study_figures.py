@@ -13,6 +13,7 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
 from flexfem.errors import BadInput
+from flexfem.report.numbers import SPACE
 from flexfem.report.stage_outline import outline_of
 from flexfem.report.study import named, write_study_figures
 from flexfem.report.study_contours import levels
@@ -22,7 +23,6 @@ from flexfem.report.study_map import StudyMap, edges, map_figure, norm_of
 from flexfem.report.study_pareto import Chosen, ParetoFront, pareto_figure
 from flexfem.report.study_sensitivity import Share, limits, sensitivity_figure
 from flexfem.report.study_shown import Source, front_of, map_of, scatters_of, shares_of
-from flexfem.report.units import SPACE
 from flexfem.study.answer import answer
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.report.numbers import SPACE
 from flexfem.report.style import rendered
 from flexfem.report.thickness import ThicknessReview, thickness_figure
-from flexfem.report.units import SPACE
 
 X = np.geomspace(0.5, 50.0, 30)
 NU = 0.29

@@ -1,12 +1,91 @@
-"""Numbers as people read them."""
+"""Numbers as people read them, and units: each written once, each with its size."""
 
 from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexfem.report.units import percent, round_factor, scientific, significant, unit_for
+from flexfem.report.numbers import percent, round_factor, scientific, significant
+from flexfem.study.keys import keys
+from flexfem.study.outputs import outputs_of
+from flexfem.units import (
+    COMMANDS,
+    COMPLIANCES,
+    FORCES,
+    LENGTH,
+    MICROMETRE,
+    POSES,
+    STIFFNESSES,
+    STRESS,
+    UNITS,
+    unit_for,
+    unit_of,
+    without_unit,
+)
+
+ROOT = Path(__file__).parents[2]
+SIZES = {  # what one of the file unit is in N, mm, MPa, rad
+    "mm": 1.0,
+    "µm": 1e-3,
+    "mrad": 1e-3,
+    "°": 0.017453292519943295,
+    "GPa": 1e3,
+    "MPa/µm": 1e3,
+    "MPa/mrad": 1e3,
+    **dict.fromkeys(("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", ""), 1.0),
+}
+OUTPUTS = {
+    "stiffness": {"kxx": "N/mm", "kyy": "N/mm", "ktt": "N mm/rad", "kxy": "N/mm", "kxt": "N", "kyt": "N"},
+    "per displacement": {"stress_x": "MPa/µm", "stress_y": "MPa/µm", "stress_theta": "MPa/mrad"},
+    "displacements": {f"{name}_{axis}": "µm" for name in ("reach", "travel") for axis in "xy"},
+    "rotations": {"reach_theta": "mrad", "travel_theta": "mrad"},
+    "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
+    "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
+}
+SPELLED = re.compile(r"N/mm|N mm|mm/N|MPa|GPa|µm|\bum\b|\bmrad\b|[ (]mm\b|kg/m")
+
+
+def test_every_unit_has_its_size() -> None:
+    assert {unit.name for unit in UNITS.values()} == set(SIZES) - {""}
+    for unit in UNITS.values():
+        assert unit.factor == pytest.approx(1 / SIZES[unit.name], rel=1e-15), unit
+    for path, key in keys().items():
+        assert key.unit == pytest.approx(SIZES[unit_of(path).name], rel=1e-15), path
+
+
+def test_every_output_has_the_unit_that_its_name_says() -> None:
+    expected = {name: unit for group in OUTPUTS.values() for name, unit in group.items()}
+    found = {without_unit(name): unit_of(name).name for name in outputs_of(True, True, True)}
+    assert found == expected
+    assert unit_of("chain.link_lengths_mm[2]").name == "mm" and without_unit("a_mm[2]") == "a[2]"
+
+
+def test_every_direction_has_its_unit() -> None:
+    assert [unit.name for unit in (LENGTH, MICROMETRE, STRESS)] == ["mm", "µm", "MPa"]
+    assert [unit.plain for unit in (MICROMETRE, UNITS["deg"], STRESS)] == ["um", "deg", "MPa"]
+    for units, names in (
+        (POSES, ["mm", "mm", "rad"]),
+        (COMMANDS, ["µm", "µm", "mrad"]),
+        (FORCES, ["N", "N", "N mm"]),
+        (STIFFNESSES, ["N/mm", "N/mm", "N mm/rad"]),
+        (COMPLIANCES, ["mm/N", "mm/N", "rad/(N mm)"]),
+    ):
+        assert list(map(str, units)) == names
+
+
+def test_units_are_spelled_in_one_place() -> None:
+    places = [*(ROOT / "flexfem/report").glob("*.py"), ROOT / "flexfem/tables.py", ROOT / "flexfem/verify/measures.py"]
+    places += [ROOT / "flexfem/verify/alternatives.py", ROOT / "flexfem/study/findings.py"]
+    for path in places:
+        tree = ast.parse(path.read_text())
+        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
+        texts = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+        assert [text.value for text in texts if id(text) not in said and SPELLED.search(text.value)] == [], path
 
 
 @pytest.mark.parametrize(

@@ -1,36 +1,12 @@
-"""Numbers as people read them: SI prefixes, significant digits, powers of ten, round factors."""
+"""Numbers as people read them: significant digits, powers of ten, bands, round factors."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from flexfem.verify.case import Direction
-
-PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-ROUND_DOWN = 1e-9  # a thousandth less round-off takes the next smaller prefix no more than 1.0000 does
+ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
 SPACE = "\N{NO-BREAK SPACE}"
-
-
-class Unit(NamedTuple):
-    """A unit for display: a stored number (mm or rad) times `factor` is the number in the unit `name`."""
-
-    factor: float
-    name: str
-
-
-def unit_for(freedom: Direction, largest: float) -> Unit:
-    """The prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
-
-    Numbers below 1 am (or arad) keep that unit, numbers from 1000 m keep the metre; zero gets um or urad.
-    """
-    base, symbol = (1.0, "rad") if freedom == "theta" else (1e-3, "m")
-    power = -6
-    if largest > 0:
-        power = 3 * math.floor((math.log10(largest) + math.log10(base)) / 3 + ROUND_DOWN)
-        power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    return Unit(base * 10.0**-power, PREFIXES[power] + symbol)
 
 
 def significant(value: float, digits: int = 4) -> str:

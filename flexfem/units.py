@@ -1,0 +1,82 @@
+"""Units, once: how every one is written, and what turns a number from inside (N, mm, MPa, rad) into it."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from flexfem.verify.case import Direction
+
+PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
+ROUND_DOWN = 1e-9  # a thousandth less round-off takes the next smaller prefix no more than 1.0000 does
+
+
+class Unit(NamedTuple):
+    """A unit: a number from inside times `factor` is the number in the unit `name`."""
+
+    factor: float
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def plain(self) -> str:
+        """The name for terminals: with ASCII letters."""
+        return self.name.replace("µ", "u").replace("°", "deg")
+
+
+UNITS = {  # by what keys of files and columns of studies end in
+    "mm": Unit(1.0, "mm"),
+    "um": Unit(1e3, "µm"),
+    "rad": Unit(1.0, "rad"),
+    "mrad": Unit(1e3, "mrad"),
+    "deg": Unit(180.0 / math.pi, "°"),
+    "n": Unit(1.0, "N"),
+    "n_mm": Unit(1.0, "N mm"),
+    "mpa": Unit(1.0, "MPa"),
+    "gpa": Unit(1e-3, "GPa"),
+    "kg_m3": Unit(1.0, "kg/m³"),
+    "percent": Unit(1.0, "%"),  # percentages are percentages inside, too
+    "n_per_mm": Unit(1.0, "N/mm"),
+    "n_mm_per_rad": Unit(1.0, "N mm/rad"),
+    "mm_per_n": Unit(1.0, "mm/N"),
+    "rad_per_n_mm": Unit(1.0, "rad/(N mm)"),
+    "mpa_per_um": Unit(1e-3, "MPa/µm"),
+    "mpa_per_mrad": Unit(1e-3, "MPa/mrad"),
+}
+NONE = Unit(1.0, "")
+ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
+
+LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
+POSES = (UNITS["mm"], UNITS["mm"], UNITS["rad"])  # order x, y, theta, here and below
+COMMANDS = (UNITS["um"], UNITS["um"], UNITS["mrad"])
+FORCES = (UNITS["n"], UNITS["n"], UNITS["n_mm"])
+STIFFNESSES = (UNITS["n_per_mm"], UNITS["n_per_mm"], UNITS["n_mm_per_rad"])
+COMPLIANCES = (UNITS["mm_per_n"], UNITS["mm_per_n"], UNITS["rad_per_n_mm"])
+
+
+def unit_of(name: str) -> Unit:
+    """The unit that the name of a column or the path of a key ends in; `NONE` without one."""
+    found = ENDING.search(name)
+    return UNITS[found[1]] if found else NONE
+
+
+def without_unit(name: str) -> str:
+    """The name of a column or the path of a key less its unit."""
+    return ENDING.sub(r"\2", name)
+
+
+def unit_for(freedom: Direction, largest: float) -> Unit:
+    """The prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
+
+    Numbers below 1 am (or arad) keep that unit, numbers from 1000 m keep the metre; zero gets um or urad.
+    """
+    base, symbol = (1.0, "rad") if freedom == "theta" else (1e-3, "m")
+    power = -6
+    if largest > 0:
+        power = 3 * math.floor((math.log10(largest) + math.log10(base)) / 3 + ROUND_DOWN)
+        power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return Unit(base * 10.0**-power, PREFIXES[power] + symbol)
