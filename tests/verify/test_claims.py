@@ -67,6 +67,16 @@ def modelled(request):
     return load_stage(ROOT / "geometry" / f"{name}.toml"), model
 
 
+@pytest.fixture(scope="module")
+def three():
+    return load_stage(ROOT / "geometry/mobility3.toml")
+
+
+@pytest.fixture(scope="module")
+def six():
+    return load_stage(ROOT / "geometry/mobility6.toml")
+
+
 def test_every_shipped_claim_has_its_verdict(shipped):
     assert {name: each.verdict for name, each in shipped.items()} == EXPECTED
 
@@ -146,6 +156,76 @@ def test_table_has_one_row_for_each_claim(shipped):
     table = markdown_claims(list(shipped.values()))
     assert len(table.splitlines()) == 2 + len(shipped)
     assert all(line.count("|") == 5 for line in table.splitlines())
+
+
+def test_an_alternative_errs_along_its_commands_and_at_most_so_much_across_each():
+    percent = np.array([[1.0, -7.0, 3.0], [5.0, -2.0, -4.0], [-6.0, 8.0, 9.0]])  # column j for command j
+    found = other._row("made up", 6, percent)
+    assert found.along.model_dump() == {"x": 1.0, "y": -2.0, "theta": 9.0}
+    assert found.across.model_dump() == {"x": 6.0, "y": 8.0, "theta": 4.0}
+    assert "| made up | 6 | 1.000 | 6.000 | -2.000 | 8.000 | 9.000 | 4.000 |" in other.markdown_alternatives([found])
+
+
+def test_errors_of_a_command_stand_in_its_column():
+    """Softer by 10, 20 and 50 %, and moved across by the force of the command."""
+    K, C = np.diag([40.0, 50.0, 46000.0]), np.diag([1.1 / 40, 1.2 / 50, 1.5 / 46000])
+    C[1, 0], C[2, 0], C[0, 2] = 3e-4, 2e-6, 2e-6
+    found = other.error_matrix(K, C, 24.0)
+    expected = [[10.0, 0.0, 100 * 2e-6 * 46000 / 24], [1.2, 20.0, 0.0], [100 * 2e-6 * 40 * 24, 0.0, 50.0]]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_stubby_necks_are_a_third_of_their_radius_and_all_of_it(six):
+    for ratio, base, elbow in ((3.0, 4.0 / 3, 0.5), (1.0, 4.0, 1.5)):
+        stage = other.with_necks(six, ratio)
+        np.testing.assert_allclose(stage.array("neck"), [[base, elbow, elbow]] * 3, rtol=1e-12)
+        np.testing.assert_array_equal(stage.array("radius"), [[4.0, 1.5, 1.5]] * 3)
+
+
+def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three, six, monkeypatch):
+    """Stand-ins for everything slow; what remains is which stage, model, formula and mesh go together."""
+    real = {stage: 1.13 * analyse(stage).compliance for stage in (three, six)}
+    monkeypatch.setattr(other, "linear_compliance", lambda mesh, plate: 1.5 * mesh)
+    monkeypatch.setattr(
+        other, "platform_response", lambda mesh, plate: SimpleNamespace(compliance=mesh * plate.youngs_modulus)
+    )
+    monkeypatch.setattr(other, "uneven_mesh", lambda stage, thirds: real[stage] * sum(thirds))
+    monkeypatch.setattr(other, "joint_command", lambda stage, model, real=CALIBRATED: np.eye(3) * len(real))
+    monkeypatch.setattr(other, "scatter", lambda stage, model: np.arange(1.0, 101.0)[:, None, None] * np.eye(3))
+
+    def solve(stage, resolution):
+        return SimpleNamespace(mesh=real[stage] * resolution, response=SimpleNamespace(compliance=real[stage]))
+
+    found = {(each.name, each.mobility): each.along.x for each in other.alternatives(three, six, solve)}
+
+    def error(stage, model, compliance):
+        return 100 * (analyse(stage, model).stiffness[0, 0] * compliance - 1)
+
+    for stage, model in ((three, 3), (six, 6)):
+        E, metal = 71.7e3, real[stage][0, 0]
+        expected = {
+            "none: curved quadratic triangles, as verified": error(stage, model, metal),
+            "linear triangles, 2 across every neck": error(stage, model, 2 * 1.5 * metal),
+            "asymmetric mesh, 3, 4, 4 linear triangles": error(stage, model, 11 * 1.5 * metal),
+            "asymmetric mesh, 1, 2, 2 quadratic triangles": error(stage, model, 5 * E * metal),
+            "finite elements in plane strain, the limit of wide necks": error(
+                stage, model, 8 * E / (1 - 0.33**2) * metal
+            ),
+            "necks scattered by 5 um, median of 200 stages": 50.5,
+            "necks scattered by 5 um, 95 % of 200 stages": 95.05,
+            "joints commanded instead of the platform": len("calibrated"),
+        }
+        for name, value in expected.items():
+            assert found[name, model] == pytest.approx(value, rel=1e-9), name
+    left_out = error(six, 3, real[six][0, 0])
+    assert found["axial freedom left out, on the mobility-six stage", 3] == pytest.approx(left_out, rel=1e-9)
+    for ratio in (3.0, 1.0):
+        stage, name = other.with_necks(six, ratio), f"R/t = {ratio:g} in the mobility-six stage, all freedoms as metal"
+        for model in (3, 6):
+            metal = error(stage, model, analyse(stage, 21).compliance[0, 0])
+            assert found[name, model] == pytest.approx(metal, rel=1e-9) and metal > 0
+            assert found[f"{name}, joints commanded", model] == len("paros-weisbord")
+    assert len(found) == 2 * (1 + 4 + 4 + 1 + 3) + 1 + 8
 
 
 def test_without_scatter_nothing_errs_across(modelled):

@@ -1,0 +1,123 @@
+"""What claims are measured by, on two stages whose numbers are made up: all unequal, every answer by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.model import analyse, assemble
+from flexfem.design import load_stage
+from flexfem.verify.claims import Claim
+from flexfem.verify.measures import MEASURES, Evidence, Side, side_of
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+PERCENT = np.array([[-7.0, 0.4, -0.2], [0.9, 8.0, 0.5], [-1.1, 0.3, 9.0]])  # column j for command j
+BAND = np.array([[0.04, 9.0, 9.0], [9.0, 0.05, 9.0], [9.0, 9.0, 0.03]])
+STIFFNESS = np.array([[40.0, 1.0, 30.0], [1.0, 50.0, 15.0], [30.0, 15.0, 46000.0]])
+
+
+@pytest.fixture(scope="module")
+def stages():
+    return {n: load_stage(GEOMETRY / f"mobility{n}.toml") for n in (3, 6)}
+
+
+@pytest.fixture(scope="module")
+def evidence(stages):
+    three = Side(stages[3], 3, np.diag([41.0, 52.0, 47000.0]), np.eye(3), 2 * PERCENT + np.diag([-4.0, 0.0, 0.5]), BAND)
+    six = Side(stages[6], 6, STIFFNESS, np.diag([1.25 / 40, 1.6 / 50, 2.0 / 46000]), PERCENT, BAND)
+    return Evidence(three, six, np.array([0.05, 0.04, 1e-3]))
+
+
+def measured(evidence, name):
+    return pytest.approx(MEASURES[name](evidence).values, rel=1e-9, abs=1e-12)
+
+
+def test_errors_along_and_across_are_told_apart_by_magnitude(evidence):
+    assert measured(evidence, "six-commanded") == (7.0, 8.0, 9.0)
+    assert measured(evidence, "six-across") == (0.4, 0.2, 0.9, 0.5, 1.1, 0.3)
+    assert measured(evidence, "three-everywhere") == (18.0, 0.8, 0.4, 1.8, 16.0, 1.0, 2.2, 0.6, 18.5)
+    assert measured(evidence, "six-better") == (11.0, 8.0, 9.5)
+    assert "mesh band at most 0.050 points" in MEASURES["six-commanded"](evidence).found
+    assert "at most 1 % across" in MEASURES["six-across"](evidence).found
+
+
+def test_the_axial_share_is_of_the_error_without_the_axial_freedom(evidence, stages):
+    """Errors of 20, 25 and 16 % without it and 15, 10 and 14 % with it: 25, 60 and 12.5 % of the former."""
+    compliance = np.diag([1.20, 1.25, 1.16]) @ np.linalg.inv(analyse(stages[6], 3).stiffness)
+    percent = np.diag([15.0, 10.0, 14.0])
+    on = evidence._replace(six=evidence.six._replace(compliance=compliance, percent=percent))
+    assert MEASURES["axial-share"](on).values == pytest.approx((25.0, 60.0, 12.5), rel=1e-9)
+
+
+def test_the_loss_of_stiffness_is_of_the_models(evidence):
+    """1.25, 1.6 and 2 times as compliant: 20, 37.5 and 50 % less stiff."""
+    on = evidence._replace(six=evidence.six._replace(stiffness=np.diag([40.0, 50.0, 46000.0])))
+    found = MEASURES["measured-stiffness"](on)
+    assert found.values == pytest.approx((20.0, 37.5, 50.0), rel=1e-12)
+    assert "35.8 % on average" in found.found
+
+
+def test_a_diagonal_stiffness_is_measured_by_couplings_and_by_x_over_y(evidence):
+    couplings = max(1 / np.sqrt(2000), 30 / np.sqrt(40 * 46000), 15 / np.sqrt(50 * 46000))
+    expected = (0.0, 100 * (1 - 41 / 52), 100 * couplings, 20.0)
+    assert MEASURES["diagonal"](evidence).values == pytest.approx(expected, rel=1e-12)
+
+
+def test_linear_positions_miss_most_at_the_worst_of_all_ends_of_the_workspace(evidence, stages):
+    """Distances with rotations by l3 = 24 mm, pose by pose; ten times the commands in the sentence."""
+    of, C = assemble(stages[6], 6), analyse(stages[6], 6).compliance
+
+    def worst(amplitude):
+        poses = amplitude * np.array(
+            [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k]
+        )
+        x, y, turn = (at_pose(of, poses).load @ C - poses).T
+        missed = np.sqrt(x**2 + y**2 + (24 * turn) ** 2)
+        return 100 * np.max(missed / np.sqrt(poses[:, 0] ** 2 + poses[:, 1] ** 2 + (24 * poses[:, 2]) ** 2))
+
+    found = MEASURES["second-order"](evidence)
+    assert found.values == pytest.approx((worst(evidence.amplitude),), rel=1e-6)
+    assert f"within {50:g} um and {1:g} mrad" in found.found
+    assert f"up to {worst(10 * evidence.amplitude):.2f} %" in found.found
+
+
+def test_a_stray_tenth_in_the_root_of_energy_costs_at_least_one_per_cent(evidence):
+    """(29) is the minimum, so what strays adds its own energy, 0.1^2, and nothing of first order."""
+    found = MEASURES["minimum-energy"](evidence)
+    assert found.values == pytest.approx((1.0,), rel=1e-6)
+
+
+def test_a_side_has_the_error_of_its_finest_mesh_and_a_band_for_every_direction(stages):
+    """Compliances that fall as n^-4, at a rate of their own in each direction: 1.25 times what is left."""
+    K, rates = analyse(stages[6], 6).stiffness, np.array([30.0, 50.0, 80.0])
+
+    def solve(_, level):
+        return SimpleNamespace(response=SimpleNamespace(compliance=np.diag((1.1 - rates * level**-4.0) / np.diag(K))))
+
+    found = side_of(stages[6], 6, solve)
+    left = 100 * rates * 8.0**-4
+    np.testing.assert_allclose(np.diag(found.percent), 10.0 - left, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(found.band), 1.25 * left, rtol=1e-6)
+    np.testing.assert_allclose(found.compliance, solve(None, 8).response.compliance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("limits", "value", "answer"),
+    [
+        ({"low_percent": 5.0}, 5.0, "holds"),
+        ({"low_percent": 5.0}, 4.999, "does not hold"),
+        ({"high_percent": 10.0}, 10.0, "holds"),
+        ({"high_percent": 10.0}, 10.001, "does not hold"),
+        ({"low_percent": 5.0, "high_percent": 10.0}, 11.0, "does not hold"),
+        ({"equals": (7.0, 3.0)}, 3.0, "holds"),
+        ({"equals": (7.0, 3.0)}, 3.001, "does not hold"),
+        ({"missing": "Table II"}, 3.0, "cannot be decided"),
+    ],
+)
+def test_a_verdict_turns_at_its_limit_and_every_value_counts(limits, value, answer):
+    claim = Claim.model_validate({"id": "a", "statement": "b", "where": "c", "measure": "mobility", **limits})
+    assert claim.answer((7.0, value)) == answer
