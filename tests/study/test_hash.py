@@ -1,0 +1,102 @@
+"""Every key of a stage and of a study, found by walking their schemas, is in the hash or stands in a list here."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from pydantic import BaseModel
+
+from flexfem.study.plan import LoadedStudy
+
+Place = tuple[str | int, ...]
+NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",)}
+NOT_OF_A_STUDY = {("name",), ("stage",), ("figure",), ("provenance",), ("time_limit",), ("check",)}  # check by `draws`
+NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make
+DRIVEN = ("sd = 1.5\n", "sd = 1.5\n[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")
+HYPERCUBE = ('"monte_carlo"', '"latin_hypercube"')  # where the number of designs changes the first ones too
+
+
+def leaves(value: Any, place: Place = ()) -> Iterator[Place]:
+    """Places of all values of a model: fields of its tables, and of tables in arrays, and entries of arrays."""
+    if isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield from leaves(getattr(value, name), (*place, name))
+    elif isinstance(value, tuple) and value and not isinstance(value[0], str):
+        for index, item in enumerate(value):
+            yield from leaves(item, (*place, index))
+    else:
+        yield place
+
+
+def other(value: Any) -> Any:
+    """Another value of the same type; text where there was none."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        return value + 1
+    return f"{value} changed"
+
+
+def changed(value: Any, place: Place) -> Any:
+    """A copy that differs at one place."""
+    if not place:
+        return other(value)
+    head, *rest = place
+    if isinstance(head, int):
+        return tuple(changed(item, tuple(rest)) if index == head else item for index, item in enumerate(value))
+    return value.model_copy(update={head: changed(getattr(value, head), tuple(rest))})
+
+
+def unseen(value: Any, hash_of: Any, places: set[Place]) -> set[Place]:
+    """Which places leave the hash as it is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # values of the wrong type, such as text for a number
+        return {place for place in places if hash_of(changed(value, place)) == hash_of(value)}
+
+
+def test_every_key_of_a_stage_changes_its_hash_but_names_and_provenance(studies: Any) -> None:
+    stage = studies.load().stage
+    places = set(leaves(stage))
+    numbers = {place for place in places if place[0] != "override"}
+    assert {("platform", "radius"), ("chain", "joint_angles", 2), ("hinges", "elbow", "axis")} < numbers
+    assert len(numbers) >= 29 and len(places - numbers) == 6  # the one override's chain, hinge and four values
+    places -= {("override", 0, "hinge")}  # text, tried apart
+    assert unseen(stage, lambda one: one.hash, places) == NOT_OF_A_STAGE
+    elsewhere = stage.override[0].model_copy(update={"hinge": "base"})
+    assert stage.model_copy(update={"override": (elsewhere,)}).hash != stage.hash
+
+
+def test_every_key_of_a_study_changes_its_hash_but_those_that_answers_do_not_depend_on(studies: Any) -> None:
+    loaded: LoadedStudy = studies.load(DRIVEN, HYPERCUBE)
+    places = {place for place in leaves(loaded.study) if place[0] != "factor"}
+    assert {("mobility",), ("links",), ("sampling", "designs"), ("sampling", "seed"), ("drive", "stroke_um")} < places
+    found = unseen(loaded.study, lambda study: replace(loaded, study=study).hash, places)
+    assert found == NOT_OF_A_STUDY
+    assert replace(loaded, study=loaded.study.model_copy(update={"check": "drawing"})).hash != loaded.hash
+    assert replace(loaded, path=loaded.path / "elsewhere", stem="another").hash == loaded.hash
+
+
+def test_every_key_of_a_factor_and_its_column_changes_the_hash(studies: Any) -> None:
+    loaded: LoadedStudy = studies.load()
+    for index, column in enumerate(loaded.columns):
+
+        def hash_of(factor: Any, index: int = index, column: Any = column) -> str:
+            columns = list(loaded.columns)
+            columns[index] = column._replace(factor=factor)
+            return replace(loaded, columns=tuple(columns)).hash
+
+        assert unseen(column.factor, hash_of, set(leaves(column.factor))) == NOT_OF_A_FACTOR
+        for part in (column._replace(name="another"), column._replace(keys=("thickness_mm",))):
+            columns = [part if place == index else one for place, one in enumerate(loaded.columns)]
+            assert replace(loaded, columns=tuple(columns)).hash != loaded.hash
+    assert replace(loaded, columns=loaded.columns[::-1]).hash != loaded.hash
+
+
+def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) -> None:
+    loaded: LoadedStudy = studies.load()
+    places = set(leaves(loaded.stage)) - {("override", 0, "hinge")}
+    found = unseen(loaded.stage, lambda stage: replace(loaded, stage=stage).hash, places)
+    assert found == NOT_OF_A_STAGE
