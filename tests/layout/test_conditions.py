@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -51,6 +53,27 @@ def random_stages(make_stage: Callable[..., Stage]) -> list[Stage]:
     return [one() for _ in range(COUNT)]
 
 
+def impossible(stage: Stage) -> bool:
+    """By plain geometry, hinge by hinge and pair by pair, from the file's own numbers."""
+    lengths, heading, at = stage.chain.link_lengths, 0.0, []
+    for length, angle in zip(lengths, stage.chain.joint_angles, strict=True):
+        heading += angle
+        at.append(length * cmath.exp(1j * heading))
+    first = [-(at[0] + at[1] + at[2]), -(at[1] + at[2]), -at[2]]
+    hinges = [
+        (centre * cmath.exp(2j * cmath.pi * chain / 3), stage.hinge(chain + 1, name))
+        for chain in range(3)
+        for centre, name in zip(first, ("base", "elbow", "platform"), strict=True)
+    ]
+    width, disc = stage.chain.link_width, stage.platform.radius
+    return (
+        stage.platform.hub_radius >= disc
+        or any(hinge.neck >= width or hinge.neck + 2 * hinge.radius > width for _, hinge in hinges)
+        or any(abs(centre) <= disc + hinge.radius + hinge.neck / 2 for centre, hinge in hinges)
+        or any(abs(one - two) <= a.radius + b.radius for (one, a), (two, b) in combinations(hinges, 2))
+    )
+
+
 def refused(stage: Stage) -> bool:
     try:
         check_closed_form(stage)
@@ -59,12 +82,32 @@ def refused(stage: Stage) -> bool:
     return False
 
 
-def test_many_designs_break_what_each_of_them_breaks(make_stage: Callable[..., Stage]) -> None:
+def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make_stage: Callable[..., Stage]) -> None:
     stages = random_stages(make_stage)
     where = np.any([each.where for each in broken(conditions(*arguments(stages)))], axis=0)
-    expected = np.array([refused(stage) for stage in stages])
+    expected = np.array([impossible(stage) for stage in stages])
     assert np.array_equal(where, expected)
+    assert [refused(stage) for stage in stages[:40]] == expected[:40].tolist()
     assert 0.1 < expected.mean() < 0.9
+
+
+@pytest.mark.parametrize(
+    ("condition", "key", "outside", "inside"),
+    [
+        ("neck_narrow", "hinges.elbow.neck_mm", 8.9, 8.8999),
+        ("notch_fits", "hinges.elbow.radius_mm", 4.2151, 4.215),  # (8.9 - 0.47) / 2
+        ("hub_fits", "platform.hub_radius_mm", 16.3, 16.2999),
+        ("clear", "platform.radius_mm", 23.2951, 23.2949),  # 25 - 1.4 - 0.61 / 2
+        ("apart", "chain.link_lengths_mm", [5.4999, 33.5, 25.0], [5.5001, 33.5, 25.0]),  # 3.9 + 1.6
+    ],
+)
+def test_a_condition_turns_at_its_limit(
+    condition: str, key: str, outside: object, inside: object, make_stage: Callable[..., Stage]
+) -> None:
+    broken_at, held_at = (
+        np.all(getattr(conditions(*arguments([make_stage({key: value})])), condition)) for value in (outside, inside)
+    )
+    assert not broken_at and held_at
 
 
 def test_each_design_is_judged_by_its_own_numbers(make_stage: Callable[..., Stage]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +12,6 @@ from flexfem.design import Stage
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import check_feasible, load_feasible
 
-PATIENCE = 2.0  # s; they take a few ms, and gmsh, which would hang on these, is never asked
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 
 
@@ -153,10 +151,8 @@ IMPOSSIBLE = {
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_an_impossible_stage_is_refused_with_its_reason(name: str, make_stage: Callable[..., Stage]) -> None:
     stage = make_stage(IMPOSSIBLE[name].changes)
-    began = time.perf_counter()
     with pytest.raises(BadInput) as refusal:
         check_feasible(stage)
-    assert time.perf_counter() - began < PATIENCE
     said = str(refusal.value)
     assert "\n" not in said and "expected" in said
     assert all(word in said for word in IMPOSSIBLE[name].says), said
