@@ -10,33 +10,27 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, BaseModel, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.arrays import Array
-from flexfem.refusals import refusal, suggestion
+from flexfem.provenance import Sourced
+from flexfem.refusals import refusal
+from flexfem.tomlfile import Label as Label
 from flexfem.tomlfile import Path, Table, validate
 
 HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
 CHAINS = (1, 2, 3)
-LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
 
 
 def _gpa(value: float) -> float:
     return 1e3 * value
-
-
-def _label(value: str) -> str:
-    if not value.strip() or not value.isprintable() or len(value) > LABEL_LENGTH:
-        raise refusal(f"one line of 1 to {LABEL_LENGTH} printable characters")
-    return value
 
 
 def _at_least(smallest: float) -> Callable[[float], float]:
@@ -51,7 +45,6 @@ def _at_least(smallest: float) -> Callable[[float], float]:
 Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), AfterValidator(_at_least(1e-6))]  # 1 nm to 10 m
 Modulus: TypeAlias = Annotated[float, Field(gt=0, le=2000), AfterValidator(_at_least(1e-3)), AfterValidator(_gpa)]
 Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), AfterValidator(math.radians)]
-Label: TypeAlias = Annotated[str, AfterValidator(_label)]
 
 
 class Material(Table):
@@ -144,7 +137,7 @@ def out_of_plane(model: Plane, poissons_ratio: ArrayLike) -> Array:
     return nu if model == "plane_strain" else np.zeros_like(nu)
 
 
-class Stage(Table):
+class Stage(Sourced):
     """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
 
     model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
@@ -158,15 +151,6 @@ class Stage(Table):
     hinges: Hinges
     platform: Platform
     override: tuple[Override, ...] = ()
-    provenance: Mapping[str, Label] = Field(default_factory=dict)
-
-    @field_validator("provenance", mode="before")
-    @classmethod
-    def _key_paths_are_quoted(cls, provenance: Any) -> Any:
-        for key, value in provenance.items() if isinstance(provenance, dict) else ():
-            if isinstance(value, dict):
-                raise refusal('text; write the whole key path in quotes, like "chain.link_lengths_mm"', key)
-        return provenance
 
     @model_validator(mode="after")
     def _overrides_each_hinge_once(self) -> Stage:
@@ -175,14 +159,6 @@ class Stage(Table):
             first = seen.setdefault((override.chain, override.hinge), index)
             if first != index:
                 raise refusal(f"each hinge overridden once, and override[{first}] is the same hinge", "override", index)
-        return self
-
-    @model_validator(mode="after")
-    def _provenance_names_keys(self) -> Stage:
-        known = key_paths(self)
-        for key in self.provenance:
-            if key not in known:
-                raise refusal(f"a key path of this file{suggestion(key, known)}", "provenance", key)
         return self
 
     def __hash__(self) -> int:
@@ -226,12 +202,6 @@ class Stage(Table):
         return all(self.hinge(i, name) == self.hinge(1, name) for i in CHAINS for name in HINGE_NAMES)
 
     @property
-    def assumed(self) -> tuple[str, ...]:
-        """Key paths of the values, in order, whose provenance (their own or their table's) starts with "assumed"."""
-        sources = {path: provenance_of(self, path) or "" for path, value in _walk(self) if not _is_table(value)}
-        return tuple(path for path, source in sources.items() if source.strip().lower().startswith("assumed"))
-
-    @property
     def hash(self) -> str:
         """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance."""
         content = self.model_dump(exclude={"name": True, "provenance": True, "override": True, "material": {"name"}})
@@ -261,51 +231,6 @@ def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
         if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
             return f"override[{index}].{key}"
     return f"hinges.{hinge}.{key}"
-
-
-def key_paths(stage: Table) -> tuple[str, ...]:
-    """Return the key path of every table and value the file gives, provenance excepted, an array counting as one."""
-    return tuple(path for path, _ in _walk(stage))
-
-
-def numeric_key_paths(stage: Stage) -> tuple[str, ...]:
-    """Return the key paths of all measured numbers the file gives; `override[0].chain` is an address, not a number."""
-    return tuple(path for path, value in _walk(stage) if _is_number(value))
-
-
-def provenance_of(stage: Stage, key_path: str) -> str | None:
-    """Return where the value at `key_path` comes from, by its own provenance or else its nearest table's, or None.
-
-    Raises
-    ------
-    KeyError
-        The file gives no such key.
-    """
-    if key_path not in key_paths(stage):
-        raise KeyError(key_path)
-    while key_path and key_path not in stage.provenance:
-        key_path = re.sub(r"(^|\.)[^.\[]+$|\[\d+\]$", "", key_path)
-    return stage.provenance.get(key_path)
-
-
-def _walk(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, field in type(table).model_fields.items():
-        if name in table.model_fields_set and name != "provenance":
-            path, value = prefix + (field.alias or name), getattr(table, name)
-            yield path, value
-            if isinstance(value, BaseModel):
-                yield from _walk(value, f"{path}.")
-            for index, item in enumerate(value if _is_table(value) and isinstance(value, tuple) else ()):
-                yield f"{path}[{index}]", item
-                yield from _walk(item, f"{path}[{index}].")
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, BaseModel) or (isinstance(value, tuple) and all(isinstance(v, BaseModel) for v in value))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, float) or (isinstance(value, tuple) and any(isinstance(v, float) for v in value))
 
 
 def _canonical(value: Any) -> Any:

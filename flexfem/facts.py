@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem import warning
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import FORMULAS, over_calibrated
 from flexfem.analytic.thick import factors
 from flexfem.benchmark.registry import Table
-from flexfem.design import HINGE_NAMES, Stage, key_paths, provenance_of
+from flexfem.design import HINGE_NAMES, Stage
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import LoadCase
 from flexfem.layout.frames import stage_frames
 from flexfem.peers.compare import CrossCheck
+from flexfem.provenance import key_paths, provenance_of
 from flexfem.verify.baseline import Move
 from flexfem.verify.protocol import Solved
 from flexfem.verify.result import Result
@@ -57,7 +59,9 @@ def stage_facts(path: Path, stage: Stage) -> Facts:
         "dimensions": stage.model_dump(mode="json", exclude={"name", "hinges", "override", "provenance"}),
         "hinges": hinges,
         "provenance": {key: source for key, source in sources.items() if source},
+        "warnings": warning.of_stage(stage),
         "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
     }
 
 
@@ -75,7 +79,9 @@ def analytic_facts(path: Path, stage: Stage, result: AnalyticResult) -> Facts:
         "stiffness": result.stiffness.tolist(),
         "compliance": result.compliance.tolist(),
         "hinge_compliance": {name: values.tolist() for name, values in result.hinges._asdict().items()},
+        "warnings": [*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
         "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
     }
 
 
@@ -88,7 +94,9 @@ def mesh_facts(path: Path, stage: Stage, mesh: StageMesh, resolution: int, outpu
         "resolution": resolution,
         "nodes": len(mesh.nodes),
         "triangles": len(mesh.triangles),
+        "warnings": [],
         "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
     }
 
 
@@ -109,8 +117,19 @@ def solution_facts(path: Path, stage: Stage, solved: Solved, case: LoadCase, res
         "reaction": case.reaction.tolist(),
         "energy": case.energy,
         "neck_stress": case.neck_stress.tolist(),
+        "warnings": load_warnings(stage, case),
         "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
     }
+
+
+def load_warnings(stage: Stage, case: LoadCase) -> warning.Warnings:
+    """Warnings on a load by linear finite elements."""
+    highest, where = float(np.max(case.neck_stress)), "under this load"
+    return [
+        *warning.of_yield(highest, stage.material.yield_strength, where),
+        *warning.of_motion(stage, case.pose, where),
+    ]
 
 
 def cross_check_facts(path: Path, stage: Stage, found: CrossCheck) -> Facts:
@@ -129,7 +148,9 @@ def cross_check_facts(path: Path, stage: Stage, found: CrossCheck) -> Facts:
         "passed": found.passed,
         "seconds": found.our_seconds,
         "their_seconds": found.their_seconds,
+        "warnings": [],
         "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
     }
 
 

@@ -46,10 +46,13 @@ def print_stage(facts: Facts) -> None:
         table.add_row(str(h["chain"]), h["hinge"], *numbers, freedoms)
     out.print(table)
     out.print("where the numbers come from:")
-    for key, source in facts["provenance"].items():
+    for key, source in (facts["provenance"] | dict.fromkeys(facts["not_stated"], "not stated")).items():
         out.print(f"  {key}: {source}", markup=False)
-    if facts["assumed"]:
-        out.print(f"assumed, not the paper's: {', '.join(facts['assumed'])}", markup=False)
+    for text in facts["warnings"]:
+        out.print(f"warning: {text}", markup=False)
+    for said, keys in (("assumed, not the paper's", facts["assumed"]), ("no source stated", facts["not_stated"])):
+        if keys:
+            out.print(f"{said}: {', '.join(keys)}", markup=False)
 
 
 def print_analytic(facts: Facts) -> None:
@@ -62,7 +65,7 @@ def print_analytic(facts: Facts) -> None:
     )
     _print_matrix(out, f"stiffness K_uu, {_both(STIFFNESSES)}", np.array(facts["stiffness"]))
     _print_matrix(out, f"compliance C_uu, {_both(COMPLIANCES)}", np.array(facts["compliance"]))
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_solution(facts: Facts) -> None:
@@ -78,16 +81,16 @@ def print_solution(facts: Facts) -> None:
         out.print(f"largest von Mises stress at the necks, {STRESS}, chain by chain (base, elbow, platform):")
         for chain, row in enumerate(facts["neck_stress"], start=1):
             out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_facts(facts: Facts) -> None:
     """Print plain facts, one a line."""
     out = _people()
     for key, value in facts.items():
-        if key != "assumed":
+        if key not in ("warnings", "assumed", "not_stated"):
             out.print(f"{key}: {value}", markup=False)
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_results(results: Sequence[Result], output: Path) -> None:
@@ -103,7 +106,9 @@ def print_results(results: Sequence[Result], output: Path) -> None:
     out.print("(rotations against translations by the lever l3; ± is the mesh, by grid convergence)")
     out.print(table)
     out.print(f"stored in {output}/", markup=False)
-    _print_assumed(out, {"assumed": {key for result in results for key in result.assumed}})
+    kinds = ("warnings", "assumed", "not_stated")
+    once = {kind: list(dict.fromkeys(text for each in results for text in getattr(each, kind))) for kind in kinds}
+    _print_ending(out, once)
 
 
 def print_convergence(facts: Facts) -> None:
@@ -120,7 +125,7 @@ def print_convergence(facts: Facts) -> None:
     table.add_row("observed order", "", *("none" if u["observed"] is None else f"{u['observed']:.2f}" for u in found))
     table.add_row("verdict", "", *(u["verdict"] for u in found))
     out.print(table)
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_cross_check(facts: Facts) -> None:
@@ -133,7 +138,7 @@ def print_cross_check(facts: Facts) -> None:
         table.add_row(check["quantity"], f"{check['difference']:.1e}", allowed, "" if check["passed"] else "TOO FAR")
     out.print(table)
     out.print(f"{facts['seconds']:.2f} s here, {facts['their_seconds']:.2f} s there; passed: {facts['passed']}")
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_benchmarks(facts: Facts) -> None:
@@ -167,7 +172,7 @@ def print_budget(facts: Facts) -> None:
         points = (share[axis] for share, axis in zip(outside, DIRECTIONS, strict=True))
         table.add_row("outside it: out of plane", *(f"{value:+z.3f}" for value in points))
     out.print(table)
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_workspace(facts: Facts) -> None:
@@ -194,7 +199,7 @@ def print_workspace(facts: Facts) -> None:
             f"anywhere within {size}: linear position off by up to {box['position']:.3f} %, the second-order terms of "
             f"(16) change the tangent compliance by up to {box['terms']:.3f} %"
         )
-    _print_assumed(out, facts)
+    _print_ending(out, facts)
 
 
 def print_formulas(facts: Facts) -> None:
@@ -218,6 +223,7 @@ def print_claims(facts: Facts) -> None:
         pairs = (f"{row['along'][axis]:z.3f}, {row['across'][axis]:z.3f}" for axis in DIRECTIONS)
         table.add_row(row["name"], f"mobility {row['mobility']}", *pairs)
     out.print(table)
+    _print_ending(out, facts)
 
 
 def print_moves(facts: Facts) -> None:
@@ -249,6 +255,12 @@ def _print_matrix(out: Console, title: str, matrix: Array) -> None:
         out.print("  " + "  ".join(f"{value: .9e}" for value in row))
 
 
-def _print_assumed(out: Console, facts: Facts) -> None:
+def _print_ending(out: Console, facts: Facts) -> None:
+    """Print the warnings, and how many numbers are in doubt."""
+    for text in facts.get("warnings", ()):
+        out.print(f"warning: {text}", markup=False)
     if facts["assumed"]:
         out.print(f"{len(facts['assumed'])} of these numbers are assumed, not the paper's: flexfem check lists them")
+    if facts["not_stated"]:
+        count = len(facts["not_stated"])
+        out.print(f"{count} of these numbers have no source in the file: flexfem check lists them")

@@ -11,18 +11,29 @@ import os
 import re
 import stat
 import tomllib
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
 from flexfem.errors import BadInput
-from flexfem.refusals import SHOWN, merged, one_line, place_of, problem_of, sentence
+from flexfem.refusals import SHOWN, merged, one_line, place_of, problem_of, refusal, sentence
 from flexfem.tomllines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 
 MAX_BYTES = 2**20
 
+LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
+
 Path: TypeAlias = str | os.PathLike[str]
 Model = TypeVar("Model", bound=BaseModel)
+
+
+def _label(value: str) -> str:
+    if not value.strip() or not value.isprintable() or len(value) > LABEL_LENGTH:
+        raise refusal(f"one line of 1 to {LABEL_LENGTH} printable characters")
+    return value
+
+
+Label: TypeAlias = Annotated[str, AfterValidator(_label)]
 
 
 class Table(BaseModel):

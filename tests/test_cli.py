@@ -39,6 +39,7 @@ def test_displacement_is_compliance_times_force(flexfem):
     np.testing.assert_allclose(np.array(facts["compliance"]) @ [1.5, -2, 30], facts["displacement"], rtol=1e-12)
     np.testing.assert_allclose(facts["reaction"], [-1.5, 2, -30], rtol=1e-9)
     assert facts["force"] == [1.5, -2, 30]
+    assert facts["warnings"] == []
     assert facts["unknowns"] > 1000
 
 

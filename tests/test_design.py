@@ -22,12 +22,10 @@ from flexfem.design import (
     CHAINS,
     HINGE_NAMES,
     Stage,
-    key_paths,
     load_stage,
-    numeric_key_paths,
-    provenance_of,
 )
 from flexfem.errors import BadInput
+from flexfem.provenance import key_paths, numeric_key_paths, provenance_of
 from flexfem.tomlfile import MAX_BYTES, read_toml
 from flexfem.tomllines import MAX_DEPTH, KeyPath
 

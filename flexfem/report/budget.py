@@ -24,7 +24,7 @@ def budget_figure(budget: Budget) -> Figure:
         "it is made of. The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    top = HEIGHT - header(figure, f"{budget.stage}: error budget", lines, budget.assumed) - 0.3
+    top = HEIGHT - header(figure, f"{budget.stage}: error budget", lines, budget.assumed, budget.not_stated) - 0.3
     height = (top - 0.6 - 2 * GAP) / 3
     for row, direction in enumerate(DIRECTIONS):
         axes = add_axes(figure, LEFT, 0.6 + (2 - row) * (height + GAP), WIDTH - LEFT - 0.5, height)

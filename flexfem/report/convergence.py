@@ -23,7 +23,7 @@ def convergence_figure(study: MeshStudy) -> Figure:
         "unknowns: distance from the value extrapolated to vanishing triangles. "
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
-    top = HEIGHT - header(figure, f"{study.stage}: mesh convergence", lines, study.assumed) - 0.2
+    top = HEIGHT - header(figure, f"{study.stage}: mesh convergence", lines, study.assumed, study.not_stated) - 0.2
     axes = add_axes(figure, 0.95, 0.65, 4.75, top - 0.65)
     size = 1 / np.array(study.resolutions, dtype=float)
     for index, axis in enumerate(DIRECTIONS):

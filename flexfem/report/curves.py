@@ -102,7 +102,7 @@ def error_figure(result: Result) -> Figure:
         f"Finite-element displacement minus commanded displacement, {FORCES[result.analysis]}. ±, shaded: mesh band.",
         normalisation(result),
     ]
-    top = HEIGHT - header(figure, result.name, lines, result.assumed) - 0.3
+    top = HEIGHT - header(figure, result.name, lines, result.assumed, result.not_stated) - 0.3
     height = (top - FOOT - 2 * PANEL_GAP) / 3
     for row, freedom in enumerate(DIRECTIONS):
         axes = add_axes(figure, AXES_LEFT, FOOT + (2 - row) * (height + PANEL_GAP), AXES_WIDTH, height)

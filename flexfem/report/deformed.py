@@ -57,7 +57,7 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command.name}, displacements "
         f"× {significant(factor, 1)}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
     ]
-    top = height - header(figure, result.name, lines, result.assumed)
+    top = height - header(figure, result.name, lines, result.assumed, result.not_stated)
     for index, label in enumerate(result.curves):
         row, column = divmod(index, columns)
         axes = add_axes(figure, 0.15 + column * PANEL, top - (row + 1) * (tall + TITLE) + 0.2, PANEL, tall)

@@ -37,7 +37,7 @@ def hinge_sketch(model: Model) -> Figure:
     height = 5.3 + table
     figure = new_figure(8.27, height)
     lines = ["Circular hinge of (2) and (3), not to scale. Red: load; blue: what it causes."]
-    used = header(figure, f"{model.stage}: circular hinge", lines, model.assumed)
+    used = header(figure, f"{model.stage}: circular hinge", lines, model.assumed, model.not_stated)
     axes = add_axes(figure, 0.3, table + 0.25, 7.67, height - used - table - 0.3)
     axes.set_xlim(-4.3, 4.9)
     axes.set_ylim(-1.75, 2.65)

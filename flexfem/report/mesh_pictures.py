@@ -34,7 +34,7 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     height = 7.2 * min(max(up / across, 0.5), 1.5) + 1.85
     figure = new_figure(8.27, height)
     lines = [mesh_size(model), KEY]
-    used = header(figure, model.stage, lines, model.assumed)
+    used = header(figure, model.stage, lines, model.assumed, model.not_stated)
     axes = add_axes(figure, 0.75, 0.6, 7.2, height - used - 0.75)
     edges = edges_of(fields.triangles)
     draw_mesh(axes, fields.nodes, edges, width=0.18)
@@ -108,7 +108,7 @@ def neck_figure(model: Model, fields: Fields) -> Figure:
     figure = new_figure(10.0, 7.9)
     title = f"{model.stage}: necks of chain 1"
     line = f"{mesh_size(model)} Curved sides are drawn as curves."
-    top = 7.9 - header(figure, title, [line], model.assumed) - 0.3
+    top = 7.9 - header(figure, title, [line], model.assumed, model.not_stated) - 0.3
     edges = edges_of(fields.triangles)
     height = (top - 1.15) / 2
     for column, hinge in enumerate(model.hinges[:3]):

@@ -34,7 +34,13 @@ def model_sketch(model: Model) -> Figure:
     key = KEY_LINE * len(kinds) + 0.1
     high = 7.6 * min(max((span[1] + 0.3 * size) / (span[0] + 0.3 * size), 0.5), 1.4)
     figure = new_figure(WIDTH, high + key + 1.7)
-    used = header(figure, f"{model.stage}: model of mobility {model.mobility}", [mobility_line(model)], model.assumed)
+    used = header(
+        figure,
+        f"{model.stage}: model of mobility {model.mobility}",
+        [mobility_line(model)],
+        model.assumed,
+        model.not_stated,
+    )
     axes = add_axes(figure, 0.33, key + 0.2, 7.6, high + 1.4 - used)
     low, up = points.min(axis=0) - 0.15 * size, points.max(axis=0) + 0.15 * size
     show_window(axes, low, up)

@@ -76,11 +76,12 @@ class Quantity(NamedTuple):
 
 
 class Caption(NamedTuple):
-    """What stands above a figure: its title, lines on how the numbers came about, the key paths that are assumed."""
+    """What stands above a figure: its title, lines on how the numbers came about, the key paths in doubt."""
 
     title: str
     lines: Sequence[str]
     assumed: Sequence[str]
+    not_stated: Sequence[str] = ()
 
 
 def output(column: str) -> Quantity:
@@ -120,7 +121,7 @@ def caption_of(loaded: LoadedStudy, table: StudyTable, title: str, lines: Sequen
     found = (
         f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn}): {counted(table.counts, loaded.count)}."
     )
-    return Caption(title, [about, found, *lines], loaded.assumed)
+    return Caption(title, [about, found, *lines], loaded.assumed, loaded.not_stated)
 
 
 def model_words(loaded: LoadedStudy) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from flexfem.report.table import assumed_note
+from flexfem.report.table import doubt_note
 
 P = ParamSpec("P")
 
@@ -104,10 +104,12 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
     return "\n".join(lines)
 
 
-def header(figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str]) -> float:
-    """Write title, lines below it and the note on assumed numbers; returns the height used, in inches."""
+def header(
+    figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str], not_stated: Sequence[str] = ()
+) -> float:
+    """Write title, lines below it and the note on numbers in doubt; returns the height used, in inches."""
     width, height = figure.get_size_inches()
-    note = assumed_note(assumed)
+    note = doubt_note(assumed, not_stated)
     room = width - 2 * MARGIN
     beside = room - (text_width(note, 11, "bold") + 0.5 if note else 0.0)
     used = 0.22

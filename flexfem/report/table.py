@@ -13,7 +13,7 @@ from flexfem.verify.result import Model, Result
 
 
 def markdown_report(results: Sequence[Result]) -> str:
-    """A page in Markdown: error percentages, forces, stiffness, meshes, versions and assumed numbers.
+    """A page in Markdown: error percentages, forces, stiffness, meshes, versions, warnings and numbers in doubt.
 
     Parameters
     ----------
@@ -25,7 +25,8 @@ def markdown_report(results: Sequence[Result]) -> str:
     parts += ["## Forces of the analytic model at the largest command", _forces(results)]
     parts += ["## Stiffness of the platform", STIFFNESS_NOTE, _stiffness(results)]
     parts += ["## Meshes", _meshes(results), "## Versions", _versions(results)]
-    parts += ["## Assumed numbers", _assumed(results)]
+    parts += ["## Warnings", _warnings(results)] if any(result.warnings for result in results) else []
+    parts += ["## Assumed numbers, and numbers without a source", _doubts(results)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -39,19 +40,22 @@ STIFFNESS_NOTE = (
 )
 
 
-def assumed_note(assumed: Sequence[str]) -> str:
-    """What figures and pages must say about keys that are assumed: nothing when there are none.
+def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
+    """What figures and pages must say about keys that are assumed or have no source: nothing when there are none.
 
     Keys of a case file begin with `case: `; alone they leave the dimensions of the stage undoubted.
     """
-    if not assumed:
-        return ""
-    return "assumed commands" if all(key.startswith("case: ") for key in assumed) else "assumed dimensions"
+    found = [f"assumed {_what(assumed)}"] if assumed else []
+    return "; ".join(found + ([f"{_what(not_stated)} without a source"] if not_stated else []))
+
+
+def _what(keys: Sequence[str]) -> str:
+    return "commands" if all(key.startswith("case: ") for key in keys) else "dimensions"
 
 
 def _opening(results: Sequence[Result]) -> str:
-    note = assumed_note([key for result in results for key in result.assumed])
-    warning = f"**{note}**: some numbers behind these results are assumed; they are listed at the end."
+    note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in ("assumed", "not_stated")))
+    warning = f"**{note}**: these numbers are listed at the end."
     text = (
         "The force that the analytic model predicts for a platform displacement by (18) is applied to the "
         "finite-element stage. The error is the finite-element displacement minus the commanded one."
@@ -155,14 +159,19 @@ def _versions(results: Sequence[Result]) -> str:
     return _table(["case", "computed (UTC)", "time", "versions"], rows, numbers=0)
 
 
-def _assumed(results: Sequence[Result]) -> str:
-    sources: dict[str, list[str]] = {}
+def _doubts(results: Sequence[Result]) -> str:
+    sources: dict[tuple[str, str], list[str]] = {}
     for result in results:
-        for key in result.assumed:
-            sources.setdefault(key, []).append(result.case)
+        for said, keys in (("assumed", result.assumed), ("source not stated", result.not_stated)):
+            for key in keys:
+                sources.setdefault((key, said), []).append(result.case)
     if not sources:
         return "None: every number has a source."
-    return "\n".join(f"- `{key}` ({', '.join(cases)})" for key, cases in sorted(sources.items()))
+    return "\n".join(f"- `{key}`: {said} ({', '.join(cases)})" for (key, said), cases in sorted(sources.items()))
+
+
+def _warnings(results: Sequence[Result]) -> str:
+    return "\n".join(f"- {result.case}: {text}" for result in results for text in result.warnings)
 
 
 def _table(head: list[str], rows: list[list[str]], numbers: int) -> str:

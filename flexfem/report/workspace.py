@@ -45,7 +45,7 @@ def workspace_figure(found: Workspace) -> Figure:
     """
     figure = new_figure(WIDTH, HEIGHT)
     title = f"{found.stage}: large displacements and the second-order terms of (16)"
-    top = HEIGHT - header(figure, title, _lines(found), found.assumed) - 0.3
+    top = HEIGHT - header(figure, title, _lines(found), found.assumed, found.not_stated) - 0.3
     height, width = (top - FOOT - 2 * BETWEEN) / 3, (WIDTH - LEFT - RIGHT - 2 * ACROSS) / 3
     for row, direction in enumerate(DIRECTIONS):
         bottom = FOOT + (2 - row) * (height + BETWEEN)

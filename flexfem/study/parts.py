@@ -90,6 +90,7 @@ class Parts:
             "hash": loaded.hash,
             "versions": dict(self.versions),
             "assumed": list(loaded.assumed),
+            "not_stated": list(loaded.not_stated),
             "count": loaded.count,
         }
         return pa.schema(fields, metadata={KEY: json.dumps(about, sort_keys=True).encode()})

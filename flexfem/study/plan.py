@@ -13,15 +13,16 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.design import Label, Stage, key_paths
+from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import load_feasible
+from flexfem.provenance import Sourced, is_assumed
 from flexfem.refusals import place_of, refusal, shown, suggestion
 from flexfem.study.factors import Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
 from flexfem.study.outputs import outputs_of
 from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Sampling
-from flexfem.tomlfile import Table, read_toml, validate
+from flexfem.tomlfile import read_toml, validate
 from flexfem.verify.case import known_formula
 
 RESERVED = ("design", "status", "reason")
@@ -37,7 +38,7 @@ _APPLIES = {  # keys that not every model takes
 }
 
 
-class Study(Table):
+class Study(Sourced):
     """What a study file says; see cases/README.md for every key."""
 
     name: Label
@@ -54,7 +55,6 @@ class Study(Table):
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
     drive: Drive | None = None
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
-    provenance: dict[str, Label] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _keys_of_its_model(self) -> Study:
@@ -114,13 +114,10 @@ class Study(Table):
                     raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
         return self
 
-    @model_validator(mode="after")
-    def _provenance_names_keys(self) -> Study:
-        known = key_paths(self)
-        for key in self.provenance:
-            if key not in known:
-                raise refusal(f"a key path of this file{suggestion(key, known)}", "provenance", key)
-        return self
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source, not those that only set up the computation."""
+        return tuple(path for path in super().numbers if path != "time_limit_s")
 
     @property
     def count(self) -> int:
@@ -166,8 +163,14 @@ class LoadedStudy:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
-        own = (key for key, source in self.study.provenance.items() if source.strip().lower().startswith("assumed"))
+        own = (key for key, source in self.study.provenance.items() if is_assumed(source))
         return (*(f"stage: {key}" for key in self.stage.assumed), *(f"study: {key}" for key in own))
+
+    @property
+    def not_stated(self) -> tuple[str, ...]:
+        """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
+        stage = (f"stage: {key}" for key in self.stage.not_stated)
+        return (*stage, *(f"study: {key}" for key in self.study.not_stated))
 
     @property
     def hash(self) -> str:

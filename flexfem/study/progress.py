@@ -77,5 +77,7 @@ def print_status(facts: dict[str, Any]) -> None:
         print(f"  {', '.join(facts['foreign'][:3])}{', ...' if len(facts['foreign']) > 3 else ''}")
     if facts["assumed"]:
         print(f"{len(facts['assumed'])} of the numbers behind it are assumed, not the paper's: --json lists them")
+    if facts["not_stated"]:
+        print(f"{len(facts['not_stated'])} of the numbers behind it have no stated source: --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")

@@ -95,4 +95,5 @@ def status_facts(parts: Parts) -> dict[str, Any]:
         "damaged": list(found.damaged.values()),
         "foreign": [path.name for path in found.foreign],
         "assumed": list(loaded.assumed),
+        "not_stated": list(loaded.not_stated),
     }

@@ -12,14 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfem import warning
 from flexfem.analytic.links import linked_compliance
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.analytic.thick import covers
 from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import load_case, plate_of
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import grid_convergence, levels
 from flexfem.verify.protocol import Solved, compare, percentages, solve_stage
@@ -68,6 +69,8 @@ class Budget(Record):
     mobility: int
     formula: str
     assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
     split: dict[Direction, Split]
     versions: dict[str, str]
 
@@ -100,6 +103,8 @@ def budget(
         mobility=paper.mobility,
         formula=DEFAULT_FORMULA,
         assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
+        warnings=_warnings(stage, paper, solved[-1], amplitudes),
         split={
             direction: _split(
                 stage, paper.stiffness, ladder, thick, solved, direction, amplitudes[direction], resolution
@@ -108,6 +113,18 @@ def budget(
         },
         versions=versions(),
     )
+
+
+def _warnings(
+    stage: Stage, paper: AnalyticResult, solved: Solved, amplitudes: dict[Direction, float]
+) -> warning.Warnings:
+    """Warnings on the stage's own model, and on its stresses at the three commands."""
+    found = [*warning.of_formula(stage, paper.formula), *warning.of_model(stage, paper)]
+    for axis, direction in enumerate(DIRECTIONS):
+        force = paper.stiffness[:, axis] * amplitudes[direction]  # (18)
+        highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
+        found += warning.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
+    return found
 
 
 def thick_compliance(stage: Stage) -> Array | None:

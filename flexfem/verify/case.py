@@ -16,6 +16,7 @@ from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.layout.feasibility import load_feasible
+from flexfem.provenance import Sourced
 from flexfem.refusals import refusal
 from flexfem.tomlfile import Table, validate
 
@@ -42,7 +43,7 @@ class Curve(Table):
     formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
 
 
-class Case(Table):
+class Case(Sourced):
     """A comparison as in Figs. 5 to 7.
 
     Attributes
@@ -62,7 +63,6 @@ class Case(Table):
     analysis: Analysis = "linear"
     resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
-    provenance: dict[str, Label] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_amplitude_of_the_right_unit(self) -> Case:
@@ -80,13 +80,6 @@ class Case(Table):
                 raise refusal("a label that no other curve has", "curve", index, "label")
         return self
 
-    @model_validator(mode="after")
-    def _provenance_names_keys(self) -> Case:
-        for key in self.provenance:
-            if key not in type(self).model_fields:
-                raise refusal("a key of this file", "provenance", key)
-        return self
-
     @property
     def commanded(self) -> Array:
         """Commanded displacements (points,), mm or rad."""
@@ -94,9 +87,9 @@ class Case(Table):
         return np.linspace(-largest, largest, self.points) * 1e-3
 
     @property
-    def assumed(self) -> tuple[str, ...]:
-        """Keys of the case whose provenance says they are assumed."""
-        return tuple(key for key, source in self.provenance.items() if source.lower().startswith("assumed"))
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: the commands, not the settings of the computation."""
+        return (*super().numbers, "points")
 
 
 class LoadedCase:

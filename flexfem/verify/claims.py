@@ -10,8 +10,10 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from flexfem import warning
 from flexfem.design import Label, Stage
 from flexfem.layout.feasibility import load_feasible
+from flexfem.provenance import Sourced, doubts
 from flexfem.refusals import refusal, suggestion
 from flexfem.tomlfile import Table, validate
 from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
@@ -68,7 +70,7 @@ class StagePair(Table):
     six: Label
 
 
-class Claims(Table):
+class Claims(Sourced):
     """A file of claims; the amplitudes are the workspace."""
 
     name: Label
@@ -76,7 +78,6 @@ class Claims(Table):
     amplitude_mrad: float = Field(gt=0, le=1e3)
     stages: StagePair
     claim: tuple[Claim, ...] = Field(min_length=1, max_length=100)
-    provenance: dict[str, Label] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _ids_differ(self) -> Claims:
@@ -86,12 +87,10 @@ class Claims(Table):
                 raise refusal("an id that no other claim has", "claim", index, "id")
         return self
 
-    @model_validator(mode="after")
-    def _provenance_names_keys(self) -> Claims:
-        for key in self.provenance:
-            if key not in type(self).model_fields:
-                raise refusal("a key of this file", "provenance", key)
-        return self
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: the workspace; a claim says itself `where` it stands."""
+        return tuple(path for path in super().numbers if not path.startswith("claim["))
 
 
 class Verdict(Record):
@@ -108,13 +107,15 @@ class Verdict(Record):
 
 
 class ClaimsReport(Record):
-    """Verdicts and alternatives of a file of claims; `assumed` are key paths of what is not the paper's."""
+    """Verdicts and alternatives of a file of claims; `assumed`, `not_stated` : key paths of what is not the paper's."""
 
     name: str
     file: str
     verdicts: list[Verdict]
     alternatives: list[Alternative]
     assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
     versions: dict[str, str]
 
 
@@ -140,13 +141,15 @@ def report_claims(path: str | os.PathLike[str], solve: Solve = solve_stage) -> C
     """
     claims, three, six = load_claims(path)
     solve = functools.cache(solve)
-    workspace = {f"claims: {key}" for key, source in claims.provenance.items() if source.lower().startswith("assumed")}
+    found = doubts([("", three), ("", six), ("claims: ", claims)])
     return ClaimsReport(
         name=claims.name,
         file=str(path),
         verdicts=_measured(claims, three, six, solve),
         alternatives=alternatives(three, six, solve),
-        assumed=sorted({*three.assumed, *six.assumed, *workspace}),
+        assumed=found.assumed,
+        not_stated=found.not_stated,
+        warnings=[f"stage {side.name!r}: {text}" for side in (three, six) for text in warning.of_stage(side)],
         versions=versions(),
     )
 
@@ -154,12 +157,14 @@ def report_claims(path: str | os.PathLike[str], solve: Solve = solve_stage) -> C
 def _measured(claims: Claims, three: Stage, six: Stage, solve: Solve) -> list[Verdict]:
     amplitude = 1e-3 * np.array([claims.amplitude_um, claims.amplitude_um, claims.amplitude_mrad])
     evidence = Evidence(side_of(three, 3, solve), side_of(six, 6, solve), amplitude)
-    assumed = bool(three.assumed or six.assumed)
-    return [_verdict(claim, MEASURES[claim.measure](evidence), assumed) for claim in claims.claim]
+    found = doubts([("", three), ("", six)])
+    kinds = (("on assumed dimensions", found.assumed), ("on dimensions without a source", found.not_stated))
+    on = " and ".join(what for what, keys in kinds if keys)
+    return [_verdict(claim, MEASURES[claim.measure](evidence), on) for claim in claims.claim]
 
 
-def _verdict(claim: Claim, finding: Finding, assumed: bool) -> Verdict:
-    found = finding.found + (", on assumed dimensions" if assumed and finding.dimensional else "")
+def _verdict(claim: Claim, finding: Finding, on: str) -> Verdict:
+    found = finding.found + (f", {on}" if on and finding.dimensional else "")
     return Verdict(
         id=claim.id,
         statement=claim.statement,
@@ -184,8 +189,11 @@ def markdown_claims(verdicts: list[Verdict]) -> str:
 
 def markdown_report(report: ClaimsReport) -> str:
     """Verdicts and alternatives as a Markdown page."""
-    assumed = "Dimensions and workspace are partly assumed.\n\n" if report.assumed else ""
+    kinds = (("assumed", report.assumed), ("without a source", report.not_stated))
+    doubt = " and ".join(f"partly {what}" for what, keys in kinds if keys)
+    opening = f"Dimensions and workspace are {doubt}.\n\n" if doubt else ""
+    opening += "".join(f"Warning: {text}.\n\n" for text in report.warnings)
     return (
-        f"# {report.name}\n\n{assumed}{markdown_claims(report.verdicts)}\n"
+        f"# {report.name}\n\n{opening}{markdown_claims(report.verdicts)}\n"
         f"## What else could have produced the errors, in per cent\n\n{markdown_alternatives(report.alternatives)}"
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfem import warning
 from flexfem.design import Stage
 from flexfem.errors import BadInput
 from flexfem.verify.case import DIRECTIONS, Direction
@@ -28,6 +29,8 @@ class MeshStudy(Record):
     file: str
     hash: str
     assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
     resolutions: list[int]
     triangles: list[int]
     unknowns: list[int]
@@ -53,18 +56,21 @@ def converge(
     """Solve a feasible stage on every resolution, coarse to fine. Raises BadInput, ComputationFailed."""
     solved = [solve(stage, resolution) for resolution in checked_resolutions(resolutions)]
     compliance = np.array([each.response.compliance for each in solved])
+    uncertainty = {
+        axis: stored(grid_convergence(np.array(resolutions), compliance[:, k, k], round_off=0.0))
+        for k, axis in enumerate(DIRECTIONS)
+    }
     return MeshStudy(
         stage=stage.name,
         file=str(path),
         hash=stage.hash,
         assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
+        warnings=warning.of_convergence(uncertainty),
         resolutions=list(resolutions),
         triangles=[len(each.mesh.triangles) for each in solved],
         unknowns=[each.response.unknowns for each in solved],
         compliance=compliance.tolist(),
-        uncertainty={
-            axis: stored(grid_convergence(np.array(resolutions), compliance[:, k, k], round_off=0.0))
-            for k, axis in enumerate(DIRECTIONS)
-        },
+        uncertainty=uncertainty,
         versions=versions(),
     )

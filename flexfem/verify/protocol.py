@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfem import warning
 from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
@@ -18,6 +19,7 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
 from flexfem.layout.feasibility import naming
 from flexfem.layout.frames import stage_frames
+from flexfem.provenance import doubts
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
 from flexfem.verify.convergence import Convergence, grid_convergence, levels
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
@@ -99,6 +101,7 @@ class CurveRun(NamedTuple):
     uncertainty: dict[Direction, Uncertainty]
     model: Model
     fields: Fields
+    warnings: list[str]
 
 
 def run_case(
@@ -111,7 +114,7 @@ def run_case(
     started = time.perf_counter()
     case = loaded.case
     runs = {curve.label: _run_curve(loaded, curve, solve) for curve in case.curve}
-    assumed = {f"case: {key}" for key in case.assumed}.union(*(stage.assumed for stage in loaded.stages.values()))
+    found = doubts([("case: ", case), *(("", stage) for stage in loaded.stages.values())])
     result = Result(
         case=loaded.stem,
         name=case.name,
@@ -122,7 +125,9 @@ def run_case(
         error_percent={label: run.percent for label, run in runs.items()},
         uncertainty={label: run.uncertainty for label, run in runs.items()},
         models={label: run.model for label, run in runs.items()},
-        assumed=sorted(assumed),
+        assumed=found.assumed,
+        not_stated=found.not_stated,
+        warnings=[text for run in runs.values() for text in run.warnings],
         versions=versions(),
         written=stamp(),
         seconds=round(time.perf_counter() - started, 3),
@@ -145,13 +150,27 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], S
         except ComputationFailed as failure:
             raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
     full = load_case(stage, solved.mesh, solved.response, found.force[-1])
+    percent = Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True)))
+    uncertainty = _uncertainty(case, analytic.stiffness, [each.response.compliance for each in meshes], lever)
     return CurveRun(
         series=Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True))),
-        percent=Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True))),
-        uncertainty=_uncertainty(case, analytic.stiffness, [each.response.compliance for each in meshes], lever),
+        percent=percent,
+        uncertainty=uncertainty,
         model=_model(loaded, curve, analytic, solved, found, full),
         fields=_fields(solved.mesh, full),
+        warnings=_warnings(case, curve, stage, analytic, full)
+        + warning.of_bands(uncertainty, percent, f"curve {curve.label!r}"),
     )
+
+
+def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, full: LoadCase) -> warning.Warnings:
+    """Warnings on one curve: its model, and its load at full command."""
+    of_curve = [*warning.of_formula(stage, analytic.formula), *warning.of_model(stage, analytic)]
+    where = f"curve {curve.label!r}, full command"
+    found = warning.of_yield(float(np.max(full.neck_stress)), stage.material.yield_strength, where)
+    if case.analysis == "linear":
+        found += warning.of_motion(stage, full.pose, where)
+    return [f"curve {curve.label!r}: {text}" for text in of_curve] + found
 
 
 def _uncertainty(case: Case, stiffness: Array, compliances: list[Array], lever: float) -> dict[Direction, Uncertainty]:
@@ -191,6 +210,7 @@ def _model(
         formula=analytic.formula,
         formula_in_range=bool(np.all(analytic.in_range)),
         assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
         stiffness=analytic.stiffness.tolist(),
         compliance=solved.response.compliance.tolist(),
         force=found.force.tolist(),

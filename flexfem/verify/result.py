@@ -82,6 +82,7 @@ class Model(Record):
     formula: str
     formula_in_range: bool
     assumed: list[str]
+    not_stated: list[str]
     stiffness: Matrix
     compliance: Matrix
     force: Matrix
@@ -102,6 +103,8 @@ class Result(Record):
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).
     uncertainty : for each percentage the band of the mesh, in percentage points.
+    assumed, not_stated : key paths of numbers that are assumed, and of those whose source is not stated.
+    warnings : where the answers leave what they are meant for, one plain sentence each.
     """
 
     case: str
@@ -114,6 +117,8 @@ class Result(Record):
     uncertainty: dict[str, dict[Direction, Uncertainty]]
     models: dict[str, Model]
     assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
     versions: dict[str, str]
     written: str
     seconds: float

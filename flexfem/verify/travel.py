@@ -79,6 +79,8 @@ class Workspace(Record):
     mobility: int
     formula: str
     assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
     amplitude: dict[Direction, float]
     resolution: int
     unknowns: int

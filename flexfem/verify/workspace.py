@@ -14,14 +14,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from flexfem import warning
 from flexfem.analytic.equilibrium import at_pose
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, assemble
 from flexfem.analytic.second_order import along, missed, summed_loads, tangents
 from flexfem.analytic.stiffness import Mechanism, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.design import Stage
 from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import load_case, plate_of
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved, percentages, solve_stage
 from flexfem.verify.result import versions
@@ -57,6 +58,8 @@ def workspace(
         mobility=model.mobility,
         formula=DEFAULT_FORMULA,
         assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
+        warnings=_warnings(stage, model, solved, reach),
         amplitude=dict(zip(DIRECTIONS, reach.tolist(), strict=True)),
         resolution=resolution,
         unknowns=solved.response.unknowns,
@@ -65,6 +68,16 @@ def workspace(
         box=Box(position=100 * box.position, terms=100 * box.terms),
         versions=versions(),
     )
+
+
+def _warnings(stage: Stage, model: AnalyticResult, solved: Solved, reach: Array) -> warning.Warnings:
+    """Warnings on the stage's own model, and on its stresses when held at the largest command in each direction."""
+    found = [*warning.of_formula(stage, model.formula), *warning.of_model(stage, model)]
+    for direction, pose in zip(DIRECTIONS, np.diag(reach), strict=True):
+        force = np.linalg.solve(solved.response.compliance, pose)
+        highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
+        found += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
+    return found
 
 
 def _travel(stage: Stage, of: Mechanism, solved: Solved, direction: Direction, far: float) -> Travel:

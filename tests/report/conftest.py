@@ -43,6 +43,7 @@ def model(**changes: Any) -> Model:
         "formula": "paros-weisbord",
         "formula_in_range": True,
         "assumed": [],
+        "not_stated": [],
         "stiffness": np.diag([41.0, 43.0, 47000.0]).tolist(),
         "compliance": np.diag([1 / 37.0, 1 / 38.5, 1 / 39000.0]).tolist(),
         "force": [[-2.05, 0.0, 0.0], [0.0, 0.0, 0.0], [2.05, 1e-17, 0.0]],
@@ -62,7 +63,14 @@ def model(**changes: Any) -> Model:
 def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Result:
     """A result whose errors are the given multiples of the command (made comparable by the lever), x, y, theta."""
     given: dict[str, Any] = {"case": "fig", "name": "A case $y$", "direction": "x", "commanded": [-0.05, 0.0, 0.05]}
-    given |= {"assumed": [], "versions": {"flexfem": "0.1.0"}, "written": "2026-01-01T00:00:00+00:00", "seconds": 1.5}
+    given |= {
+        "assumed": [],
+        "not_stated": [],
+        "warnings": [],
+        "versions": {"flexfem": "0.1.0"},
+        "written": "2026-01-01T00:00:00+00:00",
+        "seconds": 1.5,
+    }
     given |= changes
     models = given.pop("models", {label: model() for label in errors})
     command = np.array(given["commanded"]) * (21.0 if given["direction"] == "theta" else 1.0)

@@ -57,6 +57,8 @@ def found(**changes) -> Workspace:
         "mobility": 6,
         "formula": "paros-weisbord",
         "assumed": [],
+        "not_stated": [],
+        "warnings": [],
         "amplitude": {"x": 0.3, "y": 0.3, "theta": 0.006},
         "resolution": 4,
         "unknowns": 1234,

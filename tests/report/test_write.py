@@ -93,7 +93,7 @@ def test_page_holds_the_numbers(made):
     assert "| 5 | 12345 | 54321 |" in page
     assert "flexfem 0.1.0" in page
     assert "assumed dimensions" in page
-    assert "- `thickness_mm` (fig)" in page
+    assert "- `thickness_mm`: assumed (fig)" in page
 
 
 def test_page_without_assumptions_says_so(made):

@@ -1,0 +1,110 @@
+"""Warnings: said exactly where they are true, with the numbers they are about, in the JSON and once for people."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem import warning
+from flexfem.analytic.links import linked
+from flexfem.analytic.model import analyse
+from flexfem.design import load_stage
+from flexfem.verify.protocol import solve_stage
+from flexfem.verify.result import Triple, Uncertainty
+
+ROOT = Path(__file__).parent.parent
+SIX = ROOT / "geometry/mobility6.toml"
+
+
+def bent(project, degrees):
+    """The reference stage with its chains bent by so much at the elbows."""
+    angles = f"[180.0, {-degrees}, {degrees}]"
+    return load_stage(project.edit("geometry/mobility6.toml", ("[180.0, -90.0, 90.0]", angles)))
+
+
+def uncertainty(**changes):
+    given = {"resolutions": [4, 6, 8], "values": [1.0, 1.0, 1.0], "verdict": "converging", "order": 4.0}
+    return Uncertainty(**(given | {"observed": None, "extrapolated": 1.0, "band": 1e-4} | changes))
+
+
+def test_yield_is_exceeded_just_beyond_the_yield_strength():
+    assert warning.of_yield(503.0, 503.0, "here") == []
+    (said,) = warning.of_yield(503.7, 503.0, "here")
+    assert said.startswith("here: ") and "503.7 MPa" in said and "503 MPa" in said
+
+
+def test_a_displacement_is_far_beyond_a_tenth_of_the_shortest_link_or_of_a_radian():
+    stage = load_stage(SIX)
+    for pose in ([2.39, -2.39, 0.0], [0.0, 0.0, -0.099]):
+        assert warning.of_motion(stage, np.array(pose), "here") == []
+    for pose in ([0.0, -2.41, 0.0], [0.0, 0.0, -0.101]):
+        assert len(warning.of_motion(stage, np.array(pose), "here")) == 1
+
+
+@pytest.mark.parametrize("name", ["mobility3", "mobility6"])
+def test_the_reference_stages_earn_no_warning(name):
+    stage = load_stage(ROOT / f"geometry/{name}.toml")
+    for mobility in (3, 6, 12, 21):
+        assert warning.of_model(stage, analyse(stage, mobility)) == []
+    assert warning.of_formula(stage, "paros-weisbord") == []
+
+
+def test_a_formula_out_of_its_range_is_said_with_the_hinges(project):
+    stage = load_stage(SIX)  # t/R = 0.125 at the base, 0.333 at the others
+    (said,) = warning.of_formula(stage, "schotborgh")
+    assert "schotborgh" in said and "0.02 to 0.3" in said and "0.333 (elbow hinges, platform hinges)" in said
+    assert warning.of_formula(stage, "koster") == []
+    worn = '[[override]]\nchain = 2\nhinge = "base"\nneck_mm = 3.0\n\n[provenance]'
+    (said,) = warning.of_formula(
+        load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", worn))), "wu-zhou"
+    ) or [""]
+    assert said == ""
+    (said,) = warning.of_formula(load_stage(project.path("geometry/mobility6.toml")), "paros-weisbord-short")
+    assert "base hinges" in said and "0.125 to 0.75" in said
+
+
+def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project):
+    stage = bent(project, 2.0)
+    model = analyse(stage, 3, "calibrated")
+    (said,) = warning.of_model(stage, model)
+    elements = solve_stage(stage, 3).response.compliance
+    softer = float(re.search(r"([\d.]+) % softer in (x|y|theta)", said)[1])
+    axis = ("x", "y", "theta").index(re.search(r"softer in (\w+)", said)[1])
+    assert softer > 50
+    assert softer == pytest.approx(100 * (elements[axis, axis] / model.compliance[axis, axis] - 1), rel=0.02)
+    assert "nearly in line (elbow 2 deg)" in said and "axial freedoms" in said
+    assert warning.of_model(stage, linked(stage, "calibrated")) == []
+
+
+def test_what_is_left_out_counts_from_five_per_cent(project):
+    """Mobility three leaves out 5.0 % at 10 degrees, 4.4 % at 11."""
+    for degrees, count in ((9.5, 1), (11.0, 0)):
+        project.path("geometry/mobility6.toml").write_text(SIX.read_text())
+        stage = bent(project, degrees)
+        assert len(warning.of_model(stage, analyse(stage, 3))) == count
+
+
+def test_bands_count_when_they_are_large_or_their_meshes_do_not_converge():
+    percent = Triple(x=12.5, y=0.0, theta=0.0)
+
+    def said(**changes):
+        return warning.of_bands({"x": uncertainty(**changes)}, percent, "here")
+
+    assert said(band=0.49) == [] and said(verdict="oscillatory", band=0.049) == []
+    assert "±0.51 points" in said(band=0.51)[0] and "12.5 %" in said(band=0.51)[0]
+    assert "oscillatory" in said(verdict="oscillatory", band=0.051)[0]
+    assert warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=1.9e-3)}) == []
+    assert "in y is ±0.11 %" in warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=2.2e-3)})[0]
+
+
+def test_a_load_beyond_yield_is_said_once_to_people_and_in_the_json(flexfem):
+    load = ("solve", SIX, "--resolution", 2, "--force", 60, 0, 0)
+    facts = json.loads(flexfem(*load, "--json")[1])
+    highest = np.max(facts["neck_stress"])
+    assert highest > 503 and len(facts["warnings"]) == 1 and f"{highest:.4g} MPa" in facts["warnings"][0]
+    code, out, _ = flexfem(*load)
+    assert code == 0 and out.count("warning:") == 1 and f"warning: {facts['warnings'][0]}\n" in out
