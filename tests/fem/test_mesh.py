@@ -105,7 +105,7 @@ def test_bodies_lie_where_their_chain_is(each) -> None:
 
 def test_triangles_are_counter_clockwise_and_far_from_folded(each) -> None:
     assert np.all(jacobians(each.mesh) > 0)
-    assert 0.1 < least_scaled_jacobian(each.mesh) <= 1.0
+    assert 0.6 < least_scaled_jacobian(each.mesh) <= 1.0  # 0.8; less than 0.1 is refused
 
 
 def test_nodes_of_alike_chains_are_symmetric_to_round_off(alike) -> None:
@@ -305,10 +305,6 @@ def with_node_moved(mesh: StageMesh, triangle: int, which: int, to: int) -> Stag
     return mesh._replace(nodes=nodes)
 
 
-def test_a_sound_mesh_passes_its_checks(each) -> None:
-    check_mesh(each.mesh, each.stage)
-
-
 @pytest.mark.parametrize(("label", "bodies"), [("neck 1 base", [0]), ("neck 2 platform", [4, 5, 6])])
 def test_a_severed_neck_is_refused(alike, label: str, bodies: list[int]) -> None:
     with pytest.raises(ComputationFailed, match=r"2 pieces.*severed"):
@@ -322,7 +318,8 @@ def test_an_orphan_node_is_refused(alike) -> None:
 
 
 def test_a_mesh_of_another_size_is_refused(alike) -> None:
-    swollen = alike.mesh._replace(nodes=alike.mesh.nodes * 1.0007)  # area off by 1.4e-3
+    check_mesh(alike.mesh._replace(nodes=alike.mesh.nodes * 1.00045), alike.stage)  # area off by 0.9e-3
+    swollen = alike.mesh._replace(nodes=alike.mesh.nodes * 1.00055)  # by 1.1e-3
     with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
         check_mesh(swollen, alike.stage)
 

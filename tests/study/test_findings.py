@@ -104,18 +104,22 @@ def test_an_open_interval_has_no_end_in_json(studies) -> None:
     assert facts[1]["value"] == pytest.approx(found.percentiles["kxx_n_per_mm"][1].value)
 
 
-def test_shares_are_by_factor(studies) -> None:
+def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
+    """u + 2 v + 6 u v of uniform -1/2..1/2: variances 12, 48 and 36 of 96 by hand, the last of both factors."""
     loaded = studies.of(
-        'method = "saltelli"\nbase = 64\nseed = 5',
+        'method = "saltelli"\nbase = 512\nseed = 5',
         FREE,
         'key = "thickness_mm"\nfrom = 8.0\nto = 12.0',
         tail='[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]',
     )
-    table = table_of(loaded, kxx_n_per_mm=sample(loaded, 0, loaded.count)[:, 1])
+    table = table_of(loaded)
     table.status[:] = "ok"
-    table.columns["kxx_n_per_mm"][1] = sample(loaded, 1, 2)[0, 1]
+    u, v = ((sample(loaded, 0, loaded.count) - [0.4, 8.0]) / [0.3, 4.0] - 0.5).T
+    table.columns["kxx_n_per_mm"][:] = 5.0 + u + 2 * v + 6 * u * v
     (found,) = findings(loaded, table, {})
     assert isinstance(found, Shares)
     facts = facts_of(found)["kxx_n_per_mm"]
-    assert facts["total"]["thickness_mm"] == pytest.approx(1.0, abs=0.1)
-    assert facts["first"]["hinges.base.neck_mm"] == pytest.approx(0.0, abs=0.1)
+    neck, thickness = "hinges.base.neck_mm", "thickness_mm"
+    assert facts["first"] == pytest.approx({neck: 1 / 8, thickness: 1 / 2}, abs=0.1)
+    assert facts["total"] == pytest.approx({neck: 1 / 2, thickness: 7 / 8}, abs=0.1)
+    assert all(0.01 < band < 0.2 for part in ("first_band", "total_band") for band in facts[part].values())
