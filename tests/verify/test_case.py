@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from flexfem.design import load_stage
 from flexfem.errors import BadInput
+from flexfem.fem.response import load_case
 from flexfem.verify.case import LoadedCase
-from flexfem.verify.protocol import run_case
+from flexfem.verify.protocol import run_case, solve_stage
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,24 +33,63 @@ def test_commands_are_symmetric_and_in_millimetres_or_radians(figure, largest):
     assert commanded[-1] == pytest.approx(largest)
 
 
-def test_small_nonlinear_cases_are_the_linear_ones(project):
-    small = ("amplitude_um = 50.0", "amplitude_um = 0.01"), ("points = 21", "points = 3\nresolution = 4")
-    linear, _ = run_case(LoadedCase(project.edit("cases/fig5.toml", *small)))
+SMALLER = (("points = 21", "points = 3\nresolution = 4"), ("mobility3.toml", "mobility6.toml"))  # one stage, two models
+
+
+@pytest.fixture(scope="module")
+def solve():
+    """Every mesh is solved once."""
+    return cache(solve_stage)
+
+
+def nonlinear_and_linear(project, solve, amplitude):
+    case = project.edit("cases/fig5.toml", ("amplitude_um = 50.0", f"amplitude_um = {amplitude}"), *SMALLER)
+    linear, _ = run_case(LoadedCase(case), solve)
     bent = project.edit("cases/fig5.toml", ("points = 3", 'points = 3\nanalysis = "nonlinear"'))
-    nonlinear, _ = run_case(LoadedCase(bent))
+    return run_case(LoadedCase(bent), solve)[0], linear
+
+
+def test_small_nonlinear_cases_are_the_linear_ones(project, solve):
+    nonlinear, linear = nonlinear_and_linear(project, solve, 0.01)
     for label, percent in linear.error_percent.items():
-        assert nonlinear.error_percent[label].x == pytest.approx(percent.x, abs=1e-4)  # falls with the command
+        for axis in ("x", "y", "theta"):
+            found = getattr(nonlinear.error_percent[label], axis)
+            assert found == pytest.approx(getattr(percent, axis), abs=2e-5)  # falls with the command
 
 
-def test_large_commands_bend_the_error_curve(project):
-    large = (
-        ("amplitude_um = 50.0", "amplitude_um = 500.0"),
-        ("points = 21", 'points = 3\nanalysis = "nonlinear"\nresolution = 4'),
-    )
-    result, _ = run_case(LoadedCase(project.edit("cases/fig5.toml", *large)))
-    for curve in result.curves.values():
+def test_large_commands_bend_the_error_curve_and_its_percentage_is_at_the_largest(project, solve):
+    nonlinear, linear = nonlinear_and_linear(project, solve, 500.0)
+    for label, curve in nonlinear.curves.items():
+        assert nonlinear.commanded == linear.commanded == [-0.5, 0.0, 0.5]
         assert curve.x[1] == pytest.approx(0.0, abs=1e-12)
-        assert abs(curve.x[0] + curve.x[2]) > 1e-4 * abs(curve.x[2])  # no longer odd in the command
+        assert 1e-3 < abs(curve.x[0] + curve.x[2]) / curve.x[2] < 0.1  # no longer odd in the command
+        assert nonlinear.error_percent[label].x == pytest.approx(100 * curve.x[2] / 0.5, rel=1e-12)
+        assert nonlinear.error_percent[label].theta == pytest.approx(100 * curve.theta[2] * 24 / 0.5, rel=1e-12)
+        straight = linear.curves[label].x
+        assert straight[0] == pytest.approx(-straight[2], rel=1e-9)
+        assert curve.x[2] == pytest.approx(straight[2], rel=0.2)
+
+
+def test_what_a_curve_says_of_its_two_models(project, solve):
+    """Force by (18), stress at the full command, and the mesh's band in each direction."""
+    result, fields = run_case(LoadedCase(project.edit("cases/fig6.toml", *SMALLER)), solve)
+    for label, model in result.models.items():
+        K, C, full = np.array(model.stiffness), np.array(model.compliance), np.array(model.force[-1])
+        np.testing.assert_allclose(model.force, np.outer([-0.05, 0.0, 0.05], K[:, 1]), rtol=1e-9, atol=1e-9)
+        moved = C @ full - [0.0, 0.05, 0.0]
+        percent = result.error_percent[label]
+        expected = (100 * moved[0] / 0.05, 100 * moved[1] / 0.05, 100 * moved[2] * 24.0 / 0.05)
+        assert (percent.x, percent.y, percent.theta) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        stage = load_stage(project.path("geometry/mobility6.toml"))
+        solved = solve(stage, 4)
+        case = load_case(stage, solved.mesh, solved.response, 0.05 * K[:, 1])
+        np.testing.assert_allclose(model.neck_stress, case.neck_stress, rtol=1e-9)
+        np.testing.assert_allclose(fields[label].displacement, case.field, rtol=0, atol=1e-12)
+        along = result.uncertainty[label]["y"]
+        assert along.values[-1] == pytest.approx(percent.y, rel=1e-9) and along.resolutions == [2, 3, 4]
+        diagonals = [100 * (K[1, 1] * solve(stage, n).response.compliance[1, 1] - 1) for n in (2, 3, 4)]
+        assert along.values == pytest.approx(diagonals, rel=1e-6)
+        assert 1e-3 < along.band < 1.0
 
 
 HOSTILE = {
