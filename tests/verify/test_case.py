@@ -92,6 +92,28 @@ def test_what_a_curve_says_of_its_two_models(project, solve):
         assert 1e-3 < along.band < 1.0
 
 
+@pytest.mark.parametrize(
+    ("key", "inside", "outside"),
+    [
+        ("resolution", (4, 64), (3, 65)),
+        ("points", (3, 10_001), (2, 10_002)),
+        ("amplitude_um", (1e-9, 1e6), (0.0, 1.001e6)),
+    ],
+)
+def test_limits_of_a_case_are_just_where_they_are_said_to_be(project, key, inside, outside):
+    edit = {"points": "points = 21", "amplitude_um": "amplitude_um = 50.0", "resolution": "points = 21"}[key]
+    text = project.path("cases/fig5.toml").read_text()
+    for values, accepted in ((inside, True), (outside, False)):
+        for value in values:
+            new = f"points = 21\n{key} = {value}" if key == "resolution" else f"{key} = {value}"
+            project.path("cases/fig5.toml").write_text(text.replace(edit, new))
+            if accepted:
+                assert getattr(LoadedCase(project.path("cases/fig5.toml")).case, key) == value
+            else:
+                with pytest.raises(BadInput, match=key):
+                    LoadedCase(project.path("cases/fig5.toml"))
+
+
 HOSTILE = {
     "unit of the other direction": (('direction = "x"', 'direction = "theta"'), "amplitude_mrad"),
     "unknown direction": (('direction = "x"', 'direction = "z"'), "direction"),
