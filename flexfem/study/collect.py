@@ -78,7 +78,7 @@ def _groups(parts: Parts) -> Iterator[Any]:
     held, designs = list[Any](), 0
     for chunk in _chunks(parts):
         if parts.path(chunk).exists():
-            held.append(read_part(parts, chunk).replace_schema_metadata(parts.schema.metadata))
+            held.append(read_part(parts, chunk).replace_schema_metadata(parts.table_schema.metadata))
             designs += len(held[-1])
         if designs >= GROUP:
             yield pa.concat_tables(held).combine_chunks()
@@ -89,5 +89,5 @@ def _groups(parts: Parts) -> Iterator[Any]:
 
 def _writer(parts: Parts, file: BinaryIO, suffix: str) -> Any:
     if suffix == ".csv":
-        return pyarrow.csv.CSVWriter(file, parts.schema)
-    return pq.ParquetWriter(file, parts.schema, **PARQUET)
+        return pyarrow.csv.CSVWriter(file, parts.table_schema)
+    return pq.ParquetWriter(file, parts.table_schema, **PARQUET)

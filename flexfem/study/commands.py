@@ -1,4 +1,4 @@
-"""`flexfem study`: run, status, collect, plot."""
+"""`flexfem study`: run, status, clean, collect, plot."""
 
 from __future__ import annotations
 
@@ -115,6 +115,27 @@ def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> No
 
 
 @app.command()
+def clean(
+    study: StudyFile,
+    output: Output = REPORTS,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed.")] = False,
+    json: Json = False,
+) -> None:
+    """Remove parts of other inputs or versions than the study has now; nothing else."""
+    from flexfem import console
+    from flexfem.files import check_folder
+    from flexfem.study.progress import print_cleaned
+    from flexfem.study.stale import clean_facts, remove, stale_parts
+
+    parts = _parts(study, output)
+    check_folder(parts.folder)
+    found = stale_parts(parts)
+    if not dry_run:
+        remove(found, parts.stale)
+    console.show({**clean_facts(found), "removed": bool(found) and not dry_run}, json, print_cleaned)
+
+
+@app.command()
 def collect(
     study: StudyFile,
     output: Output = REPORTS,
@@ -165,7 +186,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
 def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
     from flexfem.study.status import status_facts
 
-    facts = status_facts(parts)
+    facts = status_facts(parts, shard)
     file, folder = facts["file"], parts.folder.parent.parent
     where = "" if folder == REPORTS else f" --output {folder}"
     wanted = "run --retry" if facts["failed"] else "status" if facts["open"] else "plot"

@@ -11,7 +11,8 @@ import json
 import re
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from glob import escape
@@ -29,7 +30,7 @@ from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.study.versions import versions_of
 
-KEY = b"flexfem.study"
+KEY, COUNTS = b"flexfem.study", b"flexfem.counts"  # what a part belongs to; what is in it, for who reads no more
 PARQUET: Mapping[str, Any] = {  # how parts and tables are written
     "compression": "zstd",
     "use_dictionary": ["status", "reason"],
@@ -91,18 +92,32 @@ class Parts:
             "versions": dict(self.versions),
             "assumed": list(loaded.assumed),
             "not_stated": list(loaded.not_stated),
-            "count": loaded.count,
         }
         return pa.schema(fields, metadata={KEY: json.dumps(about, sort_keys=True).encode()})
+
+    @cached_property
+    def table_schema(self) -> Any:
+        """As `schema`, of the whole table: with how many designs it has when none is open."""
+        about = json.loads(self.schema.metadata[KEY]) | {"count": self.loaded.count}
+        return self.schema.with_metadata({KEY: json.dumps(about, sort_keys=True).encode()})
+
+    @cached_property
+    def stale(self) -> Path:
+        """Where parts of other inputs or versions are kept apart."""
+        return self.folder.parent / "stale"
 
     def chunk(self, number: int) -> Chunk:
         """The chunk of a number from 0."""
         return Chunk(number, number * self.size, min((number + 1) * self.size, self.loaded.count))
 
+    def name(self, chunk: Chunk) -> str:
+        """What the part of a chunk is called."""
+        digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
+        return f"part-{chunk.number:07d}-{digits}.parquet"
+
     def path(self, chunk: Chunk) -> Path:
         """Where the part of a chunk lies, once it is written."""
-        digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
-        return self.folder / f"part-{chunk.number:07d}-{digits}.parquet"
+        return self.folder / self.name(chunk)
 
 
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
@@ -131,8 +146,10 @@ def rows_of(parts: Parts, table: Any) -> Rows:
 
 
 def write_part(parts: Parts, chunk: Chunk, rows: Rows) -> None:
-    """Write the part of a chunk. Raises BadInput when the folder does not take it."""
+    """Write the part of a chunk, and in its footer the counts of it. Raises BadInput as `write_atomically`."""
+    counts = sorted([*kind, n] for kind, n in counts_of(rows.status, rows.reason).items())
     table = table_of(parts, chunk, rows)
+    table = table.replace_schema_metadata(table.schema.metadata | {COUNTS: json.dumps(counts).encode()})
     content = pa.BufferOutputStream()
     pq.write_table(table, content, **PARQUET)
     write_atomically(parts.path(chunk), lambda file: file.write(content.getvalue()))
@@ -149,27 +166,72 @@ def read_part(parts: Parts, chunk: Chunk) -> Any:
         The file is damaged (every page has a checksum), or is not the part that its name says.
     """
     path = parts.path(chunk)
+    table = read_whole(path)
+    stands = _belongs(parts, table.schema.metadata) and table.schema.equals(parts.schema, check_metadata=False)
+    if not stands or not np.array_equal(table["design"], np.arange(chunk.start, chunk.stop)):
+        raise BadInput(f"{path}: not the part that its name says")
+    if _counts_in(path, table.schema.metadata) != counts_of_table(table):
+        raise BadInput(f"{path}: a damaged part")
+    return table
+
+
+def read_counts(parts: Parts, chunk: Chunk) -> Counts:
+    """How many designs of each kind are in the part of a chunk, by its footer alone. Raises as `read_part`."""
+    path = parts.path(chunk)
+    with _opened(path) as file:
+        metadata, rows = file.metadata.metadata or {}, file.metadata.num_rows
+    if not _belongs(parts, metadata):
+        raise BadInput(f"{path}: not the part that its name says")
+    counts = _counts_in(path, metadata)
+    if not rows == counts.total() == chunk.stop - chunk.start:
+        raise BadInput(f"{path}: a damaged part")
+    return counts
+
+
+def read_prefix(parts: Parts, chunk: Chunk, path: Path) -> Rows | None:
+    """Rows of the first designs of a chunk in a part of another size of the same study, None where it is none."""
+    try:
+        table = read_whole(path).slice(0, chunk.stop - chunk.start)
+    except (FileNotFoundError, BadInput):
+        return None
+    same = _belongs(parts, table.schema.metadata) and table.schema.equals(parts.schema, check_metadata=False)
+    begins = same and np.array_equal(table["design"], np.arange(chunk.start, chunk.start + len(table)))
+    return rows_of(parts, table) if begins else None
+
+
+def read_whole(path: Path) -> Any:
+    """The Arrow table of any Parquet file. Raises FileNotFoundError, or BadInput when it is none or damaged."""
+    with _opened(path) as file:
+        return file.read(use_threads=False)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     if path.exists() and not path.is_file():
         raise BadInput(f"{path}: a pipe, device or folder in the place of a part")
     try:
-        table = pq.ParquetFile(path, page_checksum_verification=True).read(use_threads=False)
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            yield file
     except FileNotFoundError:
         raise
     except (OSError, ValueError, pa.ArrowException):
         raise BadInput(f"{path}: a damaged part") from None
-    if not _belongs(parts, table) or not np.array_equal(table["design"], np.arange(chunk.start, chunk.stop)):
-        raise BadInput(f"{path}: not the part that its name says")
-    return table
 
 
-def _belongs(parts: Parts, table: Any) -> bool:
-    """Whether a table has the columns, study and versions of the parts; a study's title may have changed since."""
+def _belongs(parts: Parts, metadata: Mapping[bytes, bytes]) -> bool:
+    """Whether a file is of the study and versions of the parts; a study's title may have changed since."""
     try:
-        about = json.loads(table.schema.metadata[KEY])
-        belongs = (about["hash"], about["versions"]) == (parts.loaded.hash, dict(parts.versions))
-    except (KeyError, TypeError, ValueError):
+        about = json.loads(metadata[KEY])
+        return bool((about["hash"], about["versions"]) == (parts.loaded.hash, dict(parts.versions)))
+    except (KeyError, TypeError, ValueError, RecursionError):
         return False
-    return belongs and bool(table.schema.equals(parts.schema, check_metadata=False))
+
+
+def _counts_in(path: Path, metadata: Mapping[bytes, bytes]) -> Counts:
+    try:
+        return Counter({(str(status), str(kind)): int(n) for status, kind, n in json.loads(metadata[COUNTS])})
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise BadInput(f"{path}: a damaged part") from None
 
 
 def counts_of(status: Iterable[str], reason: Iterable[str]) -> Counts:

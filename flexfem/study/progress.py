@@ -60,6 +60,22 @@ def _duration(seconds: float) -> str:
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {seconds:02d} s" if minutes else f"{seconds} s"
 
 
+def print_cleaned(facts: dict[str, Any]) -> None:
+    """Print what `study clean` found."""
+    for one in facts["stale"]:
+        print(f"{one['parts']:,} parts of {one['study']}, hash {one['hash'][:8]}: {size_of(one['bytes'])}")
+    total = f"{sum(one['parts'] for one in facts['stale']):,} stale parts"
+    print(f"{total} removed" if facts["removed"] else f"{total}; nothing removed")
+
+
+def size_of(count: int) -> str:
+    """Bytes in a unit that suits them."""
+    value, units = float(count), ["B", "kB", "MB", "GB"]
+    while value >= 1000 and len(units) > 1:
+        value, units = value / 1000, units[1:]
+    return f"{value:.3g} {units[0]}"
+
+
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
     print(f"{facts['name']}: {facts['designs']:,} designs, {facts['open']:,} open")
@@ -75,6 +91,8 @@ def print_status(facts: dict[str, Any]) -> None:
     if facts["foreign"]:
         print(f"{len(facts['foreign'])} other Parquet files there, of other inputs or versions:")
         print(f"  {', '.join(facts['foreign'][:3])}{', ...' if len(facts['foreign']) > 3 else ''}")
+    if facts["stale"]:
+        print(f"{facts['stale']:,} parts of other inputs or versions kept apart; flexfem study clean removes them")
     if facts["assumed"]:
         print(f"{len(facts['assumed'])} of the numbers behind it are assumed, not the paper's: --json lists them")
     if facts["not_stated"]:

@@ -25,12 +25,15 @@ from flexfem.study.parts import (
     counts_of,
     counts_of_table,
     read_part,
+    read_prefix,
     rows_of,
     sweep,
     write_part,
 )
 from flexfem.study.pool import Answer, Died, Pool
+from flexfem.study.scheme import EXTENSIBLE
 from flexfem.study.shard import WHOLE, Shard, shuffled
+from flexfem.study.stale import candidates, set_apart
 from flexfem.study.status import survey
 
 DEATHS = 3  # of workers over one task, after which it is the task's fault
@@ -38,6 +41,7 @@ BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs
 STARTUP = 10.0  # s, for a worker to load what it needs, on top of that or of the study's limit for a design
 POLL = 0.25  # s
 LONGEST = 200  # characters of a reason
+NOTHING = Rows(np.empty(0, object), np.empty(0, object), np.empty((0, 0)))
 
 
 class Task(NamedTuple):
@@ -83,6 +87,7 @@ def run_study(
         Workers cannot be started, or are lost. Parts that are written stay in either case.
     """
     sweep(parts.folder)
+    _set_apart(parts, say)
     run = _Run(parts, pool, solve, shard, retry, say)
     watch(run.progress)
     if run.known < run.designs:
@@ -91,6 +96,14 @@ def run_study(
         while run.step(writer):
             watch(run.progress)
     return run.progress
+
+
+def _set_apart(parts: Parts, say: Callable[[str], object]) -> None:
+    moved = set_apart(parts)
+    if moved.apart:
+        say(f"{moved.apart} parts of other inputs or versions moved to {parts.stale}; flexfem study clean removes them")
+    if moved.back:
+        say(f"{moved.back} parts there are of these inputs and versions again: taken back")
 
 
 def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:
@@ -114,15 +127,16 @@ class _Run:
         self, parts: Parts, pool: Pool, solve: Answer, shard: Shard, retry: bool, say: Callable[[str], object]
     ) -> None:
         self.parts, self.pool, self.solve, self.say = parts, pool, solve, say
-        found = survey(parts, shard.first, shard.step)
+        found = survey(parts, shard, whole=True)
         for text in found.damaged.values():
             say(f"{text}; computing it again")
-        unsure = found.unsure if retry else {}
+        self.retry, unsure = retry, found.unsure if retry else {}
         self.unsure = frozenset(unsure)  # parts that hold designs to try again
         self.again = set(unsure) | set(found.damaged)  # parts to replace, though they are there
         self.done = found.done - self.again
         self.counts = found.counts - sum(unsure.values(), Counter())
         self.known, self.designs = self.counts.total(), shard.designs(parts)
+        self.candidates = candidates(parts) if parts.loaded.study.sampling.method in EXTENSIBLE else {}
         self.order = shuffled(shard.chunks(parts))
         self.ready: deque[Task] = deque()
         self.pieces: dict[Chunk, dict[int, Rows]] = {}
@@ -136,7 +150,7 @@ class _Run:
     def step(self, writer: ThreadPoolExecutor) -> bool:
         """Give out tasks, wait a little and take in what is done; returns whether there was anything to wait for."""
         while len(self.computing) < self.pool.width and len(self.writing) <= self.pool.width:
-            task = self._next()
+            task = self._next(writer)
             if task is None:
                 break
             future = self.pool.submit(self.solve, self.parts.loaded, task.start, task.stop, self._allowed + STARTUP)
@@ -157,7 +171,7 @@ class _Run:
         study = self.parts.loaded.study
         return BROADCAST_LIMIT if study.model == "analytic" else study.time_limit
 
-    def _next(self) -> Task | None:
+    def _next(self, writer: ThreadPoolExecutor) -> Task | None:
         """The next task to give out, of a chunk under way or else of a new one; None when all are given out."""
         while not self.ready:
             number = next(self.order, None)
@@ -166,21 +180,30 @@ class _Run:
             chunk = self.parts.chunk(number)
             if not self._is_there(chunk):
                 kept = self.pieces[chunk] = self._kept(chunk)
-                together = self.parts.loaded.study.model == "analytic" and not kept
-                several = chunk.stop - chunk.start if together else 1
-                missing = (k for k in range(chunk.start, chunk.stop, several) if k not in kept)
-                self.ready += [Task(chunk, k, k + several) for k in missing]
+                missing = [k for k in range(chunk.start, chunk.stop) if k not in kept]
+                self.ready += [Task(chunk, *ends) for ends in self._ranges(missing)]
+                if not missing:
+                    self._write_when_whole(chunk, writer)
         return self.ready.popleft()
 
+    def _ranges(self, designs: list[int]) -> list[tuple[int, int]]:
+        """Designs as ranges: as long as they can be for a model that answers many at once, else of one."""
+        if self.parts.loaded.study.model != "analytic":
+            return [(design, design + 1) for design in designs]
+        runs = np.split(np.array(designs), np.flatnonzero(np.diff(designs) != 1) + 1)
+        return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run)]
+
     def _kept(self, chunk: Chunk) -> dict[int, Rows]:
-        """Rows by design of a part that is tried again, without those that are."""
-        if chunk.number not in self.unsure:
-            return {}
-        try:
-            rows = rows_of(self.parts, read_part(self.parts, chunk))
-        except (FileNotFoundError, BadInput):
-            return {}
-        good = np.flatnonzero(~np.isin(rows.status, RETRIED))
+        """Rows by design that need not be computed: of a part that is tried again, or of one of a smaller sample."""
+        if chunk.number in self.unsure:
+            try:
+                rows = rows_of(self.parts, read_part(self.parts, chunk))
+            except (FileNotFoundError, BadInput):
+                return {}
+        else:
+            found = (read_prefix(self.parts, chunk, path) for path in self.candidates.get(chunk.number, ()))
+            rows = max((each for each in found if each is not None), key=lambda each: len(each.status), default=NOTHING)
+        good = np.flatnonzero(~np.isin(rows.status, RETRIED if self.retry else ()))
         return {chunk.start + int(k): Rows(*(each[k : k + 1] for each in rows)) for k in good}
 
     def _is_there(self, chunk: Chunk) -> bool:
@@ -223,9 +246,11 @@ class _Run:
 
     def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
         """Put rows to those of their chunk, and write the part when they are all there."""
-        chunk = task.chunk
+        self.pieces[task.chunk][task.start] = rows
+        self._write_when_whole(task.chunk, writer)
+
+    def _write_when_whole(self, chunk: Chunk, writer: ThreadPoolExecutor) -> None:
         pieces = self.pieces[chunk]
-        pieces[task.start] = rows
         if sum(len(piece.status) for piece in pieces.values()) == chunk.stop - chunk.start:
             whole = Rows(*map(np.concatenate, zip(*(pieces[start] for start in sorted(pieces)), strict=True)))
             del self.pieces[chunk]
@@ -233,7 +258,8 @@ class _Run:
 
     def _write(self, chunk: Chunk, rows: Rows) -> Counts:
         if chunk.number in self.again or not self.parts.path(chunk).exists():
-            for design, row in self._kept(chunk).items():  # another runner may have had more luck
+            kept = self._kept(chunk) if chunk.number in self.unsure else {}
+            for design, row in kept.items():  # another runner may have had more luck
                 for mine, theirs in zip(rows, row, strict=True):
                     mine[design - chunk.start] = theirs[0]
             write_part(self.parts, chunk, rows)

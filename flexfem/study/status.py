@@ -1,14 +1,16 @@
-"""How far a study is: read from its parts, for nothing else is kept."""
+"""How far a study is: read from its parts, whose footers count what is in them; nothing else is kept."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexfem.errors import BadInput
-from flexfem.study.parts import PART, RETRIED, Chunk, Counts, Parts, counts_of_table, read_part
+from flexfem.study.parts import PART, RETRIED, Chunk, Counts, Parts, counts_of_table, read_counts, read_part
+from flexfem.study.shard import WHOLE, Shard
 
 
 class Survey(NamedTuple):
@@ -27,16 +29,16 @@ class Survey(NamedTuple):
     foreign: tuple[Path, ...]
 
 
-def survey(parts: Parts, first: int = 0, step: int = 1) -> Survey:
-    """Read the parts of a study: of every chunk, or of number `first` and every `step` after it."""
+def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
+    """Look at the parts of a shard: at their footers, or, where `whole`, at every byte."""
     done, unsure, damaged = set(), {}, {}
     total: Counts = Counter()
     chunks, foreign = listed(parts)
     for chunk in chunks:
-        if chunk.number % step != first:
+        if chunk.number % shard.step != shard.first:
             continue
         try:
-            counts = counts_of_table(read_part(parts, chunk))
+            counts = counts_of_table(read_part(parts, chunk)) if whole else read_counts(parts, chunk)
         except FileNotFoundError:
             continue
         except BadInput as error:
@@ -52,14 +54,28 @@ def survey(parts: Parts, first: int = 0, step: int = 1) -> Survey:
 def listed(parts: Parts) -> tuple[list[Chunk], tuple[Path, ...]]:
     """Chunks for which there is a part, in order, and the other Parquet files."""
     chunks, foreign = [], []
-    for path in sorted(parts.folder.glob("*.parquet")):
-        found = PART.fullmatch(path.name)
-        chunk = parts.chunk(int(found[1])) if found and int(found[1]) < parts.count else None
-        if chunk is not None and parts.path(chunk) == path:
+    for name in sorted(names_in(parts.folder)):
+        chunk = chunk_of(parts, name)
+        if chunk is not None:
             chunks.append(chunk)
-        else:
-            foreign.append(path)
+        elif name.endswith(".parquet") and not name.startswith("."):
+            foreign.append(parts.folder / name)
     return chunks, tuple(foreign)
+
+
+def names_in(folder: Path) -> list[str]:
+    """Names of what lies in a folder, none where there is no folder."""
+    try:
+        return os.listdir(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def chunk_of(parts: Parts, name: str) -> Chunk | None:
+    """The chunk whose part has that name, None where none has."""
+    found = PART.fullmatch(name)
+    chunk = parts.chunk(int(found[1])) if found and int(found[1]) < parts.count else None
+    return chunk if chunk is not None and parts.name(chunk) == name else None
 
 
 def facts_of(counts: Counts) -> dict[str, Any]:
@@ -79,21 +95,22 @@ def _reasons(counts: Counts, wanted: str) -> Iterator[tuple[str, int]]:
             yield reason, n
 
 
-def status_facts(parts: Parts) -> dict[str, Any]:
-    """What `study status` says."""
-    loaded, found = parts.loaded, survey(parts)
-    about = facts_of(found.counts)
+def status_facts(parts: Parts, shard: Shard = WHOLE) -> dict[str, Any]:
+    """What `study status` says, of all chunks or of those of a shard."""
+    loaded, found = parts.loaded, survey(parts, shard)
+    about, designs = facts_of(found.counts), shard.designs(parts)
     return {
         "file": str(loaded.path),
         "name": loaded.study.name,
         "hash": loaded.hash,
-        "designs": loaded.count,
+        "designs": designs,
         **about,
-        "open": loaded.count - about["done"],
+        "open": designs - about["done"],
         "folder": str(parts.folder),
         "parts": len(found.done),
         "damaged": list(found.damaged.values()),
         "foreign": [path.name for path in found.foreign],
+        "stale": sum(1 for name in names_in(parts.stale) if PART.fullmatch(name)),
         "assumed": list(loaded.assumed),
         "not_stated": list(loaded.not_stated),
     }

@@ -94,6 +94,11 @@ def _require_same_study(path: Path, found: Mapping[str, Any], loaded: LoadedStud
             f"{loaded.hash[:8]} of {loaded.path}: the study has changed since, or it is another one"
         )
 
+    if found.get("count") != loaded.count:
+        raise BadInput(
+            f"{path}: a table of {found.get('count')} designs, expected {loaded.count} as {loaded.path} says"
+        )
+
 
 def _text(column: Any) -> AnyArray:
     """Strings as an array of objects, equal ones shared: a million reasons are few different ones."""

@@ -32,6 +32,7 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
     "study/run.py",
     "study/shard.py",
     "study/sensitivity.py",
+    "study/stale.py",
     "study/status.py",
     "study/table.py",
     "tables.py",

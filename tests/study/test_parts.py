@@ -7,6 +7,7 @@ import random
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from flexfem.study.answer import Rows
 from flexfem.study.collect import collect
 from flexfem.study.parts import kind_of, parts_of, read_part, sweep, write_part
 from flexfem.study.plan import load_study
+from flexfem.study.shard import Shard
+from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.status import status_facts, survey
 
 ROOT = Path(__file__).parent.parent.parent
@@ -166,7 +169,7 @@ def test_status_counts_kinds_of_reasons_and_names_strangers(written):
     assert (facts["done"], facts["ok"], facts["refused"], facts["failed"], facts["open"]) == (50, 17, 17, 16, 0)
     assert facts["reasons"] == {"refused": {"neck": 17}, "time limit": {"no answer in ... s": 16}}
     assert facts["foreign"] == [names(other)[0]]
-    assert survey(written, 1, 2).done == {1}
+    assert survey(written, Shard(1, 2)).done == {1}
 
 
 @pytest.mark.parametrize(
@@ -230,3 +233,84 @@ def test_killed_while_writing_a_part_is_whole_or_not_there(written):
         assert len(list(parts.folder.glob("*"))) == len(found.done) + left
     print(f"{len(found.done)} parts, {left} temporary files left behind by 10 kills")
     assert found.done
+
+
+def test_what_is_stale_is_kept_apart_and_taken_back(written):
+    """The glob of the README gives the rows of one study, each once; an edit that is undone finds its parts again."""
+    own = sorted(names(written))
+    (written.folder / "mine.parquet").write_bytes(b"not flexfem's")
+    edited = changed(written, "to = 1.1", "to = 1.2")
+    assert set_apart(edited) == (3, 0) and set_apart(edited) == (0, 0)
+    for number in range(edited.count):
+        write_part(edited, edited.chunk(number), rows(edited, number))
+    assert sorted(path.name for path in edited.folder.glob("part-*.parquet")) == sorted(names(edited))
+    assert sorted(path.name for path in edited.stale.iterdir()) == own
+    assert status_facts(edited)["stale"] == 3 and status_facts(edited)["done"] == 50
+    again = changed(written, "", "")
+    assert set_apart(again) == (3, 3) and status_facts(again)["done"] == 50
+    assert (written.folder / "mine.parquet").read_bytes() == b"not flexfem's"
+
+
+def test_clean_removes_stale_parts_and_nothing_else(written, tmp_path):
+    """Not the study's own parts, nor what only looks like one: links, folders, files of others, other names."""
+    edited = changed(written, "to = 1.1", "to = 1.2")
+    current = edited.path(edited.chunk(1))
+    set_apart(edited)
+    write_part(edited, edited.chunk(1), rows(edited, 1))
+    beside = written.path(written.chunk(0))  # of a runner that began before the edit
+    (written.stale / beside.name).rename(beside)
+    victim = tmp_path / "victim.parquet"
+    victim.write_bytes((written.stale / names(written)[1]).read_bytes())
+    name = "part-0000000-0123456789abcde{}.parquet".format
+    (written.stale / name(1)).symlink_to(victim)
+    (written.stale / name(2)).mkdir()
+    (written.stale / name(3)).write_bytes(b"PAR1 of something else")
+    pq.write_table(pa.table({"a": [1]}), written.folder / name(4))
+    (written.stale / f"my-{names(written)[1]}").write_bytes(victim.read_bytes())
+    found = stale_parts(edited)
+    assert sorted(part.path for part in found) == sorted([beside, *(written.stale / n for n in names(written)[1:])])
+    (facts,) = clean_facts(found)["stale"]
+    assert (facts["study"], facts["parts"], facts["bytes"]) == ("some", 3, sum(p.path.stat().st_size for p in found))
+    assert facts["hash"] == written.loaded.hash != edited.loaded.hash
+    before = {path for path in written.folder.parent.rglob("*")}
+    remove(found, edited.stale)
+    assert before - set(written.folder.parent.rglob("*")) == {part.path for part in found}
+    assert current.exists() and victim.exists() and stale_parts(edited) == []
+
+
+def test_a_linked_folder_of_stale_parts_is_refused(written, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    written.stale.symlink_to(elsewhere)
+    edited = changed(written, "to = 1.1", "to = 1.2")
+    for act in (set_apart, stale_parts):
+        with pytest.raises(BadInput, match="stale: a link or a file"):
+            act(edited)
+    assert len(list(written.folder.iterdir())) == 3
+
+
+def test_footers_alone_say_what_is_in_a_part(written, monkeypatch):
+    """`status` reads no rows: a part whose pages are gone is still counted, and found out by who reads it whole."""
+    monkeypatch.setattr("flexfem.study.status.read_part", None)
+    assert survey(written).counts == survey_of(written)
+    path = written.path(written.chunk(1))
+    sound = path.read_bytes()
+    path.write_bytes(sound[:4] + bytes(len(sound) // 4) + sound[4 + len(sound) // 4 :])
+    assert not survey(written).damaged
+    monkeypatch.undo()
+    assert set(survey(written, whole=True).damaged) == {1}
+
+
+def survey_of(parts):
+    """Counts of the rows that were written."""
+    kinds = [("ok", ""), ("refused", "neck"), ("time limit", "no answer in ... s")]
+    return Counter(kinds[design % 3] for design in range(parts.loaded.count))
+
+
+def test_a_part_whose_counts_are_not_of_its_rows_is_damaged(written):
+    chunk = written.chunk(0)
+    path, table = written.path(chunk), read_part(written, chunk)
+    for counts in (b'[["ok", "", 20]]', b'[["ok", "", 9]]', b"[1", b"[" * 100_000):
+        pq.write_table(table.replace_schema_metadata(table.schema.metadata | {b"flexfem.counts": counts}), path)
+        assert set(survey(written, whole=True).damaged) == {0}
+    assert set(survey(written).damaged) == {0}

@@ -66,7 +66,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     ),
     "base with monte carlo": ([("seed = 7", "seed = 7\nbase = 64")], ["line 11", "base"]),
     "base no power of two": ([SALTELLI, ("base = 64", "base = 65")], ["base = 65", "power of two"]),
-    "base too large": ([SALTELLI, ("base = 64", f"base = {2**29}")], [f"sampling.base = {2**29}", "at most 1000000000"]),
+    "base too large": ([SALTELLI, ("base = 64", f"base = {2**29}")], [f"base = {2**29}", "at most 1000000000"]),
     "designs with saltelli": ([SALTELLI, ("base = 64", "base = 64\ndesigns = 9")], ["designs = 9", "saltelli"]),
     "seed with grid": ([*GRID, ('"grid"', '"grid"\nseed = 1')], ["seed = 1", "grid"]),
     "designs with grid": ([*GRID, ('"grid"', '"grid"\ndesigns = 1')], ["designs = 1", "grid"]),

@@ -29,7 +29,7 @@ def rows(loaded: LoadedStudy) -> Rows:
 
 def written(loaded: LoadedStudy, path: Path, order: np.ndarray | None = None) -> Path:
     parts = parts_of(loaded, path.parent, COUNT)
-    table = table_of(parts, parts.chunk(0), rows(loaded))
+    table = table_of(parts, parts.chunk(0), rows(loaded)).replace_schema_metadata(parts.table_schema.metadata)
     pq.write_table(table if order is None else table.take(order), path)
     return path
 
@@ -58,7 +58,8 @@ def test_a_table_without_a_single_answer_can_be_read(studies, tmp_path: Path) ->
         np.full(COUNT, "no", dtype=object),
         np.full((COUNT, len(loaded.outputs)), np.nan),
     )
-    pq.write_table(table_of(parts, parts.chunk(0), nothing), tmp_path / "t.parquet")
+    table = table_of(parts, parts.chunk(0), nothing).replace_schema_metadata(parts.table_schema.metadata)
+    pq.write_table(table, tmp_path / "t.parquet")
     table = read_table(tmp_path / "t.parquet", loaded)
     assert not table.ok.any() and np.isnan(table.columns["envelope_mm"]).all()
 

@@ -1,0 +1,121 @@
+"""Parts of other inputs or versions: kept apart from those of the study as it is now, taken back, removed."""
+
+from __future__ import annotations
+
+import json
+import stat
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flexfem.errors import BadInput
+from flexfem.study.parts import KEY, PART, Parts
+from flexfem.study.status import chunk_of, names_in
+
+
+class Moved(NamedTuple):
+    """How many parts were set apart, and how many were taken back because they are those of the study again."""
+
+    apart: int
+    back: int
+
+
+class Stale(NamedTuple):
+    """A part that is none of the study as it is now: which study it says it is of, and how many bytes it has."""
+
+    path: Path
+    stem: str
+    hash: str
+    size: int
+
+
+def set_apart(parts: Parts) -> Moved:
+    """Leave in the folder the parts of the study as it is now, and no others; nothing is lost.
+
+    Other runners may do the same at once. Raises BadInput when the folder of stale parts takes none.
+    """
+    apart = [name for name in _regular(parts.folder) if chunk_of(parts, name) is None]
+    present = set(names_in(parts.folder))
+    back = [name for name in _regular(parts.stale) if name not in present and chunk_of(parts, name) is not None]
+    if not apart and not back:
+        return Moved(0, 0)
+    try:
+        parts.stale.mkdir(exist_ok=True)
+        _require_plain(parts.stale)
+        for names, source, target in ((apart, parts.folder, parts.stale), (back, parts.stale, parts.folder)):
+            for name in names:
+                with suppress(FileNotFoundError):  # another runner was quicker
+                    (source / name).replace(target / name)
+    except OSError as error:
+        raise BadInput(f"{parts.stale}: cannot keep parts of other inputs: {error.strerror or error}") from None
+    return Moved(len(apart), len(back))
+
+
+def candidates(parts: Parts) -> dict[int, list[Path]]:
+    """Stale parts by the number of their chunk: they may begin with what a larger or smaller sample needs."""
+    found: dict[int, list[Path]] = {}
+    for name in sorted(_regular(parts.stale)):
+        found.setdefault(int(name.split("-")[1]), []).append(parts.stale / name)
+    return found
+
+
+def stale_parts(parts: Parts) -> list[Stale]:
+    """Parts that `study clean` removes: beside those of the study as it is now, and set apart before.
+
+    Only regular files named as parts are, in these two folders themselves, that say they are parts of a study; what
+    cannot be read stays.
+    """
+    _require_plain(parts.stale)
+    kept_apart = [parts.stale / name for name in _regular(parts.stale)]
+    beside = [parts.folder / name for name in _regular(parts.folder) if chunk_of(parts, name) is None]
+    return [found for path in sorted((*beside, *kept_apart)) if (found := _said(path)) is not None]
+
+
+def clean_facts(found: list[Stale]) -> dict[str, Any]:
+    """What `study clean` says: how many parts and bytes of which study."""
+    sizes: dict[tuple[str, str], list[int]] = {}
+    for part in found:
+        sizes.setdefault((part.stem, part.hash), []).append(part.size)
+    listed = [
+        {"study": stem, "hash": digits, "parts": len(each), "bytes": sum(each)}
+        for (stem, digits), each in sorted(sizes.items())
+    ]
+    return {"stale": listed}
+
+
+def remove(found: list[Stale], folder: Path) -> None:
+    """Remove stale parts, and the folder of them when nothing is left in it. Raises BadInput where that is refused."""
+    for part in found:
+        try:
+            part.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise BadInput(f"{part.path}: cannot be removed: {error.strerror or error}") from None
+    with suppress(OSError):  # not empty, or never made
+        folder.rmdir()
+
+
+def _regular(folder: Path) -> Iterator[str]:
+    """Names of the regular files of a folder that are called as parts are; no links."""
+    for name in names_in(folder):
+        if PART.fullmatch(name):
+            with suppress(OSError):
+                if stat.S_ISREG((folder / name).lstat().st_mode):
+                    yield name
+
+
+def _require_plain(folder: Path) -> None:
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise BadInput(f"{folder}: a link or a file, expected a folder of parts that are kept apart")
+
+
+def _said(path: Path) -> Stale | None:
+    """What a part says of itself, None where it is no part of a study."""
+    try:
+        about = json.loads((pq.read_metadata(path).metadata or {})[KEY])
+        return Stale(path, str(about["stem"]), str(about["hash"]), path.stat().st_size)
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError):
+        return None
