@@ -189,6 +189,6 @@ def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
     facts = status_facts(parts, shard)
     file, folder = facts["file"], parts.folder.parent.parent
     where = "" if folder == REPORTS else f" --output {folder}"
-    wanted = "run --retry" if facts["failed"] else "status" if facts["open"] else "plot"
+    wanted = "run --retry" if facts["failed"] else "status" if facts["open"] or facts["open_elsewhere"] else "plot"
     going_on = f"flexfem study {wanted} {file}{where}"
     return facts | {"shard": f"{shard.first + 1}/{shard.step}", "next": going_on}

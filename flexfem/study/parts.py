@@ -147,9 +147,10 @@ def rows_of(parts: Parts, table: Any) -> Rows:
 
 def write_part(parts: Parts, chunk: Chunk, rows: Rows) -> None:
     """Write the part of a chunk, and in its footer the counts of it. Raises BadInput as `write_atomically`."""
-    counts = sorted([*kind, n] for kind, n in counts_of(rows.status, rows.reason).items())
+    kinds = sorted([*kind, n] for kind, n in counts_of(rows.status, rows.reason).items())
+    counts = json.dumps({"start": chunk.start, "kinds": kinds}).encode()
     table = table_of(parts, chunk, rows)
-    table = table.replace_schema_metadata(table.schema.metadata | {COUNTS: json.dumps(counts).encode()})
+    table = table.replace_schema_metadata(table.schema.metadata | {COUNTS: counts})
     content = pa.BufferOutputStream()
     pq.write_table(table, content, **PARQUET)
     write_atomically(parts.path(chunk), lambda file: file.write(content.getvalue()))
@@ -170,7 +171,7 @@ def read_part(parts: Parts, chunk: Chunk) -> Any:
     stands = _belongs(parts, table.schema.metadata) and table.schema.equals(parts.schema, check_metadata=False)
     if not stands or not np.array_equal(table["design"], np.arange(chunk.start, chunk.stop)):
         raise BadInput(f"{path}: not the part that its name says")
-    if _counts_in(path, table.schema.metadata) != counts_of_table(table):
+    if _counts_in(parts, chunk, table.schema.metadata) != counts_of_table(table):
         raise BadInput(f"{path}: a damaged part")
     return table
 
@@ -182,7 +183,7 @@ def read_counts(parts: Parts, chunk: Chunk) -> Counts:
         metadata, rows = file.metadata.metadata or {}, file.metadata.num_rows
     if not _belongs(parts, metadata):
         raise BadInput(f"{path}: not the part that its name says")
-    counts = _counts_in(path, metadata)
+    counts = _counts_in(parts, chunk, metadata)
     if not rows == counts.total() == chunk.stop - chunk.start:
         raise BadInput(f"{path}: a damaged part")
     return counts
@@ -227,11 +228,15 @@ def _belongs(parts: Parts, metadata: Mapping[bytes, bytes]) -> bool:
         return False
 
 
-def _counts_in(path: Path, metadata: Mapping[bytes, bytes]) -> Counts:
+def _counts_in(parts: Parts, chunk: Chunk, metadata: Mapping[bytes, bytes]) -> Counts:
     try:
-        return Counter({(str(status), str(kind)): int(n) for status, kind, n in json.loads(metadata[COUNTS])})
+        found = json.loads(metadata[COUNTS])
+        start, kinds = found["start"], {(str(status), str(kind)): int(n) for status, kind, n in found["kinds"]}
     except (KeyError, TypeError, ValueError, RecursionError):
-        raise BadInput(f"{path}: a damaged part") from None
+        raise BadInput(f"{parts.path(chunk)}: a damaged part") from None
+    if start != chunk.start:
+        raise BadInput(f"{parts.path(chunk)}: not the part that its name says")
+    return Counter(kinds)
 
 
 def counts_of(status: Iterable[str], reason: Iterable[str]) -> Counts:

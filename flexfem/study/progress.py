@@ -78,7 +78,9 @@ def size_of(count: int) -> str:
 
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
-    print(f"{facts['name']}: {facts['designs']:,} designs, {facts['open']:,} open")
+    share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
+    elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
+    print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} open{elsewhere}")
     print(f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed")
     for status, reasons in facts["reasons"].items():
         for reason, n in list(reasons.items())[:SHOWN]:

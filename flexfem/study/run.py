@@ -101,9 +101,11 @@ def run_study(
 def _set_apart(parts: Parts, say: Callable[[str], object]) -> None:
     moved = set_apart(parts)
     if moved.apart:
-        say(f"{moved.apart} parts of other inputs or versions moved to {parts.stale}; flexfem study clean removes them")
+        say(
+            f"parts of other inputs or versions: {moved.apart:,} moved to {parts.stale}; flexfem study clean removes them"
+        )
     if moved.back:
-        say(f"{moved.back} parts there are of these inputs and versions again: taken back")
+        say(f"parts of these inputs and versions: {moved.back:,} taken back from {parts.stale}")
 
 
 def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:

@@ -20,6 +20,7 @@ class Survey(NamedTuple):
     unsure : of those that hold designs which another run may answer, what they hold.
     damaged : by chunk, one line on the part that is there but cannot be used.
     foreign : other Parquet files: of other inputs or versions, or not of flexfem.
+    elsewhere : how many designs other shards have parts of, by the names of these alone.
     """
 
     done: frozenset[int]
@@ -27,15 +28,17 @@ class Survey(NamedTuple):
     unsure: dict[int, Counts]
     damaged: dict[int, str]
     foreign: tuple[Path, ...]
+    elsewhere: int
 
 
 def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
     """Look at the parts of a shard: at their footers, or, where `whole`, at every byte."""
-    done, unsure, damaged = set(), {}, {}
+    done, unsure, damaged, elsewhere = set(), {}, {}, 0
     total: Counts = Counter()
     chunks, foreign = listed(parts)
     for chunk in chunks:
         if chunk.number % shard.step != shard.first:
+            elsewhere += chunk.stop - chunk.start
             continue
         try:
             counts = counts_of_table(read_part(parts, chunk)) if whole else read_counts(parts, chunk)
@@ -48,7 +51,7 @@ def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
         total.update(counts)
         if any(status in RETRIED for status, _ in counts):
             unsure[chunk.number] = counts
-    return Survey(frozenset(done), total, unsure, damaged, foreign)
+    return Survey(frozenset(done), total, unsure, damaged, foreign, elsewhere)
 
 
 def listed(parts: Parts) -> tuple[list[Chunk], tuple[Path, ...]]:
@@ -106,6 +109,7 @@ def status_facts(parts: Parts, shard: Shard = WHOLE) -> dict[str, Any]:
         "designs": designs,
         **about,
         "open": designs - about["done"],
+        "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
         "parts": len(found.done),
         "damaged": list(found.damaged.values()),
