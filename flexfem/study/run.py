@@ -101,11 +101,9 @@ def run_study(
 def _set_apart(parts: Parts, say: Callable[[str], object]) -> None:
     moved = set_apart(parts)
     if moved.apart:
-        say(
-            f"parts of other inputs or versions: {moved.apart:,} moved to {parts.stale}; flexfem study clean removes them"
-        )
+        say(f"{moved.apart:,} stale parts of before are now in {parts.stale}; flexfem study clean removes them")
     if moved.back:
-        say(f"parts of these inputs and versions: {moved.back:,} taken back from {parts.stale}")
+        say(f"{moved.back:,} parts are no longer stale: taken back from {parts.stale}")
 
 
 def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:
