@@ -16,8 +16,9 @@ from flexfem.tomlfile import Table
 MANY = 100_000  # values of one factor; more are a range
 MANY_KEYS = 100  # more than the format has
 
-Kind: TypeAlias = Literal["values", "range", "normal", "uniform"]
+Kind: TypeAlias = Literal["given", "values", "range", "normal", "uniform"]
 _KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+    "given": ((), ()),
     "values": (("values",), ()),
     "range": (("from", "to"), ("scale", "points")),
     "normal": (("distribution", "sd"), ("mean", "lower", "upper")),
@@ -35,6 +36,8 @@ class Factor(Table):
     values : a list: the points of a grid, or equally likely.
     start, end, scale, points : a range (`from`, `to` in the file); points in a grid only.
     distribution, mean, sd, lower, upper : normal, truncated where a bound is given, or uniform.
+
+    With none of these, its values are given by a table of designs.
     """
 
     key: Label | None = None
@@ -75,10 +78,10 @@ class Factor(Table):
         given = [field.alias or name for name, field in fields.items() if name in self.model_fields_set]
         for name in needed:
             if name not in given:
-                raise refusal(f"{name} ({_WAYS})")
+                raise refusal(f"{name} ({WAYS})")
         for name in given:
             if name not in ("key", "keys", "label", *needed, *possible):
-                raise refusal(f"no {name} with {needed[0]} ({_WAYS})", name)
+                raise refusal(f"no {name} with {needed[0]} ({WAYS})" if needed else WAYS, name)
         return self
 
     @model_validator(mode="after")
@@ -102,10 +105,13 @@ class Factor(Table):
 
     @property
     def kind(self) -> Kind:
-        """What it is: a list, a range, or which distribution."""
+        """What it is: given by a table, a list, a range, or which distribution."""
         if self.distribution is not None:
             return self.distribution
-        return "values" if self.values is not None else "range"
+        if self.values is not None:
+            return "values"
+        named = {"key", "keys", "label"}
+        return "range" if self.model_fields_set - named else "given"
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -113,7 +119,7 @@ class Factor(Table):
         return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
 
 
-_WAYS = "a factor is values, or from and to, or a distribution"
+WAYS = "a factor is values, or from and to, or a distribution"
 
 
 class Column(NamedTuple):

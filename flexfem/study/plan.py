@@ -6,10 +6,12 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
@@ -18,14 +20,24 @@ from flexfem.errors import BadInput
 from flexfem.layout.feasibility import load_feasible
 from flexfem.provenance import Sourced, is_assumed
 from flexfem.refusals import place_of, refusal, shown, suggestion
-from flexfem.study.factors import Column, Factor, acting, columns_of, with_mean
+from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
+from flexfem.study.expression import names_in
+from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
+from flexfem.study.keys import keys
 from flexfem.study.outputs import outputs_of
-from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Sampling
+from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Method, Sampling
 from flexfem.tomlfile import read_toml, validate
 from flexfem.verify.case import known_formula
 
+UNCORRELATED: dict[Method, str] = {
+    "saltelli": "Sobol indices split the variance among independent factors",
+    "grid": "a grid holds all pairs of values alike",
+    "table": "its rows are taken as they are",
+}
+SINGULAR = 1e-9  # least eigenvalue of a correlation matrix, as of round-off
 RESERVED = ("design", "status", "reason")
+FEASIBLE = "feasible"  # column of a study with constraints
 
 
 _APPLIES = {  # keys that not every model takes
@@ -53,7 +65,10 @@ class Study(Sourced):
     time_limit: float = Field(default=60.0, gt=0, le=86_400, alias="time_limit_s")
     sampling: Sampling
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
+    correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     drive: Drive | None = None
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
 
     @model_validator(mode="after")
@@ -70,8 +85,12 @@ class Study(Sourced):
 
     @model_validator(mode="after")
     def _factors_fit_the_sampling(self) -> Study:
-        grid = self.sampling.method == "grid"
+        grid, table = self.sampling.method == "grid", self.sampling.method == "table"
         for index, factor in enumerate(self.factor):
+            if table != (factor.kind == "given"):
+                raise refusal(
+                    f'{"no values" if table else WAYS} with method = "{self.sampling.method}"', "factor", index
+                )
             if grid and factor.distribution is not None:
                 raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
             if grid and factor.kind == "range" and factor.points is None:
@@ -86,7 +105,7 @@ class Study(Sourced):
 
     @model_validator(mode="after")
     def _columns_differ(self) -> Study:
-        names, set_by = set(RESERVED) | set(self.outputs), dict[str, int]()
+        names, set_by = {*RESERVED, FEASIBLE, *self.outputs}, dict[str, int]()
         for index, factor in enumerate(self.factor):
             for column in columns_of([factor]):
                 if column.name in names:
@@ -99,16 +118,58 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
+    def _expressions_name_columns(self) -> Study:
+        names = {column.name for column in columns_of(self.factor)}
+        taken = {*RESERVED, FEASIBLE, *self.outputs, *names, *keys()}
+        known = {*names, *self.outputs, *keys()}
+        for index, output in enumerate(self.output):
+            if output.name in taken:
+                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
+            _require_known(output.expression, known, "output", index, "expression")
+            taken.add(output.name)
+            known.add(output.name)
+        for index, constraint in enumerate(self.constraint):
+            _require_known(constraint.value, known, "constraint", index, "value")
+            if self.sampling.method == "saltelli" and self.is_given(constraint.value):
+                expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
+                raise refusal(expected, "constraint", index, "value")
+        return self
+
+    @model_validator(mode="after")
+    def _correlations_are_possible(self) -> Study:
+        columns = {column.name: column.factor for column in columns_of(self.factor)}
+        pairs = set[frozenset[str]]()
+        if self.correlation and self.sampling.method in UNCORRELATED:
+            raise refusal(
+                f'none with method = "{self.sampling.method}": {UNCORRELATED[self.sampling.method]}', "correlation"
+            )
+        for index, each in enumerate(self.correlation):
+            for place, name in enumerate(each.factors):
+                if name not in columns:
+                    raise refusal(
+                        f"a factor by its column{suggestion(name, columns)}", "correlation", index, "factors", place
+                    )
+                if columns[name].kind == "values":
+                    raise refusal(
+                        "a range or distribution: ranks of a list have ties", "correlation", index, "factors", place
+                    )
+            if frozenset(each.factors) in pairs:
+                raise refusal("each pair once", "correlation", index, "factors")
+            pairs.add(frozenset(each.factors))
+        least = float(np.linalg.eigvalsh(normal_correlation(list(columns), self.correlation)).min())
+        if least < SINGULAR:
+            raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
+        return self
+
+    @model_validator(mode="after")
     def _figures_can_be_drawn(self) -> Study:
         factors = [column.name for column in columns_of(self.factor)]
         for index, figure in enumerate(self.figure):
-            served = {"map": ("grid",), "sensitivity": ("saltelli",)}.get(figure.kind)
-            if served and self.sampling.method not in served:
-                raise refusal(f'method = "{served[0]}" for a {figure.kind}', "figure", index, "kind")
-            if figure.kind == "distribution" and self.sampling.method == "grid":
-                raise refusal("a random sample for a distribution, not a grid", "figure", index, "kind")
+            if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
+                raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
             for place, (column, output) in figure.columns.items():
-                known = self.outputs if output else factors if figure.kind == "map" else (*factors, *self.outputs)
+                every = self.every_output
+                known = every if output else factors if figure.kind == "map" else (*factors, *every)
                 if column not in known:
                     what = "an output of this study" if output else "a column of this study"
                     raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
@@ -133,6 +194,23 @@ class Study(Sourced):
     def outputs(self) -> tuple[str, ...]:
         """Names of the output columns, in their order."""
         return outputs_of(self.drive is not None, self.model == "verify", self.bands)
+
+    @property
+    def every_output(self) -> tuple[str, ...]:
+        """Names of the output columns and of the derived ones."""
+        return (*self.outputs, *(output.name for output in self.output))
+
+    def is_given(self, expression: str) -> bool:
+        """Whether an expression needs no answer of the model: factors and keys alone."""
+        derived = {output.name: output.expression for output in self.output}
+        used = names_in(expression)
+        return all(self.is_given(derived[name]) if name in derived else name not in self.outputs for name in used)
+
+    def in_full(self, expression: str) -> list[str]:
+        """An expression, and those of the derived outputs that it uses."""
+        derived = {output.name: output.expression for output in self.output}
+        used = (self.in_full(derived[name]) for name in names_in(expression) if name in derived)
+        return [expression, *(text for each in used for text in each)]
 
     @property
     def draws(self) -> bool:
@@ -174,11 +252,8 @@ class LoadedStudy:
 
     @property
     def hash(self) -> str:
-        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
-
-        How many designs there are counts only where it changes the first ones too.
-        """
-        unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit"}
+        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take."""
+        unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
         content = self.study.model_dump(mode="json", exclude=unneeded)
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
         if self.study.sampling.method in EXTENSIBLE:
@@ -189,8 +264,20 @@ class LoadedStudy:
             [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
             for name, keys, factor in self.columns
         ]
+        content["refused"] = [
+            [self.study.in_full(each.value), each.least, each.most, each.said]
+            for each in self.study.constraint
+            if self.study.is_given(each.value)
+        ]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
+    names = sorted(known)
+    for name in names_in(expression):
+        if name not in names:
+            raise refusal(f"columns and keys by name, not {shown(name)}{suggestion(name, names)}", *at)
 
 
 def load_study(path: str | os.PathLike[str]) -> LoadedStudy:

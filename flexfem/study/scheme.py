@@ -6,10 +6,11 @@ from typing import Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from flexfem.design import Label
 from flexfem.refusals import refusal
 from flexfem.tomlfile import Table
 
-Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli"]
+Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; a design and 100 columns are a kilobyte
 MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
 HELD: tuple[Method, ...] = ("latin_hypercube",)
@@ -17,21 +18,23 @@ EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more de
 
 
 class Sampling(Table):
-    """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`."""
+    """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
+    taken from a `file`."""
 
     method: Method
+    file: Label | None = None
     designs: int | None = Field(default=None, ge=1, le=MOST)
     base: int | None = Field(default=None, ge=2, le=MOST)
     seed: int | None = Field(default=None, ge=0, lt=2**63)
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
-        size = {"grid": None, "saltelli": "base"}.get(self.method, "designs")
-        wanted = () if size is None else (size, "seed")
+        size = {"saltelli": "base"}.get(self.method, "designs")
+        wanted = {"grid": (), "table": ("file",)}.get(self.method, (size, "seed"))
         for name in wanted:
             if name not in self.model_fields_set:
                 raise refusal(f'{name} for method = "{self.method}"')
-        for name in ("designs", "base", "seed"):
+        for name in ("designs", "base", "seed", "file"):
             if name in self.model_fields_set and name not in wanted:
                 raise refusal(f'no {name} with method = "{self.method}"', name)
         if self.base is not None and self.base & (self.base - 1):

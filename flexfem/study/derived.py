@@ -1,0 +1,104 @@
+"""Derived outputs and constraints of designs: arithmetic on factors, outputs and the keys of the stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.errors import BadInput
+from flexfem.study.conditions import Constraint
+from flexfem.study.designs import designs_of
+from flexfem.study.expression import names_in, value_of
+from flexfem.study.keys import Key, keys
+from flexfem.study.plan import LoadedStudy
+
+
+class Judged(NamedTuple):
+    """Derived outputs (n,) by name, nan where there is no finite value, and whether a design keeps all constraints."""
+
+    derived: dict[str, Array]
+    feasible: AnyArray
+
+
+def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Judged:
+    """Derived outputs and constraints of designs.
+
+    Parameters
+    ----------
+    columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have an answer, bool (n,).
+    """
+    known, feasible = dict(columns), np.array(ok, dtype=bool)
+    for output in loaded.study.output:
+        found = evaluated(loaded, output.expression, known)
+        known[output.name] = np.where(ok & np.isfinite(found), found, np.nan)
+    for constraint in loaded.study.constraint:
+        feasible &= ~constraint.broken(evaluated(loaded, constraint.value, known))
+    return Judged({output.name: known[output.name] for output in loaded.study.output}, feasible)
+
+
+def violations(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> dict[str, int]:
+    """How many designs with an answer break each constraint, by what the study calls it.
+
+    `columns` : factors, outputs and derived outputs, (n,) each, by name.
+    """
+    return {
+        constraint.said: int(np.sum(ok & constraint.broken(evaluated(loaded, constraint.value, columns))))
+        for constraint in loaded.study.constraint
+    }
+
+
+def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
+    """Why designs whose factors take `values` (n, columns) are not worth an answer, text (n,), "" where they are.
+
+    A constraint that asks for factors and keys alone is decided here, before anything is solved.
+    """
+    reason = np.full(len(values), "", dtype=object)
+    known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
+    for output in loaded.study.output:
+        if loaded.study.is_given(output.expression):
+            known[output.name] = evaluated(loaded, output.expression, known)
+    for constraint in loaded.study.constraint:
+        if loaded.study.is_given(constraint.value):
+            found = evaluated(loaded, constraint.value, known)
+            for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
+                reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
+    return reason
+
+
+def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array]) -> Array:
+    """Value (n,) of an expression of columns, (n,) each by name, and keys, all in file units."""
+    size = len(next(iter(columns.values())))
+    found = {
+        name: columns[name] if name in columns else _of_key(loaded, keys()[name], columns)
+        for name in names_in(expression)
+    }
+    return np.broadcast_to(value_of(expression, found), (size,))
+
+
+def require_values(loaded: LoadedStudy, constraint_or_output: str) -> None:
+    """Raise BadInput when an expression asks for a key that the stage has no value of."""
+    columns = {column.name for column in loaded.columns} | set(loaded.study.every_output)
+    for name in names_in(constraint_or_output):
+        if name not in columns and keys()[name].value_in(loaded.stage) is None:
+            raise BadInput(f"{name} has no value in the stage, expected a key that it gives")
+
+
+def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Array:
+    """Values (n,) of a key of the stage file, file units: what a factor sets, else the stage's own."""
+    for column in loaded.columns:
+        if key.path in column.keys:
+            return columns[column.name]
+    size = len(next(iter(columns.values())))
+    if key.table[:1] != ("override",):
+        return np.full(size, key.value_in(loaded.stage), dtype=np.float64)
+    designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
+    ((field, (chain, hinge)),) = key.places_in(loaded.stage)
+    return np.asarray(getattr(designs, field)[:, chain, hinge] / key.unit)
+
+
+def limits_of(constraint: Constraint) -> str:
+    """A constraint in words."""
+    return f"{constraint.said} {constraint.expected}"
