@@ -18,6 +18,7 @@ from flexfem.errors import BadInput
 from flexfem.layout.conditions import Broken, broken, conditions
 from flexfem.layout.feasibility import check_feasible
 from flexfem.layout.frames import Frames, direction, frames
+from flexfem.study.derived import refusals_of
 from flexfem.study.designs import Designs, designs_of, stage_of
 from flexfem.study.keys import keys
 from flexfem.study.outputs import common_columns, travel_columns
@@ -90,6 +91,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Answers:
         placed = frames(designs.link_lengths, designs.joint_angles, designs.axis)
         hinges = hinge_compliances(designs, study.formula, loaded.stage.model)
         reason = _first([*_off_limits(loaded, values), *_broken(designs, placed), *_senseless(loaded, designs, hinges)])
+        reason = np.where(reason == "", refusals_of(loaded, values), reason)
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
         bodies = _drawn(loaded, values, reason) if study.draws or study.links else None
         chains = chain_wrenches(chain_compliance(placed, hinges, freedoms), bodies if study.links else None)

@@ -41,9 +41,7 @@ def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> 
         ends = [*range(start, stop, BATCH), stop]
         batches = [_analytic(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
-        from flexfem.study.solving import solved_row
-
-        batches = [solved_row(loaded, values, inside) for values in sample(loaded, start, stop)]
+        batches = [_solved(loaded, values, inside) for values in sample(loaded, start, stop)]
     if not batches:
         nothing = np.array([], dtype=object)
         return Rows(nothing, nothing, np.empty((0, len(loaded.outputs))))
@@ -55,3 +53,13 @@ def _analytic(loaded: LoadedStudy, values: Array) -> Rows:
 
     reason, answers = answer_designs(loaded, values)
     return Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers)
+
+
+def _solved(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
+    from flexfem.study.derived import refusals_of
+    from flexfem.study.solving import solved_row
+
+    reason = refusals_of(loaded, values[None])
+    if reason[0]:
+        return Rows(np.array(["refused"], dtype=object), reason, np.full((1, len(loaded.outputs)), np.nan))
+    return solved_row(loaded, values, inside)

@@ -14,6 +14,7 @@ from flexfem.errors import BadInput
 from flexfem.files import replacing
 from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed
+from flexfem.study.table import with_derived, with_derived_fields
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
@@ -64,7 +65,7 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
         _writer(parts, file, path.suffix) as writer,
     ):
         for table in _groups(parts):
-            writer.write_table(table)
+            writer.write_table(with_derived(parts.loaded, table))
             written += len(table)
     return Collected(path, written, parts.loaded.count - written)
 
@@ -88,6 +89,7 @@ def _groups(parts: Parts) -> Iterator[Any]:
 
 
 def _writer(parts: Parts, file: BinaryIO, suffix: str) -> Any:
+    schema = with_derived_fields(parts.loaded, parts.table_schema)
     if suffix == ".csv":
-        return pyarrow.csv.CSVWriter(file, parts.table_schema)
-    return pq.ParquetWriter(file, parts.table_schema, **PARQUET)
+        return pyarrow.csv.CSVWriter(file, schema)
+    return pq.ParquetWriter(file, schema, **PARQUET)

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.design import Label
 from flexfem.refusals import refusal
 from flexfem.study.expression import names_in
@@ -63,7 +63,7 @@ class Constraint(Table):
         ends = (("at least", self.least), ("at most", self.most))
         return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
 
-    def broken(self, values: Array) -> Array:
+    def broken(self, values: Array) -> AnyArray:
         """Which values (n,) are outside, those that are no finite number among them."""
         low = -np.inf if self.least is None else self.least
         high = np.inf if self.most is None else self.most

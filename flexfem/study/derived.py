@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.errors import BadInput
-from flexfem.study.conditions import Constraint
 from flexfem.study.designs import designs_of
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.keys import Key, keys
@@ -69,21 +67,16 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
 
 
 def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array]) -> Array:
-    """Value (n,) of an expression of columns, (n,) each by name, and keys, all in file units."""
+    """Value (n,) of an expression of columns, (n,) each by name, and keys, in file units; nan where one is missing."""
     size = len(next(iter(columns.values())))
-    found = {
-        name: columns[name] if name in columns else _of_key(loaded, keys()[name], columns)
-        for name in names_in(expression)
-    }
+    found = {name: _named(loaded, name, columns) for name in names_in(expression)}
     return np.broadcast_to(value_of(expression, found), (size,))
 
 
-def require_values(loaded: LoadedStudy, constraint_or_output: str) -> None:
-    """Raise BadInput when an expression asks for a key that the stage has no value of."""
-    columns = {column.name for column in loaded.columns} | set(loaded.study.every_output)
-    for name in names_in(constraint_or_output):
-        if name not in columns and keys()[name].value_in(loaded.stage) is None:
-            raise BadInput(f"{name} has no value in the stage, expected a key that it gives")
+def _named(loaded: LoadedStudy, name: str, columns: Mapping[str, Array]) -> Array:
+    if name in columns:
+        return columns[name]
+    return _of_key(loaded, keys()[name], columns) if name in keys() else np.full(1, np.nan)
 
 
 def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Array:
@@ -97,8 +90,3 @@ def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Arra
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, (chain, hinge)),) = key.places_in(loaded.stage)
     return np.asarray(getattr(designs, field)[:, chain, hinge] / key.unit)
-
-
-def limits_of(constraint: Constraint) -> str:
-    """A constraint in words."""
-    return f"{constraint.said} {constraint.expected}"

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from flexfem.study.answer import answer
+from flexfem.study.derived import judge
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.keys import keys
 from flexfem.study.plan import LoadedStudy
@@ -17,12 +20,24 @@ def nominal(loaded: LoadedStudy) -> dict[str, float]:
     """Outputs of the base stage by column, and the factors it has one value of; no outputs when it has no answer."""
     factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(loaded.stage)]}),)
     changes = {"factor": factors, "sampling": Sampling(method="grid"), "bands": False}
+    changes |= {"correlation": (), "constraint": ()}
     study = loaded.study.model_copy(update=changes)
-    rows = answer(replace(loaded, study=study, columns=columns_of(factors)), 0, 1)
+    alone = replace(loaded, study=study, columns=columns_of(factors), given=None)
+    rows = answer(alone, 0, 1)
     found = own_values(loaded)
     if rows.status[0] == "ok":
         found |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
+        found |= _derived(alone, found)
     return found
+
+
+def _derived(alone: LoadedStudy, found: dict[str, float]) -> dict[str, float]:
+    """Derived outputs of the base stage, those that are finite."""
+    columns = {name: np.array([value]) for name, value in found.items()} | {
+        FIXED: np.array([keys()[FIXED].value_in(alone.stage)])
+    }
+    every = judge(alone, columns, np.array([True])).derived
+    return {name: float(value[0]) for name, value in every.items() if np.isfinite(value[0])}
 
 
 def own_values(loaded: LoadedStudy) -> dict[str, float]:

@@ -19,11 +19,12 @@ from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import load_feasible
 from flexfem.provenance import Sourced, is_assumed
-from flexfem.refusals import place_of, refusal, shown, suggestion
+from flexfem.refusals import dotted, place_of, refusal, shown, suggestion
 from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
 from flexfem.study.expression import names_in
 from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
+from flexfem.study.given import Given, given_of
 from flexfem.study.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Method, Sampling
@@ -220,18 +221,22 @@ class Study(Sourced):
 
 @dataclass(frozen=True)
 class LoadedStudy:
-    """A study with its base stage read and found feasible, and its columns; `stem` names its results."""
+    """A study with its base stage read and found feasible, and its columns; `stem` names its results.
+
+    `given` : the user's own table of designs, where the study samples from one.
+    """
 
     path: Path
     study: Study
     stage: Stage
     columns: tuple[Column, ...]
     stem: str
+    given: Given | None = None
 
     @property
     def count(self) -> int:
         """Number of designs."""
-        return self.study.count
+        return self.study.count if self.given is None else self.given.rows
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -252,10 +257,16 @@ class LoadedStudy:
 
     @property
     def hash(self) -> str:
-        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take."""
+        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
+
+        How many designs there are counts only where it changes the first ones too; derived outputs, and constraints on
+        outputs, are found from the answers.
+        """
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
         content = self.study.model_dump(mode="json", exclude=unneeded)
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
+        if self.given is not None:
+            content["sampling"] = content["sampling"] | {"file": self.given.digest}
         if self.study.sampling.method in EXTENSIBLE:
             content["sampling"] = content["sampling"] | {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
@@ -307,4 +318,30 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
         except BadInput as error:
             line = read_toml(path).lines.line(("factor", index))
             raise BadInput(f"{place_of(path, line)}: factor[{index}].{error}") from None
-    return LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem)
+    loaded = LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem, _given(path, study, columns))
+    _require_key_values(loaded)
+    return loaded
+
+
+def _given(path: str | os.PathLike[str], study: Study, columns: list[Column]) -> Given | None:
+    """The table of designs that a study file names, read through; None where it names none."""
+    if study.sampling.file is None:
+        return None
+    try:
+        return given_of(Path(path).parent / study.sampling.file, columns)
+    except BadInput as error:
+        line = read_toml(path).lines.line(("sampling", "file"))
+        raise BadInput(f"{place_of(path, line)}: sampling.file: {error}") from None
+
+
+def _require_key_values(loaded: LoadedStudy) -> None:
+    """Raise BadInput where an expression asks for a key that no factor sets and the stage leaves to a default."""
+    study, set_by = loaded.study, {path for column in loaded.columns for path in column.keys}
+    named = {*(column.name for column in loaded.columns), *study.every_output, *set_by}
+    places = [(output.expression, ("output", k, "expression")) for k, output in enumerate(study.output)]
+    places += [(constraint.value, ("constraint", k, "value")) for k, constraint in enumerate(study.constraint)]
+    for expression, place in places:
+        for name in names_in(expression):
+            if name not in named and keys()[name].value_in(loaded.stage) is None:
+                line = read_toml(loaded.path).lines.line(place)
+                raise BadInput(f"{place_of(loaded.path, line)}: {dotted(place)}: the stage has no {name} of its own")

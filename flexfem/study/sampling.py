@@ -7,7 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.study.conditions import normal_correlation
 from flexfem.study.factors import Factor
+from flexfem.study.given import rows_of
 from flexfem.study.plan import LoadedStudy
 
 BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of its own
@@ -25,12 +27,35 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
     """
     factors = [column.factor for column in loaded.columns]
     start, stop = max(start, 0), min(stop, loaded.count)
+    if loaded.given is not None:
+        return rows_of(loaded.given, tuple(column.name for column in loaded.columns), start, stop)
     if loaded.study.sampling.method == "grid":
         points = [grid_points(factor) for factor in factors]
         places = np.unravel_index(np.arange(start, stop), [len(each) for each in points])
         return np.stack([each[place] for each, place in zip(points, places, strict=True)], axis=-1)
-    quantiles = np.clip(_quantiles(loaded, start, stop), INSIDE, 1.0 - INSIDE)
+    quantiles = correlated(loaded, np.clip(_quantiles(loaded, start, stop), INSIDE, 1.0 - INSIDE))
     return np.stack([at_quantile(factor, u) for factor, u in zip(factors, quantiles.T, strict=True)], axis=-1)
+
+
+def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
+    """Quantiles (n, columns) with the rank correlations of the study, from independent ones between 0 and 1.
+
+    Notes
+    -----
+    A Gaussian copula (R. B. Nelsen, An Introduction to Copulas, 2nd ed., Springer 2006): normal deviates `L z` with
+    `L L' = R` of `conditions.normal_correlation`; every factor keeps its own distribution.
+    """
+    names = [column.name for column in loaded.columns]
+    pairs = loaded.study.correlation
+    among = sorted({names.index(name) for each in pairs for name in each.factors})
+    if not among or not len(quantiles):
+        return quantiles
+    from scipy.special import ndtr, ndtri
+
+    L = np.linalg.cholesky(normal_correlation([names[place] for place in among], pairs))
+    found = quantiles.copy()
+    found[:, among] = ndtr(np.einsum("ij,nj->ni", L, ndtri(quantiles[:, among])))  # row by row: no BLAS blocking
+    return np.clip(found, INSIDE, 1.0 - INSIDE)
 
 
 def grid_points(factor: Factor) -> Array:

@@ -10,12 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.errors import BadInput
+from flexfem.study.derived import judge
 from flexfem.study.parts import KEY
-from flexfem.study.plan import RESERVED, LoadedStudy
+from flexfem.study.plan import FEASIBLE, RESERVED, LoadedStudy
 
 OK = "ok"
 
@@ -24,13 +26,16 @@ class StudyTable(NamedTuple):
     """What was answered, design after design.
 
     design : (n,), numbers of the designs, ascending.   status, reason : (n,), text.
-    columns : factors in file units and outputs, (n,) each, by name; outputs are nan where the status is not ok.
+    columns : factors in file units, outputs and derived outputs, (n,) each, by name; the latter two are nan where the
+        status is not ok.
+    feasible : (n,), which designs have an answer and keep all constraints; None in a study without constraints.
     """
 
     design: Index
     status: AnyArray
     reason: AnyArray
     columns: Mapping[str, Array]
+    feasible: AnyArray | None = None
 
     @property
     def ok(self) -> AnyArray:
@@ -46,6 +51,18 @@ class StudyTable(NamedTuple):
     def unanswered(self) -> dict[str, AnyArray]:
         """Which designs, bool (n,), have no answer, by status, the most frequent first."""
         return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
+
+    @property
+    def infeasible(self) -> AnyArray:
+        """Which designs, bool (n,), have an answer but break a constraint."""
+        return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
+
+    @property
+    def considered(self) -> StudyTable:
+        """The table without the designs that break a constraint."""
+        keep = ~self.infeasible
+        columns = {name: values[keep] for name, values in self.columns.items()}
+        return StudyTable(self.design[keep], self.status[keep], self.reason[keep], columns)
 
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
@@ -74,7 +91,31 @@ def read_table(path: Path, loaded: LoadedStudy) -> StudyTable:
     stored = stored.sort_by("design")
     columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names[len(RESERVED) :]}
     design = np.asarray(stored["design"].to_numpy(), dtype=np.int64)
-    return StudyTable(design, _text(stored["status"]), _text(stored["reason"]), columns)
+    table = StudyTable(design, _text(stored["status"]), _text(stored["reason"]), columns)
+    found = judge(loaded, columns, table.ok)
+    feasible = found.feasible if loaded.study.constraint else None
+    return table._replace(columns=columns | found.derived, feasible=feasible)
+
+
+def with_derived(loaded: LoadedStudy, stored: Any) -> Any:
+    """An Arrow table of designs with columns for the derived outputs, and for whether all constraints are kept."""
+    names = [*(column.name for column in loaded.columns), *loaded.outputs]
+    columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
+    ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
+    found = judge(loaded, columns, ok)
+    added = {name: pa.array(values, mask=np.isnan(values)) for name, values in found.derived.items()}
+    if loaded.study.constraint:
+        added[FEASIBLE] = pa.array(found.feasible, mask=~ok)
+    for name, values in added.items():
+        stored = stored.append_column(name, values)
+    return stored
+
+
+def with_derived_fields(loaded: LoadedStudy, schema: Any) -> Any:
+    """The schema of `with_derived`, from that of the parts."""
+    for output in loaded.study.output:
+        schema = schema.append(pa.field(output.name, pa.float64()))
+    return schema.append(pa.field(FEASIBLE, pa.bool_())) if loaded.study.constraint else schema
 
 
 def _metadata(path: Path, stored: Any) -> dict[str, Any]:

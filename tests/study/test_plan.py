@@ -21,6 +21,7 @@ NORMAL = 'distribution = "normal"\nsd = 1.5'
 MONTE_CARLO = 'method = "monte_carlo"\ndesigns = 500\nseed = 7'
 GRID = (MONTE_CARLO, 'method = "grid"'), (RANGE, f"{RANGE}\npoints = 5"), (NORMAL, "values = [60.0, 70]")
 SALTELLI = (MONTE_CARLO, 'method = "saltelli"\nbase = 64\nseed = 7')
+TABLE = (f"{RANGE}\n", ""), (f"{NORMAL}\n", "")
 LAST = "sd = 1.5\n"
 ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
 PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "reach_x_um"'
@@ -28,6 +29,18 @@ PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "reach_x_um"'
 
 def figure(body: str) -> tuple[str, str]:
     return (LAST, f"{LAST}[[figure]]\n{body}\n")
+
+
+def output(expression: str, name: str = "ratio") -> tuple[str, str]:
+    return (LAST, f'{LAST}[[output]]\nname = "{name}"\nexpression = "{expression}"\n')
+
+
+def constraint(ends: str, value: str = "kxx_n_per_mm") -> tuple[str, str]:
+    return (LAST, f'{LAST}[[constraint]]\nvalue = "{value}"\n{ends}\n')
+
+
+def correlation(one: str, other: str, coefficient: float = 0.5) -> tuple[str, str]:
+    return (LAST, f'{LAST}[[correlation]]\nfactors = ["{one}", "{other}"]\ncoefficient = {coefficient}\n')
 
 
 HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
@@ -137,21 +150,64 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "figure of errors without verify": (
         [figure('kind = "distribution"\nvalues = ["error_x_percent"]')], ["figure[0].values[0]"]),
     "figure of a factor as output": ([figure('kind = "distribution"\nvalues = ["E"]')], ["figure[0].values[0]"]),
-    "map without a grid": (
-        [figure('kind = "map"\nx = "E"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"')],
-        ["figure[0].kind", "grid"]),
     "map of an output over outputs": (
         [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'map'\nx = 'E'\n"
             "y = 'kyy_n_per_mm'\nvalue = 'kxx_n_per_mm'")], ["figure[0].y"]),
     "map without a value": ([figure('kind = "map"\nx = "E"\ny = "hinges.base.neck_mm"')], ["figure[0]", "value"]),
-    "sensitivity without saltelli": (
-        [figure('kind = "sensitivity"\nvalues = ["kxx_n_per_mm"]')], ["figure[0].kind", "saltelli"]),
+    "sensitivity of a grid": (
+        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'sensitivity'\n"
+            "values = ['kxx_n_per_mm']")], ["figure[0].kind", "random sample", "grid"]),
     "distribution of a grid": (
         [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'distribution'\n"
             "values = ['kxx_n_per_mm']")], ["figure[0].kind", "grid"]),
     "pareto of one column": ([figure(PARETO.replace("reach_x_um", "kxx_n_per_mm"))], ["figure[0].y"]),
     "pareto with values": ([figure(f'{PARETO}\nvalues = ["kxx_n_per_mm"]')], ["figure[0].values", "pareto"]),
     "pareto of the worst": ([figure(f'{PARETO}\nx_better = "worse"')], ["figure[0].x_better"]),
+    "output that runs code": ([output("__import__('os').remove('x')")], ["output[0].expression", "brackets"]),
+    "output of an attribute": ([output("kxx_n_per_mm.__class__")], ["output[0].expression", "columns and keys"]),
+    "output of a power of powers": ([output("kxx_n_per_mm * 9**9**9**9j")], ["output[0].expression", "numbers"]),
+    "output as deep as brackets go": ([output("-" * 300 + "kxx_n_per_mm")], ["output[0].expression", "at most 50"]),
+    "output too long": ([output("+".join(["kxx_n_per_mm"] * 40))], ["output[0].expression", "at most 400"]),
+    "output of no column": ([output("kzz_n_per_mm / 2")], ["output[0].expression", "did you mean k"]),
+    "output of itself": ([output("2 * ratio")], ["output[0].expression", "columns and keys"]),
+    "output of numbers": ([output("2 * 3")], ["output[0].expression", "not numbers alone"]),
+    "output of a comparison": ([output("kxx_n_per_mm > 3")], ["output[0].expression", "brackets"]),
+    "output of a key that has no value": ([output("hinges.base.axis_deg")], ["output[0].expression", "axis_deg"]),
+    "output called as an output": ([output("kxx_n_per_mm", "kyy_n_per_mm")], ["output[0].name", "of its own"]),
+    "output called as a factor": ([output("kxx_n_per_mm", "E")], ["output[0].name", "of its own"]),
+    "output called feasible": ([output("kxx_n_per_mm", "feasible")], ["output[0].name", "of its own"]),
+    "output with blanks": ([output("kxx_n_per_mm", "k k")], ["output[0].name"]),
+    "constraint without ends": ([constraint("")], ["constraint[0]", "least, most or both"]),
+    "constraint crossed": ([constraint("least = 2\nmost = 1")], ["constraint[0].most = 1", ">= 2"]),
+    "constraint of no column": (
+        [constraint("most = 1", "kzz_n_per_mm")], ["constraint[0].value", "columns and keys"]),
+    "constraint of factors with saltelli": (
+        [constraint("most = 1", "E / 2"), SALTELLI], ["constraint[0].value", "saltelli", "dependent"]),
+    "correlation of one factor": ([correlation("E", "E")], ["correlation[0].factors[1]", "another factor"]),
+    "correlation of no factor": ([correlation("E", "F")], ["correlation[0].factors[1]", "a factor by its column"]),
+    "correlation of one": ([correlation("E", "hinges.base.neck_mm", 1)], ["correlation[0].coefficient", "< 1"]),
+    "correlation of a list": (
+        [correlation("E", "hinges.base.neck_mm"), (RANGE, "values = [0.5, 0.6]")], ["correlation[0].factors", "ties"]),
+    "correlation twice": (
+        [correlation("E", "hinges.base.neck_mm"), correlation("hinges.base.neck_mm", "E")], ["each pair once"]),
+    "correlation with saltelli": (
+        [correlation("E", "hinges.base.neck_mm"), SALTELLI], ["correlation", "saltelli", "independent"]),
+    "correlation of a grid": ([correlation("E", "hinges.base.neck_mm"), *GRID], ["correlation", "grid"]),
+    "correlations that no factors have": (
+        [(LAST, f"{LAST}[[factor]]\nkey = 'thickness_mm'\nfrom = 8\nto = 9\n"),
+         ("[[factor]]\nkey = 'th", 
+          "".join(f"[[correlation]]\nfactors = {pair}\ncoefficient = {c}\n" for pair, c in (
+            (["E", "thickness_mm"], 0.9), (["E", "hinges.base.neck_mm"], 0.9),
+            (["thickness_mm", "hinges.base.neck_mm"], -0.9))) + "[[factor]]\nkey = 'th")],
+        ["correlation", "go together"]),
+    "table without a file": ([(MONTE_CARLO, 'method = "table"'), *TABLE], ["sampling", "file"]),
+    "table with values": (
+        [(MONTE_CARLO, 'method = "table"\nfile = "stage.toml"'), TABLE[0]], ["factor[1]", "no values", "table"]),
+    "table of another kind": (
+        [(MONTE_CARLO, 'method = "table"\nfile = "stage.toml"'), *TABLE], ["sampling.file", "stage.toml", ".csv"]),
+    "table that is not there": (
+        [(MONTE_CARLO, 'method = "table"\nfile = "no.csv"'), *TABLE], ["line 9", "no.csv", "no such file"]),
+    "file without a table": ([("seed = 7", 'seed = 7\nfile = "a.csv"')], ["line 11", "file", "monte_carlo"]),
     "provenance of nothing": ([(LAST, f'{LAST}[provenance]\n"factor[2]" = "assumed"\n')], ["provenance", "factor[1]"]),
     "provenance unquoted": ([(LAST, f'{LAST}[provenance]\ndrive.stroke_um = "assumed"\n')], ["provenance"]),
 }  # fmt: skip
