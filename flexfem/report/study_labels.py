@@ -51,6 +51,7 @@ METHODS: dict[Method, str] = {
     "sobol": "Sobol",
     "monte_carlo": "Monte Carlo",
     "saltelli": "Saltelli",
+    "table": "a table of designs",
 }
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 

@@ -37,7 +37,13 @@ class Source(NamedTuple):
 
     def quantity(self, name: str) -> Quantity:
         """What a column is called."""
-        return next((factor(column) for column in self.loaded.columns if column.name == name), None) or output(name)
+        for column in self.loaded.columns:
+            if column.name == name:
+                return factor(column)
+        for derived in self.loaded.study.output:
+            if derived.name == name:
+                return Quantity(derived.label or name, derived.unit or "")
+        return output(name)
 
     def axis(self, name: str) -> Quantity:
         """What a column is called, logarithmic where its values are far apart."""

@@ -99,7 +99,13 @@ def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solve
     assert list(rows.status) == ["refused" if out else "ok" for out in outside]
     first = int(np.flatnonzero(outside)[0])
     assert rows.reason[first] == f"constraint t/R = {neck[first] / 3.9:.6g}, expected at least 0.12 and at most 0.15"
-    edits = (("0.12", "0.13"), ("0.15", "0.16"), ("/ hinges.base", "/ 1.01 / hinges.base"), ("/ 1.0", "/ 1.1"))
+    edits = (
+        ("0.12", "0.13"),
+        ("0.15", "0.16"),
+        ("/ hinges.base", "/ 1.01 / hinges.base"),
+        ("/ 1.0", "/ 1.1"),
+        ("t/R", "t/r"),
+    )
     for old, new in edits:
         assert old in OUTPUTS + limit
         changed = studies.of(FEW, NECK, RADIUS, head=head, tail=(OUTPUTS + limit).replace(old, new))
