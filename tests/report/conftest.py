@@ -8,6 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from flexfem.arrays import Array
+from flexfem.verify.budget import Budget, Share, Split
+from flexfem.verify.converge import MeshStudy
+from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty
 
 HINGES = ("base", "elbow", "platform")
@@ -44,8 +48,8 @@ def model(**changes: Any) -> Model:
         "formula_in_range": True,
         "assumed": [],
         "not_stated": [],
-        "stiffness": np.diag([41.0, 43.0, 47000.0]).tolist(),
-        "compliance": np.diag([1 / 37.0, 1 / 38.5, 1 / 39000.0]).tolist(),
+        "stiffness": [[41.0, 2.3, 310.0], [2.1, 43.0, -290.0], [330.0, -270.0, 47000.0]],
+        "compliance": np.linalg.inv([[37.0, 1.5, 220.0], [1.4, 38.5, -310.0], [230.0, -300.0, 39000.0]]).tolist(),
         "force": [[-2.05, 0.0, 0.0], [0.0, 0.0, 0.0], [2.05, 1e-17, 0.0]],
         "neck_stress": [[1.0, 2.0, 3.0], [4.0, 31.7, 6.0], [7.0, 8.0, 9.0]],
         "lever": 21.0,
@@ -79,20 +83,80 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Res
         for label, (a, b, c) in errors.items()
     }
     percent = {label: Triple(x=100 * a, y=100 * b, theta=100 * c) for label, (a, b, c) in errors.items()}
-    given.setdefault("uncertainty", {label: {axis: uncertainty() for axis in ("x", "y", "theta")} for label in errors})
+    given.setdefault(
+        "uncertainty",
+        {
+            label: {axis: uncertainty(0.0173 + 0.01 * k + 0.1 * row) for k, axis in enumerate(("x", "y", "theta"))}
+            for row, label in enumerate(errors)
+        },
+    )
     return Result(curves=curves, error_percent=percent, models=models, **given)
 
 
-def uncertainty() -> Uncertainty:
-    return Uncertainty(
-        resolutions=[3, 4, 6],
-        values=[1.1, 1.02, 1.0],
-        verdict="converging",
-        order=3.1,
-        observed=3.1,
-        extrapolated=0.99,
-        band=0.0173,
-    )
+def uncertainty(band: float, **changes: Any) -> Uncertainty:
+    given = {"resolutions": [3, 4, 6], "values": [1.1, 1.02, 1.0], "verdict": "converging", "order": 2.7}
+    return Uncertainty(**(given | {"observed": 3.1, "extrapolated": 0.99, "band": band} | changes))
+
+
+def budget(**changes: Any) -> Budget:
+    """Shares that differ in all directions and within each, of both signs; what is across is not what is along."""
+    shares = {
+        "x": [(0.216, 9.1, 8.1), (11.796, 9.2, 8.2), (0.526, 9.3, 8.3), (-0.308, 9.4, 8.4), (-0.139, 9.5, 8.5)],
+        "y": [(7.1, -0.411, 6.1), (7.2, 8.523, 6.2), (7.3, 0.731, 6.3), (7.4, 0.092, 6.4), (7.5, 0.253, 6.5)],
+        "theta": [(5.1, 4.1, 0.137), (5.2, 4.2, 9.685), (5.3, 4.3, -0.722), (5.4, 4.4, 0.051), (5.5, 4.5, 0.326)],
+    }
+    outside = {"x": (-10.533, 3.1, 3.2), "y": (2.1, 6.217, 2.2), "theta": (1.1, 1.2, -8.461)}
+    bands, amplitudes = {"x": 0.013, "y": 0.127, "theta": 0.245}, {"x": 0.05, "y": 0.07, "theta": 0.002}
+    split = {
+        axis: Split(
+            amplitude=amplitudes[axis],
+            shares=[Share(name=name, points=triple(one)) for name, one in zip(NAMES, found, strict=True)],
+            total=triple(tuple(np.sum(found, axis=0))),
+            band=bands[axis],
+            out_of_plane=triple(outside[axis]),
+        )
+        for axis, found in shares.items()
+    }
+    given = {"stage": "a stage $x_1$", "file": "one.toml", "hash": "1234", "plane": "plane_strain", "mobility": 6}
+    given |= {"formula": "paros-weisbord", "assumed": [], "split": split, "versions": {}}
+    return Budget(**(given | changes))
+
+
+NAMES = ("freedoms", "formula", "links", "what is left", "large displacement")
+
+
+def triple(values: tuple[float, ...]) -> Triple:
+    return Triple(x=values[0], y=values[1], theta=values[2])
+
+
+def mesh_study(**changes: Any) -> MeshStudy:
+    """Four meshes; the diagonal terms converge at orders 4, 3 and not at all, to values of their own."""
+    resolutions = np.array([2.0, 3.0, 5.0, 8.0])
+    limits = {"x": 0.0271, "y": 0.0263, "theta": 2.57e-5}
+    values = {
+        "x": limits["x"] * (1 - 0.3 * resolutions**-4),
+        "y": limits["y"] * (1 - 0.2 * resolutions**-3),
+        "theta": limits["theta"] * (1 + np.array([0.01, -0.02, 0.003, 0.007])),
+    }
+    compliance = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]]) * np.arange(1, 5)[:, None, None]
+    for k, found in enumerate(values.values()):
+        compliance[:, k, k] = found
+    bands, observed = {"x": 1.9e-4, "y": 8.3e-4, "theta": 4.1e-7}, {"x": 3.97, "y": 2.96, "theta": None}
+    verdicts = {"x": "converging", "y": "out of range", "theta": "oscillatory"}
+    found = {
+        axis: uncertainty(
+            bands[axis],
+            resolutions=[2, 3, 5, 8],
+            values=values[axis].tolist(),
+            extrapolated=limits[axis],
+            observed=observed[axis],
+            verdict=verdicts[axis],
+        )
+        for axis in values
+    }
+    given = {"stage": "a stage $x_1$", "file": "one.toml", "hash": "1234", "assumed": [], "resolutions": [2, 3, 5, 8]}
+    given |= {"triangles": [31, 77, 211, 545], "unknowns": [123, 234, 567, 1234], "compliance": compliance.tolist()}
+    return MeshStudy(**(given | {"uncertainty": found, "versions": {}} | changes))
 
 
 def fields() -> Fields:
@@ -116,16 +180,127 @@ def fields() -> Fields:
     )
 
 
+SHARE = {"without": 0.61, "tangent": 0.97, "exact": 1.0}
+
+
+def travel(axis: int, far: float, way: Array) -> Travel:
+    """Everything grows with the command: errors to `way`, per cent, for the exact load; the tangent twice as far."""
+    commanded, held = far * np.linspace(-1, 1, 41), far * np.linspace(-1, 1, 9)
+    size, aside = way[axis], float(np.delete(way, axis)[0])
+    shares = SHARE | {"elements": 0.9, "loaded": 1.2}
+
+    def position(at: Array, share: float = 1.0) -> Any:
+        return (share * (at / far)[:, None] * way).tolist()
+
+    ends = far * np.array([-1.0, -0.1, 0.1, 1.0])
+    return Travel(
+        commanded=commanded.tolist(),
+        load=np.outer(commanded, [3.0, 4.0, 5.0]).tolist(),
+        stiffness={name: (2 * share * size * commanded / far).tolist() for name, share in SHARE.items()},
+        position={name: position(commanded, share) for name, share in SHARE.items()},
+        elements=Elements(
+            commanded=held.tolist(),
+            load=np.outer(held, [3.0, 4.0, 5.0]).tolist(),
+            stiffness=(1.9 * size * held / far).tolist(),
+            position=position(held, 0.9),
+            strain=np.abs(held).tolist(),
+            loaded=np.outer(1.1 * ends, np.eye(3)[axis]).tolist(),
+            loaded_position=position(ends, 1.2),
+        ),
+        points=[
+            Point(
+                commanded=end,
+                stiffness={name: 2 * share * size * end / far for name, share in SHARE.items()}
+                | {"elements": 1.9 * size * end / far},
+                position={name: share * size * end / far for name, share in shares.items()},
+                across={name: share * aside * end / far for name, share in shares.items()},
+            )
+            for end in ends.tolist()
+        ],
+    )
+
+
+def workspace(**changes: Any) -> Workspace:
+    given = {
+        "stage": "a stage $x_1$",
+        "file": "one.toml",
+        "hash": "1234",
+        "plane": "plane_stress",
+        "mobility": 6,
+        "formula": "paros-weisbord",
+        "assumed": [],
+        "amplitude": {"x": 0.3, "y": 0.4, "theta": 0.006},
+        "resolution": 4,
+        "unknowns": 1234,
+        "travel": {
+            "x": travel(0, 0.3, np.array([0.7, 0.31, -0.17])),
+            "y": travel(1, 0.4, np.array([0.22, -0.4, 0.13])),
+            "theta": travel(2, 0.006, np.array([0.0, 0.0, 0.2])),
+        },
+        "small": Box(position=0.123, terms=0.045),
+        "box": Box(position=1.237, terms=0.678),
+        "versions": {},
+    }
+    return Workspace(**(given | changes))
+
+
+SIZES = {
+    "m": 1e3,
+    "mm": 1.0,
+    "µm": 1e-3,
+    "nm": 1e-6,
+    "pm": 1e-9,
+    "rad": 1.0,
+    "mrad": 1e-3,
+    "µrad": 1e-6,
+    "nrad": 1e-9,
+    "prad": 1e-12,
+    "%": 1.0,
+}
+
+
+def size_in(label: str) -> float:
+    """What one of the unit in the brackets of a label is, in mm or rad."""
+    return SIZES[label.rpartition("(")[2].rstrip(")")]
+
+
+def extent(filled: Any) -> Array:
+    """Ascending abscissae of a filled band, with its lower and upper ends there, (n, 3)."""
+    (path,) = filled.get_paths()
+    places = np.unique(path.vertices[:, 0])
+    sides = [path.vertices[path.vertices[:, 0] == x, 1] for x in places]
+    return np.array([(x, side.min(), side.max()) for x, side in zip(places, sides, strict=True)])
+
+
+def texts(figure: Any) -> list[str]:
+    """All that is written in a figure but at its axes, with plain spaces on one line each."""
+    legends = [axes.get_legend() for axes in figure.axes] + figure.legends
+    found = [
+        text for where in (figure, *figure.axes, *(each for each in legends if each)) for text in where_texts(where)
+    ]
+    return [text.get_text().replace("\n", " ").replace("\N{NO-BREAK SPACE}", " ") for text in found]
+
+
+def where_texts(where: Any) -> list[Any]:
+    return where.get_texts() if hasattr(where, "get_texts") else where.texts
+
+
 class Made(NamedTuple):
-    """Makers of stored results."""
+    """Makers of stored results, and readers of what was drawn."""
 
     hinges: Callable[..., list[HingeDrawing]]
     model: Callable[..., Model]
     result: Callable[..., Result]
     fields: Callable[..., Fields]
+    budget: Callable[..., Budget]
+    mesh_study: Callable[..., MeshStudy]
+    workspace: Callable[..., Workspace]
+    size_in: Callable[[str], float]
+    extent: Callable[[Any], Array]
+    texts: Callable[[Any], list[str]]
 
 
 @pytest.fixture(scope="session")
 def made() -> Made:
     """Makers of stored results with made-up numbers."""
-    return Made(hinges, model, result, fields)
+    return Made(hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts)

@@ -5,119 +5,89 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.report.style import rendered
 from flexfem.report.workspace import workspace_figure
-from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 
-NAMES = ("without", "tangent", "exact")
-SHARE = {"without": 0.61, "tangent": 0.97, "exact": 1.0}
-
-
-def travel(axis: int, far: float, size: float, aside: float) -> Travel:
-    commanded, held = far * np.linspace(-1, 1, 41), far * np.linspace(-1, 1, 9)
-    way = np.full(3, aside)
-    way[axis] = size
-
-    def position(at, share=1.0):
-        return (share * (at / far)[:, None] * way).tolist()
-
-    ends = far * np.array([-1.0, -0.1, 0.1, 1.0])
-    return Travel(
-        commanded=commanded.tolist(),
-        load=np.outer(commanded, [3.0, 4.0, 5.0]).tolist(),
-        stiffness={name: (2 * share * size * commanded / far).tolist() for name, share in SHARE.items()},
-        position={name: position(commanded, share) for name, share in SHARE.items()},
-        elements=Elements(
-            commanded=held.tolist(),
-            load=np.outer(held, [3.0, 4.0, 5.0]).tolist(),
-            stiffness=(1.9 * size * held / far).tolist(),
-            position=position(held, 0.9),
-            strain=np.abs(held).tolist(),
-            loaded=np.outer(1.1 * ends, np.eye(3)[axis]).tolist(),
-            loaded_position=position(ends, 1.2),
-        ),
-        points=[
-            Point(
-                commanded=end,
-                stiffness={name: 2 * share * size * end / far for name, share in SHARE.items()},
-                position={name: share * size * end / far for name, share in SHARE.items()},
-                across=dict.fromkeys(NAMES, aside),
-            )
-            for end in ends.tolist()
-        ],
-    )
+SHARE = {"(16) without its second-order terms": 0.61, "(16)": 0.97, "exact equilibrium": 1.0}
+HELD, LOADED = "finite elements held at the command", "finite elements under the load of exact equilibrium"
+FAR = {"X": (0.3, "µm"), "Y": (0.4, "µm"), "θ": (0.006, "mrad")}  # mm, rad
+WAY = {"X": (0.7, 0.31, -0.17), "Y": (0.22, -0.4, 0.13), "θ": (0.0, 0.0, 0.2)}  # per cent at the largest command
 
 
-def found(**changes) -> Workspace:
-    given = {
-        "stage": "a stage $x_1$",
-        "file": "one.toml",
-        "hash": "1234",
-        "plane": "plane_stress",
-        "mobility": 6,
-        "formula": "paros-weisbord",
-        "assumed": [],
-        "not_stated": [],
-        "warnings": [],
-        "amplitude": {"x": 0.3, "y": 0.3, "theta": 0.006},
-        "resolution": 4,
-        "unknowns": 1234,
-        "travel": {
-            "x": travel(0, 0.3, 0.7, 0.31),
-            "y": travel(1, 0.3, -0.4, 0.22),
-            "theta": travel(2, 0.006, 0.2, 0.0),
-        },
-        "small": Box(position=0.123, terms=0.045),
-        "box": Box(position=1.237, terms=0.678),
-        "versions": {},
-    }
-    return Workspace(**(given | changes))
+@pytest.fixture(scope="module")
+def figure(made):
+    return workspace_figure(made.workspace())
 
 
 def shown(axes, label):
     """Points of the lines of a label."""
-    return [np.column_stack(line.get_data()) for line in axes.get_lines() if line.get_label().startswith(label)]
+    return [line.get_xydata() for line in axes.get_lines() if line.get_label() == label]
 
 
-def test_each_direction_shows_stiffness_and_errors_along_and_across() -> None:
-    made = found()
-    panels = workspace_figure(made).axes
-    assert len(panels) == 9
-    for row, (direction, factor) in enumerate((("x", 1e3), ("y", 1e3), ("theta", 1e3))):
-        way, (stiff, along, across) = made.travel[direction], panels[3 * row : 3 * row + 3]
-        x, held = factor * np.array(way.commanded), factor * np.array(way.elements.commanded)
-        label = "(16) without"
-        np.testing.assert_allclose(shown(stiff, label)[0], np.column_stack([x, way.stiffness["without"]]))
-        exact = np.array(way.position["exact"])
-        np.testing.assert_allclose(shown(along, "exact")[0][:, 1], exact[:, row])
-        others = [k for k in range(3) if k != row]
-        for line, other in zip(shown(across, "exact"), others, strict=True):
-            np.testing.assert_allclose(line[:, 1], exact[:, other])
-        for axes, values in ((stiff, way.elements.stiffness), (along, np.array(way.elements.position)[:, row])):
-            np.testing.assert_allclose(shown(axes, "finite elements held")[0], np.column_stack([held, values]))
-        loaded = shown(along, "finite elements under the load")[0]
-        np.testing.assert_allclose(loaded[:, 1], np.array(way.elements.loaded_position)[:, row])
+def test_each_direction_shows_stiffness_and_errors_along_and_across_by_name(made, figure):
+    fine, coarse, ends = np.linspace(-1, 1, 41), np.linspace(-1, 1, 9), np.array([-1.0, -0.1, 0.1, 1.0])
+    assert len(figure.axes) == 9
+    for row, (name, (far, unit)) in enumerate(FAR.items()):
+        panels = figure.axes[3 * row : 3 * row + 3]
+        for axes in panels:
+            assert axes.get_xlabel() == f"commanded {name} ({unit})"
+        scale = far / made.size_in(panels[0].get_xlabel())
+        along, aside = WAY[name][row], [WAY[name][k] for k in range(3) if k != row]
+        for axes, sizes, elements in (
+            (panels[0], [2 * along], 1.9 / 2),
+            (panels[1], [along], 0.9),
+            (panels[2], aside, 0.9),
+        ):
+            for label, share in SHARE.items():
+                for line, size in zip(shown(axes, label), sizes, strict=True):
+                    np.testing.assert_allclose(line, np.column_stack([scale * fine, share * size * fine]), atol=1e-12)
+            for line, size in zip(shown(axes, HELD), sizes, strict=True):
+                np.testing.assert_allclose(
+                    line, np.column_stack([scale * coarse, elements * size * coarse]), atol=1e-12
+                )
+        (loaded,) = shown(panels[1], LOADED)
+        np.testing.assert_allclose(loaded, np.column_stack([scale * ends, 1.2 * along * ends]), atol=1e-12)
+        assert not shown(panels[0], LOADED) and not shown(panels[2], LOADED)
 
 
-def test_the_figure_says_what_the_terms_are_worth() -> None:
-    texts = [text.get_text() for axes in workspace_figure(found()).axes[:3] for text in axes.texts]
-    worth = 2 * (SHARE["tangent"] - SHARE["without"]) * 0.7
-    assert any(f"\N{MINUS SIGN}{worth:.2f}, +{worth:.2f}" in text for text in texts)
-    figure = " ".join(text.get_text().replace("\n", " ") for text in workspace_figure(found()).texts)
-    assert "within ±30 µm and ±0.6 mrad" in figure and "0.12 %" in figure and "1.24 %" in figure
+def test_panels_say_what_they_show(figure):
+    kinds = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
+    titles = [f"({'abcdefghi'[k]}) {'XYθ'[k // 3]}: {kinds[k % 3]}" for k in range(9)]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
+    assert [axes.get_ylabel() for axes in figure.axes] == 3 * [
+        "change from rest (%)",
+        *2 * ["error (% of the command)"],
+    ]
+    legend = {text.get_text(): line for text, line in zip(figure.legends[0].get_texts(), figure.legends[0].get_lines())}
+    assert set(legend) == {*SHARE, HELD, LOADED, "linear theory, (18)"}
+    for line in figure.axes[1].get_lines():
+        look = legend[line.get_label()]
+        assert (look.get_color(), look.get_marker(), look.get_linestyle()) == (
+            line.get_color(),
+            line.get_marker(),
+            line.get_linestyle(),
+        )
+    for axes, names in zip(figure.axes[2:6:3], (("Y", 0.31, "θ", -0.17), ("X", 0.22, "θ", 0.13)), strict=True):
+        assert [part for text in axes.texts for part in (text.get_text()[3:], round(text.xy[1], 9))] == list(names)
 
 
-def test_a_panel_with_nothing_but_round_off_says_so() -> None:
-    panels = workspace_figure(found()).axes
-    said = [any("round-off only" in text.get_text() for text in axes.texts) for axes in panels]
+def test_the_figure_says_what_the_terms_are_worth(made, figure):
+    minus = "\N{MINUS SIGN}"
+    said = [
+        [text.get_text().split("\n")[1] for text in axes.texts] for k in range(3) for axes in figure.axes[3 * k :][:2]
+    ]
+    expected = [0.72 * 0.7, 0.36 * 0.7, 0.72 * -0.4, 0.36 * -0.4, 0.72 * 0.2, 0.36 * 0.2]
+    assert said == [[f"{-worth:+.2f}, {worth:+.2f}".replace("-", minus)] for worth in expected]
+    text = " ".join(made.texts(figure))
+    assert "within ±30 µm and ±0.6 mrad linear theory misses the position by up to 0.12 %" in text
+    assert "within ±300 µm and ±6 mrad by 1.24 %" in text
+    assert "tangent compliance there by up to 0.04 and 0.68 %" in text or "up to 0.05 and 0.68 %" in text
+    assert "mobility 6, paros-weisbord" in text and "(1234 unknowns)" in text and "assumed" not in text
+
+
+def test_a_panel_with_nothing_but_round_off_says_so(made, figure):
+    said = [any("round-off only" in text.get_text() for text in axes.texts) for axes in figure.axes]
     assert said == [False] * 8 + [True]
-
-
-@pytest.mark.parametrize(("assumed", "noted"), [([], False), (["thickness_mm"], True)])
-def test_assumed_dimensions_are_marked(assumed, noted) -> None:
-    texts = [text.get_text() for text in workspace_figure(found(assumed=assumed)).texts]
-    assert any("assumed" in text for text in texts) == noted
-
-
-def test_the_same_record_gives_the_same_bytes() -> None:
-    assert rendered(workspace_figure(found()), "png") == rendered(workspace_figure(found()), "png")
+    low, high = figure.axes[8].get_ylim()
+    assert [text.get_text() for text in figure.axes[8].texts] == ["round-off only, axis ±1×10⁻⁴ %"]
+    assert (low, high) == (-1e-4, 1e-4)
+    assert "assumed dimensions" in made.texts(workspace_figure(made.workspace(assumed=["thickness_mm"])))
