@@ -11,8 +11,8 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.verify.budget import Budget, Share, Split
 from flexfem.verify.converge import MeshStudy
-from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty
+from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 
 HINGES = ("base", "elbow", "platform")
 PLACES = ((52.0, -30.0), (25.0, -31.0), (21.0, 3.0))

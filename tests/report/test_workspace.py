@@ -57,7 +57,10 @@ def test_panels_say_what_they_show(figure):
         "change from rest (%)",
         *2 * ["error (% of the command)"],
     ]
-    legend = {text.get_text(): line for text, line in zip(figure.legends[0].get_texts(), figure.legends[0].get_lines())}
+    legend = {
+        text.get_text(): line
+        for text, line in zip(figure.legends[0].get_texts(), figure.legends[0].get_lines(), strict=True)
+    }
     assert set(legend) == {*SHARE, HELD, LOADED, "linear theory, (18)"}
     for line in figure.axes[1].get_lines():
         look = legend[line.get_label()]
