@@ -118,7 +118,14 @@ def budget(**changes: Any) -> Budget:
         for axis, found in shares.items()
     }
     given = {"stage": "a stage $x_1$", "file": "one.toml", "hash": "1234", "plane": "plane_strain", "mobility": 6}
-    given |= {"formula": "paros-weisbord", "assumed": [], "split": split, "versions": {}}
+    given |= {
+        "formula": "paros-weisbord",
+        "assumed": [],
+        "not_stated": [],
+        "warnings": [],
+        "split": split,
+        "versions": {},
+    }
     return Budget(**(given | changes))
 
 
@@ -154,7 +161,15 @@ def mesh_study(**changes: Any) -> MeshStudy:
         )
         for axis in values
     }
-    given = {"stage": "a stage $x_1$", "file": "one.toml", "hash": "1234", "assumed": [], "resolutions": [2, 3, 5, 8]}
+    given = {
+        "stage": "a stage $x_1$",
+        "file": "one.toml",
+        "hash": "1234",
+        "assumed": [],
+        "not_stated": [],
+        "warnings": [],
+        "resolutions": [2, 3, 5, 8],
+    }
     given |= {"triangles": [31, 77, 211, 545], "unknowns": [123, 234, 567, 1234], "compliance": compliance.tolist()}
     return MeshStudy(**(given | {"uncertainty": found, "versions": {}} | changes))
 
@@ -229,6 +244,8 @@ def workspace(**changes: Any) -> Workspace:
         "mobility": 6,
         "formula": "paros-weisbord",
         "assumed": [],
+        "not_stated": [],
+        "warnings": [],
         "amplitude": {"x": 0.3, "y": 0.4, "theta": 0.006},
         "resolution": 4,
         "unknowns": 1234,

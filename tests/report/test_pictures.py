@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from pathlib import Path
+
 import matplotlib as mpl
 import numpy as np
 import pytest
 
+from flexfem.report import style
 from flexfem.report.deformed import deformed_figure, exaggeration, largest_stress, name_of_place
 from flexfem.report.hinge_sketch import hinge_rows, hinge_sketch
 from flexfem.report.mesh_pictures import neck_figure, stage_figure
@@ -35,12 +39,24 @@ def test_assumed_numbers_are_announced_exactly_when_there_are_some(made, name, a
     assert ("assumed dimensions" in texts(figure)) == bool(assumed)
 
 
-@pytest.mark.parametrize("name", PICTURES)
-def test_settings_of_the_user_change_nothing(made, name):
-    usual = rendered(PICTURES[name](made, made.model()), "png")
+def test_settings_of_the_user_change_nothing(made):
+    usual = rendered(PICTURES["model"](made, made.model()), "png")
     with mpl.rc_context({"font.size": 25, "lines.linewidth": 9, "savefig.dpi": 40, "text.color": "green"}):
-        assert rendered(PICTURES[name](made, made.model()), "png") == usual
+        assert rendered(PICTURES["model"](made, made.model()), "png") == usual
         assert mpl.rcParams["font.size"] == 25
+
+
+def test_every_figure_is_drawn_in_the_style_of_the_house():
+    folder = Path(style.__file__).parent
+    modules = [import_module(f"flexfem.report.{path.stem}") for path in folder.glob("*.py")]
+    drawing = {
+        name: found
+        for module in modules
+        for name, found in vars(module).items()
+        if name.endswith(("_figure", "_sketch")) and name != "new_figure"
+    }
+    assert {"error_figure", "budget_figure", "map_figure", "hinge_sketch"} <= drawing.keys()
+    assert all(found.__code__.co_name == "styled" for found in drawing.values())
 
 
 def test_nine_hinges_are_numbered(made):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flexfem.report.numbers import SPACE
-from flexfem.report.style import rendered
 from flexfem.report.thickness import ThicknessReview, thickness_figure
 
 X = np.geomspace(0.5, 50.0, 30)
@@ -59,7 +58,3 @@ def test_hinges_of_a_stage_are_marked_where_they_are() -> None:
 
 def test_the_figure_does_without_a_stage() -> None:
     assert len(thickness_figure(review(marked={})).axes[0].get_lines()) == 5
-
-
-def test_the_same_review_gives_the_same_bytes() -> None:
-    assert rendered(thickness_figure(review()), "png") == rendered(thickness_figure(review()), "png")
