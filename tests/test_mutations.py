@@ -1,4 +1,4 @@
-"""Deliberate errors in the physics, and for each the test that must catch it.
+"""Deliberate errors in the physics and in numbers derived from it, and for each the test that must catch it.
 
 Every row is put into a copy of the project, one at a time, and exactly the named test is run there.
 """
@@ -153,6 +153,104 @@ MUTATIONS = [
         "error = command - force @ compliance.T",
         "tests/verify/test_protocol.py::test_error_is_finite_element_displacement_minus_commanded",
     ),
+    Mutation(
+        "a neck bent as if it were half as strong",
+        "study/stress.py",
+        "(6.0 * K.bending",
+        "(3.0 * K.bending",
+        "tests/study/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
+    ),
+    Mutation(
+        "a pulled neck concentrates stress as a bent one",
+        "study/stress.py",
+        "(K.tension / area)",
+        "(K.bending / area)",
+        "tests/study/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
+    ),
+    Mutation(
+        "no safety factor in the mesh band",
+        "verify/convergence.py",
+        "SAFETY, CAUTIOUS = 1.25, 3.0",
+        "SAFETY, CAUTIOUS = 1.0, 3.0",
+        "tests/verify/test_convergence.py::test_celik_2008_worked_example_of_table_1",
+    ),
+    Mutation(
+        "thick hinges softer instead of stiffer",
+        "verify/budget.py",
+        "_triple(percent(thick) - percent(ladder[-1]))",
+        "_triple(percent(ladder[-1]) - percent(thick))",
+        "tests/verify/test_budget.py::test_hinges_wide_out_of_plane_are_stiffer_by_up_to_nu_squared",
+    ),
+    Mutation(
+        "the band of X for every command",
+        "verify/budget.py",
+        "band=found[axis].band",
+        "band=found[0].band",
+        "tests/verify/test_budget.py::test_the_band_and_the_amplitude_are_those_of_the_commanded_direction",
+    ),
+    Mutation(
+        "share of the wrong error",
+        "verify/measures.py",
+        "100 * (without - _along(on.six)) / without",
+        "100 * (without - _along(on.six)) / _along(on.six)",
+        "tests/verify/test_measures.py::test_the_axial_share_is_of_the_error_without_the_axial_freedom",
+    ),
+    Mutation(
+        "gain of compliance for loss of stiffness",
+        "verify/measures.py",
+        "100 * (1 - 1 / np.diag(on.six.compliance @ on.six.stiffness))",
+        "100 * (np.diag(on.six.compliance @ on.six.stiffness) - 1)",
+        "tests/verify/test_measures.py::test_the_loss_of_stiffness_is_of_the_models",
+    ),
+    Mutation(
+        "cross errors of the direction for those of the command",
+        "verify/alternatives.py",
+        "np.abs(percent - np.diag(np.diag(percent))), axis=0)",
+        "np.abs(percent - np.diag(np.diag(percent))), axis=1)",
+        "tests/verify/test_claims.py::test_an_alternative_errs_along_its_commands_and_at_most_so_much_across_each",
+    ),
+    Mutation(
+        "R/t upside down",
+        "verify/alternatives.py",
+        '"neck": hinge.radius / ratio',
+        '"neck": hinge.radius * ratio',
+        "tests/verify/test_claims.py::test_stubby_necks_are_a_third_of_their_radius_and_all_of_it",
+    ),
+    Mutation(
+        "a mesh study of X alone",
+        "verify/converge.py",
+        "compliance[:, k, k]",
+        "compliance[:, 0, 0]",
+        "tests/verify/test_converge.py::test_each_direction_has_its_own_values_order_limit_and_band",
+    ),
+    Mutation(
+        "a stage known without its platform's radius",
+        "design.py",
+        '"override": True, "material": {"name"}}',
+        '"override": True, "material": {"name"}, "platform": {"radius"}}',
+        "tests/study/test_hash.py::test_every_key_of_a_stage_changes_its_hash_but_names_and_provenance",
+    ),
+    Mutation(
+        "first-order and total Sobol indices swapped",
+        "study/sensitivity.py",
+        '("S1", "S1_conf", "ST", "ST_conf")',
+        '("ST", "ST_conf", "S1", "S1_conf")',
+        "tests/study/test_findings.py::test_shares_are_by_factor_and_first_order_is_not_total",
+    ),
+    Mutation(
+        "a thousandth in the axial compliance of the hinge chart",
+        "analytic/notch.py",
+        "axial=factors.axial * slender.axial + 0.0 * nu",
+        "axial=1.001 * factors.axial * slender.axial + 0.0 * nu",
+        "tests/analytic/test_chart.py::test_calibrated_hinges_are_those_of_direct_finite_elements",
+    ),
+    Mutation(
+        "a lever upside down in the error over the workspace",
+        "analytic/second_order.py",
+        "found, scale = tangents(of, poses), np.array([1.0, 1.0, lever])",
+        "found, scale = tangents(of, poses), np.array([1.0, 1.0, 1 / lever])",
+        "tests/verify/test_workspace.py::test_the_box_is_searched_at_its_corners_edges_and_faces",
+    ),
 ]
 
 
@@ -179,11 +277,17 @@ def run(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.error)
-def test_the_text_to_spoil_is_there_once_and_its_test_exists(mutation: Mutation) -> None:
-    assert (ROOT / "flexfem" / mutation.file).read_text().count(mutation.old) == 1
-    file, name = mutation.test.split("::")
-    assert f"def {name}(" in (ROOT / file).read_text()
+def test_every_error_can_be_made_and_its_test_exists() -> None:
+    for mutation in MUTATIONS:
+        assert (ROOT / "flexfem" / mutation.file).read_text().count(mutation.old) == 1, mutation.error
+        assert mutation.old != mutation.new
+        file, name = mutation.test.split("::")
+        assert f"def {name}(" in (ROOT / file).read_text(), mutation.test
+
+
+def test_the_readme_counts_the_errors() -> None:
+    assert len({mutation.error for mutation in MUTATIONS}) == len(MUTATIONS)
+    assert f"{len(MUTATIONS)} deliberate errors" in (ROOT / "README.md").read_text()
 
 
 @pytest.mark.slow
