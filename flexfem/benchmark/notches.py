@@ -83,11 +83,11 @@ def run() -> list[Finding]:
     listed = [", ".join(f"{100 * value:.2f}" for value in column) for column in found.T]
     notes = [f"differences (%): {values} at t/R = {', '.join(f'{r:g}' for r in RATIOS)}" for values in listed]
     rows = [
-        (PAROS_WEISBORD, "rotation over (2), limit", 1.0, 1 + limit(tau, found[:, 0]), 1e-4, notes[0]),
-        (PAROS_WEISBORD, "axial over (3), limit", 1.0, 1 + limit(root, found[:, 1]), 2e-3, notes[1]),
-        (SLENDER, "rate of the rotation in t/R, limit", 1.0, limit(tau[1:], rates[:, 0]), 0.05, _list(rates[:, 0])),
-        (SLENDER, "rate of the axial in t/R, limit", 0.5, limit(root[1:], rates[:, 1]), 0.05, _list(rates[:, 1])),
-        (SLENDER, "rotation's difference over t/R, limit", 0.4, limit(tau, found[:, 0] / tau), 0.004, ""),
+        (PAROS_WEISBORD, "rotation over (2), limit", 1.0, 1 + limit(tau, found[:, 0]), 2e-5, notes[0]),
+        (PAROS_WEISBORD, "axial over (3), limit", 1.0, 1 + limit(root, found[:, 1]), 5e-4, notes[1]),
+        (SLENDER, "rate of the rotation in t/R, limit", 1.0, limit(tau[1:], rates[:, 0]), 0.01, _list(rates[:, 0])),
+        (SLENDER, "rate of the axial in t/R, limit", 0.5, limit(root[1:], rates[:, 1]), 0.01, _list(rates[:, 1])),
+        (SLENDER, "rotation's difference over t/R, limit", 0.4, limit(tau, found[:, 0] / tau), 0.001, ""),
     ]
     return [
         finding(NAME, source, quantity, target, ours, allowed, unknowns=made[-1][1], note=note)

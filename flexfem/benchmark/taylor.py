@@ -25,7 +25,7 @@ STEPS = 10.0 ** np.arange(0.0, -9.01, -0.5)
 SIZE = 0.05  # mm and, over the length, rad: the largest step
 CLEAN = (1e-5, 1e-1)  # steps with neither round-off nor terms of higher order
 SMALL = (1e-9, 1e-5)  # steps at which a wrong tangent shows its first order
-ALLOWED = 0.02
+ALLOWED = 0.004
 SEED = 29
 
 

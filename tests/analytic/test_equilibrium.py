@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from flexfem.analytic import equilibrium
 from flexfem.analytic.equilibrium import at_pose, close_loops, under_load
 from flexfem.analytic.kinematics import chain_poses
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
@@ -52,6 +53,18 @@ def test_equilibrium_closes_the_loops_and_reports_a_small_residual(generic, tabl
     pose = chain_poses(of.frames, of.joints, at.displacement).pose
     np.testing.assert_allclose(pose, np.broadcast_to(at.pose, (3, 3)), rtol=0, atol=1e-12)
     assert at.residual < 1e-11 and at.iterations < 30
+
+
+def test_the_residual_is_the_root_of_the_energy_between_where_newton_stopped_and_equilibrium(
+    generic, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, load = loaded(generic(63), FREEDOMS_BY_MOBILITY[3])
+    exact = under_load(of, load).displacement
+    monkeypatch.setattr(equilibrium, "STEP", 0.1)
+    rough = under_load(of, load)
+    left = np.sqrt(np.sum(of.springs * (exact - rough.displacement) ** 2) / np.sum(of.springs * exact**2))
+    assert 1e-9 < left < 0.1
+    assert rough.residual == pytest.approx(left, rel=1e-3)
 
 
 @pytest.mark.parametrize("number", [3, 12])

@@ -11,7 +11,7 @@ import pytest
 from flexfem.analytic import platform
 from flexfem.analytic.boundary import displacements
 from flexfem.analytic.model import hinge_compliance
-from flexfem.analytic.platform import _circulant, _half_hinge, platform_compliance
+from flexfem.analytic.platform import _body, _circulant, _half_hinge, platform_compliance
 from flexfem.design import Stage
 from flexfem.errors import BadInput
 
@@ -71,6 +71,23 @@ def test_a_load_of_chain_one_reaches_chain_two_as_that_of_the_first_copy_the_nex
     found = _circulant(added)
     np.testing.assert_array_equal(found[:, 0], [first, following, last])
     np.testing.assert_array_equal(found[:, 2], [following, last, first])
+
+
+def test_a_lug_moves_the_platform_by_what_a_load_on_the_lug_after_it_does_to_it():
+    """Moment and forces of chain 2's neck about the centre, and the motion of chain 1's neck, by hand."""
+    of = stage()
+    C = platform_compliance(of)
+    parts = _body(of, 1) / (71.7e3 / (2 * 1.29) * 10.0)  # motion of the first neck, the next and the last: loads on it
+    neck = complex(24.0, 0.0)  # link 3, 24 mm long, leads from there along -x, and link 2 to there along y
+    frames = []
+    for chain in range(3):
+        at, along = neck * np.exp(2j * np.pi / 3 * chain), 1j * np.exp(2j * np.pi / 3 * chain)
+        frames.append([[at.imag, -at.real, 1.0], [along.real, along.imag, 0.0], [-along.imag, along.real, 0.0]])
+    one, two, three = np.array(frames)
+    np.testing.assert_allclose(C[:3, 3:6], one.T @ parts[2] @ two, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(C[3:6, :3], two.T @ parts[1] @ one, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(C[6:, 3:6], three.T @ parts[1] @ two, rtol=1e-6, atol=1e-12)
+    assert np.abs(parts[1] - parts[1].T).max() > 0.05 * np.abs(parts[1]).max()  # the order of the two counts
 
 
 def test_one_other_hinge_changes_its_own_lug_and_what_the_others_do_to_it():

@@ -326,6 +326,18 @@ def test_neck_maxima_are_found_at_their_own_necks(unlike) -> None:
         assert np.count_nonzero(found > 0.05) == 1
 
 
+def test_a_neck_takes_the_largest_value_within_its_notch_radius_and_none_beyond(unlike) -> None:
+    """A peak at one node at a time, the last inside the notch's radius and the first outside it."""
+    stage, nodes = unlike.stage, unlike.mesh.nodes
+    for (chain, k), radius in (((0, 0), 2.3), ((1, 1), 1.6), ((2, 2), 1.9)):
+        away = np.linalg.norm(nodes - stage_frames(stage).centres[chain, k], axis=1)
+        last, first = np.flatnonzero(away <= radius), np.flatnonzero(away > radius)
+        for node, found in ((last[np.argmax(away[last])], 7.0), (first[np.argmin(away[first])], -2.0)):
+            values = np.full(len(nodes), -2.0)
+            values[node] = 7.0
+            assert neck_maxima(stage, unlike.mesh, values)[chain, k] == found
+
+
 def section_loads(stage: Stage, mesh: StageMesh, field: Array, chain: int) -> tuple[float, float, float]:
     """Axial and shear force, N, and bending moment, N mm, in the base neck, from what its pad gives to the ground."""
     placed = stage_frames(stage)

@@ -121,8 +121,8 @@ def test_timoshenko_goodier_cantilever() -> None:
 
 def test_paros_weisbord_1965_notch_as_the_neck_grows_thin() -> None:
     found = passing("circular-notch")
-    assert found["rotation over (2), limit"].allowed <= 1e-3  # one per cent in (2) does not pass
-    assert found["axial over (3), limit"].allowed <= 5e-3
+    assert found["rotation over (2), limit"].allowed <= 2e-5
+    assert found["axial over (3), limit"].allowed <= 5e-4
 
 
 def test_bisshopp_drucker_1945_elastica() -> None:
