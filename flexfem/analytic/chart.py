@@ -1,9 +1,16 @@
 """The hinge chart: what plane-stress finite elements of one hinge say of the beam integrals, interpolated.
 
-The file `flexfem/data/hinge_chart.json` holds the finite elements' compliances on a grid of t/R and H/h (H the height
-of the blocks beside the notch, h = 2R + t the notch's), made by `python -m flexfem.fem.chart`; it says with which
-versions, meshes and uncertainties. Read here, every sample is divided by the beam integral at its t/R: the quotient is
-near one and smooth in sqrt(t/R), in whose powers the two differ for thin necks, and in log(H/h).
+The files `flexfem/data/hinge_chart.json` and `hinge_chart_high.json` hold the finite elements' compliances on grids of
+t/R and H/h (H the height of the blocks beside the notch, h = 2R + t the notch's), H/h 1 to 3 and 3 to 60, made by
+`python -m flexfem.fem.chart`; they say with which versions, meshes and uncertainties. Read here, every sample is
+divided by the beam integral at its t/R: the quotient is near one and smooth in sqrt(t/R), in whose powers the two
+differ for thin necks, and in log(H/h).
+
+As H/h grows, the notch sees two half-planes. A moment's field there fades as 1/r^2, so the rotation has a limit; a
+force's fades as 1/r, and the point where it acts moves by `2 F ln(r) / (pi E b)` more, whether it pulls or shears
+(Flamant; K. L. Johnson, Contact Mechanics, 1985, sections 2.2 and 2.3), so that axial and shear compliance grow by
+`SPREADING ln(H/h) / (E b)`. What remains is smooth in h/H down to zero: a polynomial in h/H through the samples of the
+second file holds for every H/h from 3 on.
 """
 
 from __future__ import annotations
@@ -21,6 +28,8 @@ from flexfem.analytic import beam
 from flexfem.arrays import Array
 
 FREEDOMS = ("rotation", "axial", "shear")
+SPREADING = 4.0 / np.pi  # of two half-planes
+GROWTH = np.array([0.0, SPREADING, SPREADING])  # of rotation, axial, shear, per ln(H/h)
 ROUND_OFF = 1e-9  # relative; a block as high as the notch, added up in another order, is still on the chart
 
 
@@ -32,31 +41,63 @@ class Factors(NamedTuple):
     shear: Array
 
 
-class HingeChart(NamedTuple):
-    """Chebyshev series of the factors.
+class Patch(NamedTuple):
+    """Chebyshev series of the factors over a range of heights.
 
-    ratios, heights : smallest and largest t/R and H/h; beyond them the chart says nothing.
-    series : (3, n, m), coefficients in sqrt(t/R) and log(H/h) for rotation, axial, shear.
+    ratios, heights : smallest and largest t/R and H/h of the range that was sampled.
+    measure : of H/h, the scale on which the factors, less their growth with it, are smooth.
+    series : (3, n, m), coefficients in sqrt(t/R) and the measured H/h for rotation, axial, shear.
     bands : (3,), largest relative uncertainty of a sample, for each.
     """
 
     ratios: tuple[float, float]
     heights: tuple[float, float]
+    measure: np.ufunc
     series: Array
     bands: Array
 
+    def at(self, tau: Array, eta: Array) -> Array:
+        """The series (3, ...) at t/R and H/h (...)."""
+        across = _vander(tau, self.ratios, np.sqrt, self.series.shape[1])
+        along = _vander(eta, self.heights, self.measure, self.series.shape[2])
+        return np.array([np.einsum("...m,...m->...", across @ series, along) for series in self.series])
+
+
+class HingeChart(NamedTuple):
+    """The factors for every height: `low` up to its largest H/h, `high` beyond."""
+
+    low: Patch
+    high: Patch
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Smallest and largest t/R; beyond them the chart says nothing."""
+        return self.low.ratios
+
+    @property
+    def least_height(self) -> float:
+        """Smallest H/h; there is no largest."""
+        return self.low.heights[0]
+
+    @property
+    def bands(self) -> Array:
+        """Largest relative uncertainty of a sample (3,), for rotation, axial, shear."""
+        return np.maximum(self.low.bands, self.high.bands)
+
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
         """Whether t/R and H/h (broadcast against each other) are on the chart."""
-        return _within(ratio, self.ratios) & _within(height, self.heights)
+        return _within(ratio, self.ratios) & _within(height, (self.least_height, np.inf)) & np.isfinite(height)
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Factors:
         """Factors (...) at t/R and H/h, broadcast against each other."""
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
-        inside = self.covers(tau, eta)
-        across = _vander(np.clip(tau, *self.ratios), self.ratios, np.sqrt, self.series.shape[1])
-        along = _vander(np.clip(eta, *self.heights), self.heights, np.log, self.series.shape[2])
-        found = (np.einsum("...m,...m->...", across @ series, along) for series in self.series)
-        return Factors(*(np.where(inside, factor, np.nan) for factor in found))
+        inside, within = self.covers(tau, eta), np.clip(tau, *self.ratios)
+        found = self.low.at(within, np.clip(eta, *self.low.heights))
+        beyond = inside & (eta > self.low.heights[1])
+        if np.any(beyond):
+            stout, high = within[beyond], eta[beyond]
+            found[:, beyond] = self.high.at(stout, high) + _growth(stout, high)
+        return Factors(*np.where(inside, found, np.nan))
 
 
 def beam_integrals(tau: Array) -> Array:
@@ -69,23 +110,36 @@ def beam_integrals(tau: Array) -> Array:
 @cache
 def hinge_chart() -> HingeChart:
     """The chart in the package, read once."""
-    return read_chart((files("flexfem") / "data" / "hinge_chart.json").read_text(encoding="utf-8"))
+    low, high = (files("flexfem") / "data" / f"{name}.json" for name in ("hinge_chart", "hinge_chart_high"))
+    return HingeChart(
+        read_patch(low.read_text(encoding="utf-8"), np.log, 0.0 * GROWTH),
+        read_patch(high.read_text(encoding="utf-8"), np.reciprocal, GROWTH),
+    )
 
 
-def read_chart(text: str) -> HingeChart:
-    """The chart of a file's text: the polynomial through all samples, whose points must be Chebyshev's."""
+def read_patch(text: str, measure: np.ufunc, growth: Array) -> Patch:
+    """The chart of a file's text: the polynomial through all samples, whose points must be Chebyshev's.
+
+    growth : (3,), of the compliances per ln(H/h), taken off them.
+    """
     found = json.loads(text)
     ratios, heights = (tuple(found["range"][name]) for name in ("t/R", "H/h"))
     tau, eta = np.array(found["t/R"]), np.array(found["H/h"])
-    factors = np.array([found[name] for name in FREEDOMS]) / beam_integrals(tau)[:, :, None]
+    samples = np.array([found[name] for name in FREEDOMS]) - growth[:, None, None] * np.log(eta)
+    factors = samples / beam_integrals(tau)[:, :, None]
     across = np.linalg.inv(_vander(tau, ratios, np.sqrt, len(tau)))
-    along = np.linalg.inv(_vander(eta, heights, np.log, len(eta)))
+    along = np.linalg.inv(_vander(eta, heights, measure, len(eta)))
     bands = np.array([found["largest_band"][name] for name in FREEDOMS])
-    return HingeChart(ratios, heights, across @ factors @ along.T, bands)
+    return Patch(ratios, heights, measure, across @ factors @ along.T, bands)
+
+
+def _growth(tau: Array, eta: Array) -> Array:
+    """What the height of the blocks adds to the factors (3, n) at t/R and H/h (n,)."""
+    return GROWTH[:, None] * np.log(eta) / beam_integrals(tau)
 
 
 def _vander(values: Array, ends: tuple[float, float], measure: np.ufunc, terms: int) -> Array:
-    """Chebyshev polynomials (..., terms) of values measured on a root or logarithmic scale between its ends."""
+    """Chebyshev polynomials (..., terms) of values on a root, logarithmic or reciprocal scale between its ends."""
     low, high = measure(ends)
     scaled = np.asarray(2.0 * (measure(values) - low) / (high - low) - 1.0)
     return np.asarray(chebvander(scaled, terms - 1)).reshape(*scaled.shape, terms)  # numpy makes a row of a number

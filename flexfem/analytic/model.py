@@ -113,7 +113,7 @@ def _refuse_off_chart(stage: Stage, entry: Formula) -> None:
         if not entry.in_range(hinge.radius, hinge.neck, width):
             raise BadInput(
                 f"chain.link_width_mm = {width:g}: H/h = {width / high:.4g} at the {name} hinge of chain {chain} "
-                f"{off}, expected {entry.heights[0]:g} to {entry.heights[1]:g}"
+                f"{off}, expected at least {entry.least_height:g}"
             )
 
 

@@ -102,10 +102,10 @@ class Formula:
 class ChartedFormula(Formula):
     """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated.
 
-    heights : smallest and largest H/h on the chart.
+    least_height : smallest H/h on the chart; there is no largest.
     """
 
-    heights: tuple[float, float] = (1.0, 1.0)
+    least_height: float = 1.0
 
     def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
         """Whether t/R and H/h are on the chart; the arguments broadcast."""
@@ -219,14 +219,14 @@ _ENTRIES = (
     ),
     ChartedFormula(
         "calibrated",
-        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
-        "the full beam integrals times charted factors, for the links' height beside the notch; mesh-extrapolated and"
-        " interpolated to 1e-4 or better. Never extrapolated: outside its range of t/R and H/h it has no value",
+        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart*.json)",
+        "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
+        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value",
         hinge_chart().ratios,
         beam.rotation_paros_weisbord,
         beam.axial_paros_weisbord,
         beam.bending_closed,
-        heights=hinge_chart().heights,
+        least_height=hinge_chart().least_height,
     ),
 )
 

@@ -75,12 +75,12 @@ def write_chart(path: Path, document: dict[str, Any]) -> None:
 
 
 def make_and_say(make: Make, usual: Path, every: int) -> None:
-    """Make a chart with two processes, at the path of the command line or else the usual one; say how far it is."""
+    """Make a chart with two processes, in the folder of the command line or else the usual one; say how far it is."""
 
     def say(done: int, number: int) -> None:
         if done % every == 0 or done == number:
             print(f"sample {done} of {number}", flush=True)
 
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else usual
+    path = Path(sys.argv[1]) / usual.name if len(sys.argv) > 1 else usual
     make(path, workers=2, progress=say)
     print(path)

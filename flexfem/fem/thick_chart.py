@@ -1,6 +1,6 @@
 """The thickness chart: positions of `thick` on a grid of Chebyshev points, as the file that `analytic.thick` reads.
 
-`python -m flexfem.fem.thick_chart [PATH]` makes it anew, in the package itself when no path is given.
+`python -m flexfem.fem.thick_chart [FOLDER]` makes it anew, in the package itself when no folder is given.
 """
 
 from __future__ import annotations

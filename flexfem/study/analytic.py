@@ -131,10 +131,9 @@ def _broken(designs: Designs, placed: Frames) -> list[Broken]:
 def _senseless(loaded: LoadedStudy, designs: Designs, hinges: Compliance) -> list[Broken]:
     """Hinges for which the formula, or the chart of the thickness, has no answer."""
     entry, found = notch.formula(loaded.study.formula), []
-    R, t, H, b = designs.radius, designs.neck, designs.link_width[:, None, None], designs.thickness[:, None, None]
+    R, t, b = designs.radius, designs.neck, designs.thickness[:, None, None]
     if isinstance(entry, ChartedFormula):
         found.append(("t/R off the hinge chart", entry.in_range(R, t)))
-        found.append(("H/h off the hinge chart", entry.in_range(R, t, H)))
     if loaded.stage.model == "corrected":
         on_chart = thick.covers(R, t, b, designs.poissons_ratio[:, None, None])
         found.append(("t/R, b/t or nu off the thickness chart", on_chart))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.benchmark.notches import differences
-from flexfem.fem.chart import SHAPE, chart_path, chart_points, main, make_chart
+from flexfem.fem.chart import HIGH, LOW, chart_path, chart_points, main, make_chart
 from flexfem.fem.grids import meshed
 from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_mesh, richardson, sample
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
@@ -124,7 +124,8 @@ def test_an_unstructured_mesh_of_gmsh_gives_the_same_compliances(hinge: Hinge) -
 def test_the_chart_is_made_the_same_whoever_makes_it(tmp_path) -> None:
     seen: list[tuple[int, int]] = []
     for workers, name in ((1, "one"), (2, "two")):
-        make_chart(tmp_path / name, workers, (2, 2), (1, 2, 3), "2026-01-01", lambda *done: seen.append(done))
+        coarse = LOW._replace(shape=(2, 2))
+        make_chart(tmp_path / name, coarse, workers, (1, 2, 3), "2026-01-01", lambda *done: seen.append(done))
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)] * 2
     found = json.loads((tmp_path / "one").read_text())
@@ -132,12 +133,13 @@ def test_the_chart_is_made_the_same_whoever_makes_it(tmp_path) -> None:
     assert np.shape(found["shear"]) == np.shape(found["bands"]["shear"]) == (2, 2)
 
 
-def test_the_packaged_chart_can_be_made_anew() -> None:
+@pytest.mark.parametrize(("grid", "row", "column"), [(LOW, 6, 2), (HIGH, 4, 1)], ids=["low", "high"])
+def test_the_packaged_chart_can_be_made_anew(grid, row: int, column: int) -> None:
     """One sample of it at the full resolution, and the points it stands on."""
-    found = json.loads(chart_path().read_text())
-    for name, points in zip(("t/R", "H/h"), chart_points(SHAPE), strict=True):
+    found = json.loads(chart_path(grid).read_text())
+    assert found["range"] == {"t/R": [0.02, 1.2], "H/h": list(grid.heights)}
+    for name, points in zip(("t/R", "H/h"), chart_points(grid), strict=True):
         np.testing.assert_allclose(found[name], points, rtol=1e-7)
-    row, column = 6, 2
     made = sample(Hinge(found["t/R"][row], found["H/h"][column]))
     SOLVERS = 1e-7  # round-off differs from one factorisation to another
     np.testing.assert_allclose([found[name][row][column] for name in FREEDOMS], made.values, rtol=SOLVERS)
@@ -149,7 +151,24 @@ def test_the_packaged_chart_can_be_made_anew() -> None:
 
 
 def test_the_command_makes_a_chart_where_it_is_told(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path / "chart.json")])
-    monkeypatch.setattr("flexfem.fem.chart.make_chart", lambda path, workers, progress: progress(10, 80))
+    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path)])
+    monkeypatch.setattr("flexfem.fem.chart.make_chart", lambda path, grid, workers, progress: progress(10, 80))
     main()
-    assert capsys.readouterr().out == f"sample 10 of 80\n{tmp_path / 'chart.json'}\n"
+    made = [f"sample 10 of 80\n{tmp_path / name}.json\n" for name in ("hinge_chart", "hinge_chart_high")]
+    assert capsys.readouterr().out == "".join(made)
+
+
+@pytest.mark.parametrize("ratio", [0.13, 0.7])
+def test_high_blocks_add_the_logarithm_of_two_half_planes_to_a_force_and_nothing_to_a_moment(ratio: float) -> None:
+    """Flamant: 2 F ln(r) / (pi E b) at each of two surfaces; what is left is linear in h/H, and quadratic under M."""
+    found = np.array([compliance(Hinge(ratio, height), 2) for height in (10.0, 20.0, 40.0)])
+    first, second = np.diff(found, axis=0)
+    grown = (2 * second - first)[1:] / np.log(2) / (4 / np.pi)
+    assert np.all(np.abs(grown - 1) < [1e-3, 0.015])  # shear has more of (h/H)^2
+    assert 0 < second[0] < 0.3 * first[0] < 1e-3 * found[0, 0]
+
+
+def test_a_slender_neck_between_high_blocks_is_not_lost_in_their_rigid_turning() -> None:
+    """By f'u alone, rotation is off by 5e-4 here, and by 4e-5 at H/h = 20."""
+    low, high = (compliance(Hinge(0.02, height), 3)[0] for height in (10.0, 60.0))
+    assert low < high < low * (1 + 2e-6)

@@ -288,9 +288,9 @@ def test_the_packaged_chart_can_be_made_anew() -> None:
 
 
 def test_the_command_makes_a_chart_where_it_is_told(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path / "chart.json")])
+    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path)])
     monkeypatch.setattr(
         "flexfem.fem.thick_chart.make_thickness_chart", lambda path, workers, progress: progress(20, 80)
     )
     main()
-    assert capsys.readouterr().out == f"sample 20 of 80\n{tmp_path / 'chart.json'}\n"
+    assert capsys.readouterr().out == f"sample 20 of 80\n{tmp_path / 'thickness_chart.json'}\n"
