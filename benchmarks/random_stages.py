@@ -8,6 +8,7 @@ All dimensions are drawn, notches differ by position, and what cannot be made or
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,25 @@ RESOLUTIONS = (4, 6, 8)
 
 
 def draw(rng: np.random.Generator) -> Stage:
+    """A stage with all dimensions drawn, its chains alike."""
+    return Stage.model_validate(dimensions(rng))
+
+
+def unlike(rng: np.random.Generator) -> dict[str, Any]:
+    """As `dimensions`, with nine notches that scatter: by 0.5 to 30 % from stage to stage, evenly in its logarithm."""
+    drawn, scatter, notches = dimensions(rng), 10 ** rng.uniform(np.log10(0.005), np.log10(0.3)), []
+    for chain in (1, 2, 3):
+        for name in HINGE_NAMES:
+            factors = np.exp(scatter * rng.uniform(-1, 1, 2))
+            sizes = zip(("radius_mm", "neck_mm"), factors, strict=True)
+            notch = {key: drawn["hinges"][name][key] * float(factor) for key, factor in sizes}
+            notches.append({"chain": chain, "hinge": name, **notch})
+    return {**drawn, "override": notches}
+
+
+def dimensions(rng: np.random.Generator) -> dict[str, Any]:
+    """What a stage file would hold."""
+
     def number(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
 
@@ -50,7 +70,7 @@ def draw(rng: np.random.Generator) -> Stage:
     }
     hinges = {name: hinge() for name in ("base", "elbow", "platform")}
     platform = {"radius_mm": number(11, 24), "hub_radius_mm": number(4, 10)}
-    return Stage.model_validate({**sheet, "chain": chain, "hinges": hinges, "platform": platform})
+    return {**sheet, "chain": chain, "hinges": hinges, "platform": platform}
 
 
 def deviation(stage: Stage) -> Array:

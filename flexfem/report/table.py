@@ -32,7 +32,8 @@ def markdown_report(results: Sequence[Result]) -> str:
 
 UNCERTAINTY_NOTE = (
     "Half-width, in percentage points, of the band about each of the errors above that holds it for ever finer meshes, "
-    "by Richardson extrapolation from three meshes; in brackets how the three behave."
+    "by Richardson extrapolation from three meshes; across the command from the error of the whole compliance matrix, "
+    "as one number may agree on two meshes by chance. In brackets how the three meshes behave."
 )
 STIFFNESS_NOTE = (
     "Diagonal of the analytic stiffness, and of the inverse of the finite-element compliance. The difference is the "

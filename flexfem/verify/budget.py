@@ -22,7 +22,7 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import load_case, plate_of
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.convergence import command_convergence, levels
 from flexfem.verify.protocol import Solved, compare, percentages, solve_stage
 from flexfem.verify.result import Record, Triple, versions
 
@@ -151,8 +151,9 @@ def _split(
     def percent(compliance: Array) -> Array:
         return compare(stiffness, compliance, direction, command, lever).percent
 
-    meshes = np.array([percent(each.response.compliance) for each in solved])
-    found = [grid_convergence(np.array(levels(resolution)), meshes[:, k]) for k in range(3)]
+    compliances = np.array([each.response.compliance for each in solved])
+    meshes, resolutions = np.array([percent(compliance) for compliance in compliances]), np.array(levels(resolution))
+    found = command_convergence(resolutions, meshes, axis, compliances, stiffness[:, axis], lever)
     force = stiffness[:, axis] * amplitude  # (18)
     bent = equilibrium(solved[-1].mesh, plate_of(stage), force[None]).pose[0] - amplitude * np.eye(3)[axis]
     nonlinear = percentages(bent, amplitude, direction, lever)

@@ -1,10 +1,16 @@
-"""How far a number on one mesh may be from the number on no mesh at all: Richardson extrapolation and its band."""
+"""How far a number on one mesh may be from the number on no mesh at all: Richardson extrapolation and its band.
+
+A number that does not vanish converges steadily, and three meshes show how. What a stage moves across a command does
+not: it is what nearly equal mesh errors of nine hinges leave of each other, it changes its sign from mesh to mesh, and
+two meshes may agree by chance. Its band is taken from the whole error of the compliance, `command_convergence`.
+"""
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.linalg import eigh
 
 from flexfem.arrays import Array
 
@@ -22,7 +28,7 @@ class Convergence(NamedTuple):
 
     resolutions, values : (levels,), coarse to fine.
     verdict : `converging` when the finest three levels approach a limit with an order within `TRUSTED`; otherwise the
-        theoretical order and the safety factor `CAUTIOUS` are used.
+        theoretical order and the safety factor `CAUTIOUS` are used, as they always are across a command.
     order : the order used.  observed : the one observed on the finest three levels, nan where there is none.
     extrapolated : value at vanishing triangle size.  band : half-width about the finest value.
     """
@@ -67,6 +73,53 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     reach = max(abs(e21), abs(e32)) / (r21**order - 1) if verdict == "oscillatory" else abs(correction)
     band = max(safety * reach, noise)
     return Convergence(resolutions, values, verdict, order, observed, float(f1 - correction), float(band))
+
+
+def command_convergence(
+    resolutions: Array, percents: Array, axis: int, compliances: Array, force: Array, lever: float
+) -> tuple[Convergence, ...]:
+    """Grid convergence of the three error percentages of one command.
+
+    Parameters
+    ----------
+    percents : (levels, 3), coarse to fine.   axis : of the command.
+    compliances : (levels, 3, 3), order x, y, theta.   force : (3,), per unit of the command, by which they err.
+
+    Notes
+    -----
+    Along the command, `grid_convergence`. Across, so too where symmetry leaves round-off on every mesh; otherwise the
+    error of the compliance C is split into a multiple of it and a rest, dC = m C + D, with m midway between the extreme
+    eigenvalues of dC x = e C x. The first moves a pose c = C f by m c; for the rest, half the spread h of the
+    eigenvalues bounds |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product), whatever r is read
+    and f applied. m and h come from both differences between the finest three levels, each taken to the finest by the
+    theoretical order; the larger counts, times `CAUTIOUS`. Differences of one entry may vanish by chance; a spread
+    vanishes only when five independent differences do at once.
+    """
+    found = [grid_convergence(resolutions, values) for values in np.transpose(percents)]
+    comparable = 100.0 * np.array([1.0, 1.0, lever]) / (lever if axis == 2 else 1.0)
+    bands = comparable * _bands_across(np.asarray(resolutions, dtype=float), np.asarray(compliances), force)
+    return tuple(
+        each if k == axis or each.verdict == "round-off" else _across(each, float(band))
+        for k, (each, band) in enumerate(zip(found, bands, strict=True))
+    )
+
+
+def _bands_across(resolutions: Array, compliances: Array, force: Array) -> Array:
+    """Half-widths (3,), mm, mm, rad, of the pose under a force (3,), by Cauchy-Schwarz: see `command_convergence`."""
+    C3, C2, C1 = compliances[-3:]
+    n3, n2, n1 = resolutions[-3:] ** ORDER
+    errors = (C1 - C2) / (n1 / n2 - 1), (C2 - C3) / (n1 / n3 - n1 / n2)
+    ends = np.array([eigh(error, C1, eigvals_only=True)[[0, -1]] for error in errors])
+    common, spread = np.max(np.abs(ends)), np.max(ends[:, 1] - ends[:, 0]) / 2
+    rest = spread * np.sqrt(np.diag(C1) * (force @ C1 @ force))
+    return np.asarray(CAUTIOUS * (common * np.abs(C1 @ force) + rest))
+
+
+def _across(found: Convergence, band: float) -> Convergence:
+    """A number across a command: its own observed order is not to be trusted."""
+    f2, f1 = found.values[-2:]
+    n2, n1 = found.resolutions[-2:] ** ORDER
+    return found._replace(order=ORDER, extrapolated=float(f1 + (f1 - f2) / (n1 / n2 - 1)), band=band)
 
 
 def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:

@@ -17,7 +17,7 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.units import COMMANDS
 from flexfem.verify.alternatives import Solve, error_matrix
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.convergence import command_convergence, levels
 
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)
 
@@ -56,10 +56,12 @@ class Finding(NamedTuple):
 def side_of(stage: Stage, model: int, solve: Solve) -> Side:
     """Model and finite elements of one stage, with the mesh band of their errors."""
     K, lever = analyse(stage, model).stiffness, stage.chain.link_lengths[2]
-    found = [solve(stage, level).response.compliance for level in levels(RESOLUTION)]
+    found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
     percents = np.array([error_matrix(K, compliance, lever) for compliance in found])
-    curves = percents.reshape(len(found), 9).T
-    band = np.array([grid_convergence(np.array(levels(RESOLUTION)), values).band for values in curves]).reshape(3, 3)
+    curves = (
+        command_convergence(np.array(levels(RESOLUTION)), percents[:, :, j], j, found, K[:, j], lever) for j in range(3)
+    )
+    band = np.array([[each.band for each in curve] for curve in curves]).T
     return Side(stage, model, K, found[-1], percents[-1], band)
 
 

@@ -21,7 +21,7 @@ from flexfem.layout.feasibility import naming
 from flexfem.layout.frames import stage_frames
 from flexfem.provenance import doubts
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
-from flexfem.verify.convergence import Convergence, grid_convergence, levels
+from flexfem.verify.convergence import Convergence, command_convergence, levels
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
 
 
@@ -175,12 +175,10 @@ def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, 
 
 def _uncertainty(case: Case, stiffness: Array, compliances: list[Array], lever: float) -> dict[Direction, Uncertainty]:
     """Mesh uncertainty of the three percentages from the compliances on all levels, coarse to fine."""
-    resolutions = levels(case.resolution)
+    axis, resolutions = DIRECTIONS.index(case.direction), np.array(levels(case.resolution))
     percents = [compare(stiffness, found, case.direction, case.commanded, lever).percent for found in compliances]
-    return {
-        axis: stored(grid_convergence(np.array(resolutions), np.array(values)))
-        for axis, values in zip(DIRECTIONS, np.transpose(percents), strict=True)
-    }
+    found = command_convergence(resolutions, np.array(percents), axis, np.array(compliances), stiffness[:, axis], lever)
+    return {name: stored(each) for name, each in zip(DIRECTIONS, found, strict=True)}
 
 
 def stored(found: Convergence) -> Uncertainty:
