@@ -117,7 +117,7 @@ def installed() -> list[str]:
 
 def child(name: str, path: Path) -> None:
     from flexfem.fem.plane_stress import Plate
-    from flexfem.verify.baseline import read_mesh
+    from flexfem.verify.baseline.meshes import read_mesh
 
     compliance = SOLVERS[name](read_mesh(path), Plate(*PLATE))
     print(f"{compliance[0, 0]:.12e} {sum(not_counted):.3f}")
@@ -144,7 +144,7 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     from flexfem.fem.mesh import build_mesh
     from flexfem.fem.response import tie_hub
     from flexfem.layout.feasibility import load_feasible
-    from flexfem.verify.baseline import write_mesh
+    from flexfem.verify.baseline.meshes import write_mesh
 
     path = folder / f"{resolution}.npz"
     mesh = build_mesh(load_feasible(STAGE), resolution, time_limit=600.0)

@@ -27,7 +27,7 @@ Stage = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.
 Cases = Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
-Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default tests/baselines beside the cases.")]
+Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default `baselines` beside each file.")]
 
 
 def _usable(folder: Path | None) -> Path | None:
@@ -152,23 +152,24 @@ def verify(
 ) -> None:
     """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
     from flexfem import console, facts, tables
-    from flexfem.verify import baseline
+    from flexfem.verify.baseline import store
     from flexfem.verify.result import write_result
 
     loaded = console.load_cases(cases)
-    folders = [baselines or baseline.baseline_folder(case) for case in loaded]
+    folders = [baselines or store.folder_of(case.path) for case in loaded]
     if check:
         for case, folder in zip(loaded, folders, strict=True):
-            baseline.read_baseline(folder / f"{case.stem}.json")
-    results, moves = [], []
-    for case, folder, (result, fields) in zip(loaded, folders, console.run_cases(loaded), strict=True):
+            store.read_baseline(store.file_of(case.path, folder))
+    solve, results, checked = console.solved_once(), [], []
+    for case, folder, (result, fields) in zip(loaded, folders, console.run_cases(loaded, solve), strict=True):
         write_result(result, fields, output)
         results.append(result)
         if check:
-            moves += baseline.check(case, result, folder)
+            made = {"result": result.model_dump(mode="json")}
+            checked.append(store.Checked(case.stem, store.check(case.path, folder, solve, made)))
     if check:
-        console.show(facts.move_facts(results, moves), json, tables.print_moves)
-        raise typer.Exit(1 if moves else 0)
+        console.show(facts.regression_facts(checked), json, tables.print_regression)
+        raise typer.Exit(1 if any(each.findings for each in checked) else 0)
     console.show(facts.result_facts(results), json, lambda _: tables.print_results(results, output))
 
 
@@ -353,28 +354,41 @@ def plot(
 
 
 @app.command("baseline")
-def accept_baseline(
-    cases: Cases,
+def accept_baselines(
+    files: Annotated[list[Path], typer.Argument(help="Stages, cases, claims, studies.", metavar="FILE...")],
     reason: Annotated[str, typer.Option(help="Why the numbers may move; kept in the baseline's history.")],
     baselines: Baselines = None,
     json: Json = False,
 ) -> None:
-    """Accept the present numbers of cases as their baselines."""
+    """Accept what flexfem prints of files now as their baselines."""
     from flexfem import console, tables
     from flexfem.files import check_folder
-    from flexfem.verify.baseline import accept, baseline_folder
+    from flexfem.verify.baseline import store
 
     if not reason.strip():
         raise BadInput("--reason is empty, expected why the numbers may move")
-    loaded = console.load_cases(cases)
-    for case in loaded:
-        check_folder(baselines or baseline_folder(case))
-    runs = list(console.run_cases(loaded))
-    written = [
-        accept(case, result, baselines or baseline_folder(case), reason)
-        for case, (result, _) in zip(loaded, runs, strict=True)
-    ]
+    places = store.places([(path, baselines or store.folder_of(path)) for path in files])
+    for _, folder in places:
+        check_folder(folder)
+    solve = console.solved_once()
+    written = [store.accept(path, folder, reason, solve) for path, folder in console.told(places, "accepting")]
     console.show({"written": [str(path) for path in written]}, json, tables.print_written)
+
+
+@app.command()
+def regression(
+    baselines: Annotated[list[Path], typer.Argument(help="Baselines, or folders of them.", metavar="BASELINE...")],
+    json: Json = False,
+) -> None:
+    """Compare what flexfem prints now with baselines: what changed in the input, else every number that moved."""
+    from flexfem import console, facts, tables
+    from flexfem.verify.baseline import store
+
+    paths, solve = store.listed(baselines), console.solved_once()
+    checked = [store.checked(path, solve) for path in console.told(paths, "checking")]
+    checked += [store.Checked(str(place), list(store.unaccepted(place))) for place in baselines if place.is_dir()]
+    console.show(facts.regression_facts(checked), json, tables.print_regression)
+    raise typer.Exit(1 if any(each.findings for each in checked) else 0)
 
 
 def main() -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress
@@ -16,6 +17,8 @@ from flexfem.errors import BadInput
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import Solved, run_case, solve_stage
 from flexfem.verify.result import Fields, Result
+
+Item = TypeVar("Item")
 
 
 def show(facts: Any, as_json: bool, people: Callable[[Any], None]) -> None:
@@ -39,16 +42,16 @@ def load_cases(paths: Sequence[Path]) -> list[LoadedCase]:
     return loaded
 
 
-def run_cases(loaded: Sequence[LoadedCase]) -> Iterator[tuple[Result, dict[str, Fields]]]:
+def solved_once() -> Callable[[Stage, int], Solved]:
+    """A `solve_stage` that solves each stage and resolution once."""
+    return functools.cache(solve_stage)
+
+
+def run_cases(
+    loaded: Sequence[LoadedCase], solve: Callable[[Stage, int], Solved] | None = None
+) -> Iterator[tuple[Result, dict[str, Fields]]]:
     """Run cases one by one, each stage solved once; says on standard error how far it is."""
-    solved: dict[tuple[str, int], Solved] = {}
-
-    def solve(stage: Stage, resolution: int) -> Solved:
-        key = (stage.hash, resolution)
-        if key not in solved:
-            solved[key] = solve_stage(stage, resolution)
-        return solved[key]
-
+    solve = solve or solved_once()
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         for case in progress.track(loaded, description="verifying"):
@@ -56,6 +59,13 @@ def run_cases(loaded: Sequence[LoadedCase]) -> Iterator[tuple[Result, dict[str, 
             if not console.is_terminal:
                 print(f"{case.stem}: {len(result.curves)} curves in {result.seconds:.1f} s", file=sys.stderr)
             yield result, fields
+
+
+def told(items: Sequence[Item], description: str) -> Iterator[Item]:
+    """The items one by one; says on standard error how far it is, on a terminal only."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield from progress.track(items, description=description)
 
 
 def with_progress(steps: int, description: str) -> Callable[[Stage, int], Solved]:

@@ -19,13 +19,13 @@ from flexfem.fem.response import LoadCase
 from flexfem.layout.frames import stage_frames
 from flexfem.peers.compare import CrossCheck
 from flexfem.provenance import key_paths, provenance_of
-from flexfem.verify.baseline import Move
 from flexfem.verify.protocol import Solved
 from flexfem.verify.result import Result
 
 if TYPE_CHECKING:
     from flexfem.report.hinge_chart import HingeReview
     from flexfem.report.thickness import ThicknessReview
+    from flexfem.verify.baseline.store import Checked
 
 Facts = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
@@ -200,18 +200,11 @@ def result_facts(results: Sequence[Result]) -> Any:
     return stored[0] if len(stored) == 1 else stored
 
 
-def move_facts(results: Sequence[Result], moves: Sequence[Move]) -> Facts:
-    """What `verify --check` says."""
-    moved = [
-        {
-            "case": move.case,
-            "metric": move.metric,
-            "was": move.was and move.was.value,
-            "is": move.now and move.now.value,
-            "allowed": move.was and move.was.allowed,
-            "unit": (move.was or move.now).unit,  # type: ignore[union-attr]
-            "line": str(move),
-        }
-        for move in moves
+def regression_facts(checked: Sequence[Checked]) -> Facts:
+    """What `regression` and `verify --check` say: what changed or moved by baseline, each as data and as a line."""
+    found = [
+        {"baseline": each.name, **each.data(finding), "line": str(finding)}
+        for each in checked
+        for finding in each.findings
     ]
-    return {"checked": [result.case for result in results], "moved": moved}
+    return {"checked": [each.name for each in checked], "findings": found}

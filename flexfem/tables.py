@@ -226,12 +226,12 @@ def print_claims(facts: Facts) -> None:
     _print_ending(out, facts)
 
 
-def print_moves(facts: Facts) -> None:
-    """Print one line for every number that moved."""
-    for move in facts["moved"]:
-        print(move["line"])
-    count = len(facts["moved"])
-    print(f"checked {', '.join(facts['checked'])}: " + (f"{count} numbers moved" if count else "no number moved"))
+def print_regression(facts: Facts) -> None:
+    """Print one line for everything that is not as accepted."""
+    for finding in facts["findings"]:
+        print(finding["line"])
+    count = len(facts["findings"])
+    print(f"checked {', '.join(facts['checked'])}: " + (f"{count} not as accepted" if count else "all as accepted"))
 
 
 def print_written(facts: Facts) -> None:

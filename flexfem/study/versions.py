@@ -36,7 +36,7 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
     "study/status.py",
     "study/table.py",
     "tables.py",
-    "verify/baseline.py",
+    "verify/baseline",
     "verify/claims.py",
     "verify/workspace.py",
 )
