@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import secrets
+import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -14,10 +18,12 @@ from flexfem.errors import BadInput
 from flexfem.files import replacing
 from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed
-from flexfem.study.table import with_derived, with_derived_fields
+from flexfem.study.table import FILE, with_derived, with_derived_fields
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
+SPLIT = 2**20  # designs a file of a data set, about
+LARGE = 2**22  # designs, beyond which the table is a data set when nobody says
 
 
 class Collected(NamedTuple):
@@ -28,59 +34,83 @@ class Collected(NamedTuple):
     open: int
 
 
-def table_path(parts: Parts) -> Path:
-    """Where the table of a study goes when nobody says."""
-    return parts.folder.parent / f"{parts.loaded.stem}.parquet"
+def table_path(parts: Parts, partitioned: bool = False) -> Path:
+    """Where the table of a study goes when nobody says: a file, or the folder of a data set."""
+    split = partitioned or parts.loaded.count > LARGE
+    return parts.folder.parent / (f"{parts.loaded.stem}-table" if split else f"{parts.loaded.stem}.parquet")
 
 
-def check_target(path: Path) -> Path:
-    """Raise BadInput when a table cannot be written in the format of that name."""
-    if path.suffix not in FORMATS:
+def check_target(path: Path, partitioned: bool = False) -> Path:
+    """Raise BadInput when a table cannot be written under that name: a file by its format, a data set by a folder."""
+    if partitioned:
+        if path.suffix in FORMATS:
+            raise BadInput(f"{path}, expected the name of a folder, without {path.suffix}, for a partitioned table")
+        _require_replaceable(path)
+    elif path.suffix not in FORMATS:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
     return path
 
 
 def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
-    """Write the table of a study, Parquet or CSV; the same parts give the same bytes.
+    """Write the table of a study; the same parts give the same bytes.
 
     Parameters
     ----------
+    path : a file, Parquet or CSV, or the folder of a data set, a Parquet file for every `SPLIT` designs or so.
     partial : leave out designs that are open instead of refusing.
 
     Raises BadInput when designs are open, a part is damaged, or the table cannot be written.
     """
-    open_designs = sum(chunk.stop - chunk.start for chunk in _chunks(parts) if not parts.path(chunk).exists())
+    chunks, foreign = listed(parts)
+    open_designs = parts.loaded.count - sum(chunk.stop - chunk.start for chunk in chunks)
     if open_designs == parts.loaded.count or (open_designs and not partial):
-        foreign = len(listed(parts)[1])
-        others = f"; {foreign} files there are of other inputs or versions" if foreign else ""
+        others = f"; {len(foreign)} files there are of other inputs or versions" if foreign else ""
         raise BadInput(
             f"{parts.folder}: {open_designs} of {parts.loaded.count} designs are open, expected "
             f"{'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
         )
-    written = 0
     sweep(path.parent, path.stem)
-    with (
-        replacing(check_target(path), ".tmp") as temporary,
-        temporary.open("wb") as file,
-        _writer(parts, file, path.suffix) as writer,
-    ):
-        for table in _groups(parts):
-            writer.write_table(with_derived(parts.loaded, table))
-            written += len(table)
+    if path.suffix in FORMATS:
+        written = _write_file(parts, chunks, path)
+    else:
+        with _replacing_folder(check_target(path, partitioned=True)) as folder:
+            written = sum(_write_file(parts, some, folder / name) for name, some in _split(parts, chunks))
     return Collected(path, written, parts.loaded.count - written)
 
 
-def _chunks(parts: Parts) -> Iterator[Chunk]:
-    return map(parts.chunk, range(parts.count))
+def _split(parts: Parts, chunks: list[Chunk]) -> Iterator[tuple[str, list[Chunk]]]:
+    """Chunks by the file of a data set that they go to, which does not depend on what else is there."""
+    together = max(SPLIT // parts.size, 1)
+    files: dict[int, list[Chunk]] = {}
+    for chunk in chunks:
+        files.setdefault(chunk.number // together, []).append(chunk)
+    for number, some in files.items():
+        yield f"designs-{number * together * parts.size:010d}.parquet", some
 
 
-def _groups(parts: Parts) -> Iterator[Any]:
+def _write_file(parts: Parts, chunks: list[Chunk], path: Path) -> int:
+    """Write the rows of chunks to a file; returns how many there are."""
+    written = 0
+    with (
+        replacing(path, ".tmp") as temporary,
+        temporary.open("wb") as file,
+        _writer(parts, file, path.suffix) as writer,
+    ):
+        for table in _groups(parts, chunks):
+            writer.write_table(with_derived(parts.loaded, table))
+            written += len(table)
+    return written
+
+
+def _groups(parts: Parts, chunks: list[Chunk]) -> Iterator[Any]:
     """The tables of the parts that are there, small ones joined."""
     held, designs = list[Any](), 0
-    for chunk in _chunks(parts):
-        if parts.path(chunk).exists():
+    for chunk in chunks:
+        try:
             held.append(read_part(parts, chunk).replace_schema_metadata(parts.table_schema.metadata))
-            designs += len(held[-1])
+        except FileNotFoundError:
+            raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay while it is collected") from None
+        designs += len(held[-1])
         if designs >= GROUP:
             yield pa.concat_tables(held).combine_chunks()
             held, designs = [], 0
@@ -93,3 +123,31 @@ def _writer(parts: Parts, file: BinaryIO, suffix: str) -> Any:
     if suffix == ".csv":
         return pyarrow.csv.CSVWriter(file, schema)
     return pq.ParquetWriter(file, schema, **PARQUET)
+
+
+@contextmanager
+def _replacing_folder(path: Path) -> Iterator[Path]:
+    """Yield a new folder that takes the place of `path` when all went well; an earlier data set there goes then."""
+    temporary = path.parent / f".{path.name}-{secrets.token_hex(4)}.tmp"
+    earlier = path.parent / f".{path.name}-{secrets.token_hex(4)}.tmp"
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        _require_replaceable(path)
+        if path.exists():
+            path.rename(earlier)
+        temporary.rename(path)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        for folder in (temporary, earlier):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _require_replaceable(path: Path) -> None:
+    """Raise BadInput when something is there that is no data set of ours."""
+    if not os.path.lexists(path):
+        return
+    ours = path.is_dir() and not path.is_symlink() and all(FILE.fullmatch(each.name) for each in path.iterdir())
+    if not ours:
+        raise BadInput(f"{path}: not a table that flexfem study collect wrote, expected a new folder")

@@ -139,7 +139,12 @@ def clean(
 def collect(
     study: StudyFile,
     output: Output = REPORTS,
-    to: Annotated[Path | None, typer.Option(help="Table to write: .parquet or .csv.")] = None,
+    to: Annotated[
+        Path | None, typer.Option(help="Table to write: .parquet, .csv, or with --partitioned a folder.")
+    ] = None,
+    partitioned: Annotated[
+        bool, typer.Option("--partitioned", help="A folder of Parquet files; so are tables of millions of designs.")
+    ] = False,
     partial: Partial = False,
     json: Json = False,
 ) -> None:
@@ -150,7 +155,8 @@ def collect(
     from flexfem.study.collect import collect as join
 
     parts = _parts(study, output)
-    target = check_target(to or table_path(parts))
+    target = to or table_path(parts, partitioned)
+    check_target(target, partitioned or (to is None and target.suffix == ""))
     check_folder(target.parent)
     made = join(parts, target, partial)
     facts = {"written": [str(made.path)], "designs": made.designs, "open": made.open}

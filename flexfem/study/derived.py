@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections import ChainMap
+from collections.abc import Mapping, MutableMapping
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -28,7 +29,8 @@ def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Ju
     ----------
     columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have an answer, bool (n,).
     """
-    known, feasible = dict(columns), np.array(ok, dtype=bool)
+    known = ChainMap[str, Array]({}, cast("MutableMapping[str, Array]", columns))  # which may be read one by one
+    feasible = np.array(ok, dtype=bool)
     for output in loaded.study.output:
         found = evaluated(loaded, output.expression, known)
         known[output.name] = np.where(ok & np.isfinite(found), found, np.nan)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shutil
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -256,10 +257,10 @@ def counts_of_table(table: Any) -> Counts:
 
 
 def sweep(folder: Path, stem: str = "part") -> None:
-    """Remove temporary files that killed runs left behind, not those of a run that may still be writing."""
+    """Remove temporary files and folders that killed runs left behind, not those of a run that may still be writing."""
     for path in folder.glob(f".{escape(stem)}-*.tmp"):
         try:
             if time.time() - path.stat().st_mtime > STALE:
-                path.unlink()
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         except OSError:  # another run was quicker, or may remove what this one may not
             continue
