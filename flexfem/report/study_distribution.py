@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,13 +29,13 @@ BAR_COLOUR = "#A9C4DE"
 class Scatter(NamedTuple):
     """How one value scatters.
 
-    quantity : what it is.   values : (n,), finite.
+    quantity : what it is.   values : (n,), finite, or what reads them: they are needed one after the other.
     percentiles : three of them, from low to high.
     nominal : value of the base stage, where known.
     """
 
     quantity: Quantity
-    values: Array
+    values: Array | Callable[[], Array]
     percentiles: Sequence[Percentile]
     nominal: float | None = None
 
@@ -56,20 +56,24 @@ def distribution_figure(scatters: Sequence[Scatter], caption: Caption) -> Figure
 
 
 def _draw_panel(axes: Axes, scatter: Scatter) -> None:
-    counts, borders = histogram(scatter.values)
+    values = scatter.values() if callable(scatter.values) else scatter.values
+    counts, borders = histogram(values)
     axes.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
     axes.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.03), "borderaxespad": 0.0}
     look: dict[str, Any] = {"frameon": False, "fontsize": LETTERS, "handlelength": 2.6, "labelspacing": 0.6}
-    axes.legend(handles=_draw_marks(axes, scatter), **place, **look)
+    axes.legend(handles=_draw_marks(axes, scatter, float(np.abs(values).max())), **place, **look)
     axes.set_xlabel(scatter.quantity.label, parse_math=bool(scatter.quantity.symbol))
     axes.set_ylabel("designs")
     axes.set(xlim=(borders[0], borders[-1]), ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
     axes.ticklabel_format(useOffset=False, axis="x")
 
 
-def _draw_marks(axes: Axes, scatter: Scatter) -> list[Any]:
-    """Percentiles with their intervals, and the base stage; returns their entries in the legend."""
+def _draw_marks(axes: Axes, scatter: Scatter, size: float) -> list[Any]:
+    """Percentiles with their intervals, and the base stage; returns their entries in the legend.
+
+    `size` : the largest of the values, against which round-off is measured.
+    """
     entries: list[Any] = []
     width = narrowest(scatter.percentiles)
     for dash, one in zip((DASHES[1], DASHES[0], DASHES[1]), scatter.percentiles, strict=True):
@@ -80,7 +84,7 @@ def _draw_marks(axes: Axes, scatter: Scatter) -> list[Any]:
         entries.append(Line2D([], [], color=INK, linestyle=dash, linewidth=1.5, label=text))
     if scatter.nominal is not None:
         axes.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle=DASHES[2], zorder=4)
-        nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * np.abs(scatter.values).max() else 0.0
+        nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * size else 0.0
         text = f"base stage: {to_digits(nominal, width) if nominal else '0'}{scatter.quantity.after}"
         entries.append(Line2D([], [], color=NOTE_COLOUR, linestyle=DASHES[2], linewidth=1.5, label=text))
     return entries

@@ -26,6 +26,7 @@ ACROSS, LEFT, CELL, LINE, LETTERS = (
     7.5,
 )  # drawings in a row; their left, width and text, in; points
 DOTS = 5000  # more are rasterised in a PDF
+MOST_DOTS = 100_000  # of more designs that many are drawn, taken at random, always the same ones
 FRONT_COLOUR = "#0072B2"
 
 
@@ -114,11 +115,12 @@ def letter(index: int) -> str:
 
 
 def _draw_points(axes: Axes, shown: ParetoFront) -> None:
-    many = len(shown.points) > DOTS
+    dots = thinned(shown.points)
+    many = len(dots) > DOTS
     look: dict[str, Any] = {"marker": "o", "linestyle": "none", "markeredgewidth": 0, "color": GREY}
-    alpha = float(np.clip(600.0 / max(len(shown.points), 1), 0.06, 0.5))
+    alpha = float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
     size = 1.6 if many else 2.8
-    axes.plot(*shown.points.T, **look, markersize=size, alpha=alpha, rasterized=many, zorder=1)
+    axes.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=many, zorder=1)
     x, y = shown.points[shown.front].T
     if len(shown.undrawable):
         name = f"{thousands(len(shown.undrawable))} not on the front: cannot be drawn"
@@ -137,6 +139,13 @@ def _draw_points(axes: Axes, shown: ParetoFront) -> None:
         axes.plot(*shown.base, "+", **look, label="base stage", zorder=3.5)
 
 
+def thinned(points: Array) -> Array:
+    """Points (m, 2) to draw as dots: all, or `MOST_DOTS` of them at random; a front is drawn besides."""
+    if len(points) <= MOST_DOTS:
+        return points
+    return points[np.random.default_rng(0).choice(len(points), MOST_DOTS, replace=False, shuffle=False)]
+
+
 def _set_axes(axes: Axes, shown: ParetoFront) -> None:
     names: tuple[Literal["x", "y"], Literal["x", "y"]] = ("x", "y")
     better = (shown.x_better, shown.y_better)
@@ -148,9 +157,14 @@ def _set_axes(axes: Axes, shown: ParetoFront) -> None:
     axes.set_axisbelow(True)
 
 
+def _counted(designs: int) -> str:
+    all_of_them = f"{thousands(designs)} designs"
+    return all_of_them if designs <= MOST_DOTS else f"{thousands(MOST_DOTS)} of {all_of_them}, at random"
+
+
 def _draw_legend(axes: Axes, shown: ParetoFront) -> None:
     dots: dict[str, Any] = {"marker": "o", "linestyle": "none", "markeredgewidth": 0, "color": GREY, "markersize": 4}
-    axes.plot([], [], **dots, label=f"{thousands(len(shown.points))} designs")
+    axes.plot([], [], **dots, label=_counted(len(shown.points)))
     for text in shown.left_out:
         axes.plot([], [], linestyle="none", label=text)
     place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.01), "borderaxespad": 0.0}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from flexfem.report.study_sensitivity import Share
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Marks, Shares
 from flexfem.study.pareto import wide
+from flexfem.study.sampling import sample
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
@@ -85,13 +87,17 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
 def scatters_of(source: Source, figure: Figure, found: Marks) -> tuple[list[Scatter], Caption]:
     """How values scatter, with percentiles whose intervals hold for independent draws."""
     scatters = [
-        Scatter(source.quantity(name), source.table.answered(name)[0], marks, source.nominal.get(name))
+        Scatter(source.quantity(name), partial(_answered, source, name), marks, source.nominal.get(name))
         for name, marks in found.percentiles.items()
     ]
     line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
     if source.loaded.study.sampling.method != "monte_carlo":
         line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
     return scatters, source.caption(figure, "How the values scatter", line)
+
+
+def _answered(source: Source, name: str) -> Array:
+    return source.table.answered(name)[0]
 
 
 def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share], list[str], Caption]:
@@ -106,7 +112,8 @@ def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
     """The designs that no other beats in two columns, and some of them drawn."""
     x, y = figure.x or "", figure.y or ""
     loaded, table = source.loaded, source.table
-    values = np.column_stack(table.answered(*(column.name for column in loaded.columns)))
+    designs = table.design[table.ok][list(found.chosen)].tolist()
+    values = {place: sample(loaded, n, n + 1)[0] for place, n in zip(found.chosen, designs, strict=True)}
     quantities, points = (source.axis(x), source.axis(y)), np.column_stack(table.answered(x, y))
     title = f"{quantities[1].name} against {quantities[0].name}"
     return ParetoFront(
@@ -117,7 +124,11 @@ def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
         front=found.front.places,
         undrawable=found.front.undrawable,
         chosen=[
-            Chosen(place, outline_of(stage), _about(source, quantities, points[place], values[place]))
+            Chosen(
+                place,
+                outline_of(stage),
+                _about(source, quantities, points[place], values[place]),
+            )
             for place, stage in found.chosen.items()
         ],
         left_out=_left_out(table, found.unchecked),

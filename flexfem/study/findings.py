@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ from flexfem.study.designs import stage_of
 from flexfem.study.figure import Figure
 from flexfem.study.pareto import Front, drawable_front, spread, wide
 from flexfem.study.percentiles import Percentile, percentiles
+from flexfem.study.sampling import sample
 from flexfem.study.sensitivity import Indices, sensitivity
 
 if TYPE_CHECKING:
@@ -109,12 +110,12 @@ def _marks(loaded: LoadedStudy, table: StudyTable, figure: Figure) -> Marks:
 
 def _best(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Best:
     x, y = table.answered(figure.x or "", figure.y or "")
-    values = np.column_stack(table.answered(*(column.name for column in loaded.columns)))
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
-    front = drawable_front(x, y, larger, lambda place: drawable(loaded, values[place]) is not None, attempts)
+    stage_at = _stages(loaded, table)
+    front = drawable_front(x, y, larger, lambda place: stage_at(place) is not None, attempts)
     one, other = (_as_drawn(loaded, name, v)[front.places] for name, v in ((figure.x, x), (figure.y, y)))
-    chosen = {int(place): drawable(loaded, values[place]) for place in front.places[spread(one, other, figure.drawn)]}
+    chosen = {int(place): stage_at(int(place)) for place in front.places[spread(one, other, figure.drawn)]}
     return Best(
         front,
         front.unchecked if attempts else 0,
@@ -122,6 +123,20 @@ def _best(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
         power_of(x[front.places], y[front.places]),
         _gain(loaded, table, nominal, figure),
     )
+
+
+def _stages(loaded: LoadedStudy, table: StudyTable) -> Callable[[int], Stage | None]:
+    """The stage at a place among the designs with an answer, None when it cannot be made.
+
+    Its factors are drawn again by its number: all factors of all designs would be too much to hold.
+    """
+    before = np.cumsum(table.ok, dtype=np.int32)  # of these, up to every design
+
+    def stage_at(place: int) -> Stage | None:
+        design = int(table.design[np.searchsorted(before, place + 1)])
+        return drawable(loaded, sample(loaded, design, design + 1)[0])
+
+    return stage_at
 
 
 def _as_drawn(loaded: LoadedStudy, name: str | None, values: Array) -> Array:
@@ -156,8 +171,8 @@ def _gain(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
     sign = {"larger": 1.0, "smaller": -1.0}
     fits = np.flatnonzero((sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE]))
     ordered = fits[np.argsort(-sign[figure.y_better] * gained[fits], kind="stable")]
-    values = np.column_stack(table.answered(*(column.name for column in loaded.columns)))
-    found = (place for place in ordered[:ATTEMPTS] if drawable(loaded, values[place]) is not None)
+    stage_at = _stages(loaded, table)
+    found = (place for place in ordered[:ATTEMPTS].tolist() if stage_at(place) is not None)
     best = next(found, None)
     return None if best is None else float(gained[best] / nominal[y])
 

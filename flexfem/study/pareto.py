@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 
+BLOCK = 2**16  # designs whose front is found at once: bounds the memory
 WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
 
 
@@ -61,15 +62,26 @@ def drawable_front(
     """
     alive = np.ones(len(x), dtype=bool)
     known: set[int] = set()
+    blocks = -(-len(x) // BLOCK)
+    best = [_best_of(x, y, larger, alive, block) for block in range(blocks)]
     while True:
-        places = np.flatnonzero(alive)
+        places = np.concatenate([np.empty(0, dtype=np.int64), *best])
         places = places[non_dominated(x[places], y[places], *larger)]
         fresh = [int(place) for place in places if int(place) not in known]
         asked = fresh[: attempts - len(known)]
         if not asked:
             return Front(places, np.flatnonzero(~alive), len(fresh))
         known.update(asked)
-        alive[[place for place in asked if not drawable(place)]] = False
+        lost = [place for place in asked if not drawable(place)]
+        alive[lost] = False
+        for block in {place // BLOCK for place in lost}:
+            best[block] = _best_of(x, y, larger, alive, block)
+
+
+def _best_of(x: Array, y: Array, larger: tuple[bool, bool], alive: AnyArray, block: int) -> Index:
+    """Places, ascending, of the front of a block of designs; no design is on the front of all that is not on this."""
+    places = block * BLOCK + np.flatnonzero(alive[block * BLOCK : (block + 1) * BLOCK])
+    return np.sort(places[non_dominated(x[places], y[places], *larger)])
 
 
 def wide(values: Array) -> bool:

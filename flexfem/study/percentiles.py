@@ -42,7 +42,6 @@ def percentiles(
     draw, the share below the percentile scatters from draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
     """
     ordered = np.sort(values)
-    bounded = np.concatenate([[-np.inf], ordered, [np.inf]])  # the k-th of n at place k
     found = []
     for p in percent:
         middle = float(np.percentile(ordered, p))
@@ -50,8 +49,13 @@ def percentiles(
             first, last = _binomial_ranks(len(values), p / 100, confidence)
         else:
             first, last = _shared_ranks(values <= middle, p / 100, draws, confidence)
-        found.append(Percentile(p, middle, float(bounded[first]), float(bounded[last])))
+        found.append(Percentile(p, middle, _ranked(ordered, first), _ranked(ordered, last)))
     return found
+
+
+def _ranked(ordered: Array, rank: int) -> float:
+    """The value of a rank from 1 to n; infinite below and above."""
+    return -np.inf if rank < 1 else np.inf if rank > len(ordered) else float(ordered[rank - 1])
 
 
 def _binomial_ranks(n: int, share: float, confidence: float) -> tuple[int, int]:

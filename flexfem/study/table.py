@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -119,15 +119,15 @@ class Stored(Mapping[str, Array]):
 
     def __init__(self, loaded: LoadedStudy, files: list[Path], order: Index | None = None) -> None:
         self._loaded, self._files, self._order = loaded, files, order
-        self._stored = names_of(loaded)
+        self._stored, self._rows = names_of(loaded), sum(pq.read_metadata(file).num_rows for file in files)
         self._derived = tuple(output.name for output in loaded.study.output)
 
     def __getitem__(self, name: str) -> Array:
         if name in self._derived:
-            return self._joined([judged.derived[name] for judged in self._judged()])
+            return self._joined(judged.derived[name] for judged in self._judged())
         if name not in self._stored:
             raise KeyError(name)
-        return self._joined([_column(file, name).to_numpy() for file in self._files])
+        return self._joined(_column(file, name).to_numpy() for file in self._files)
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self._stored, *self._derived))
@@ -138,7 +138,7 @@ class Stored(Mapping[str, Array]):
     @property
     def feasible(self) -> AnyArray:
         """Which designs, bool (n,), have an answer and keep all constraints."""
-        return self._joined([judged.feasible for judged in self._judged()]) > 0
+        return self._joined(judged.feasible for judged in self._judged()) > 0
 
     def _judged(self) -> Iterator[Judged]:
         plain = replace(self._loaded, study=self._loaded.study.model_copy(update={"output": (), "constraint": ()}))
@@ -146,8 +146,11 @@ class Stored(Mapping[str, Array]):
             ok = _texts([_column(file, "status")], None) == OK
             yield judge(self._loaded, Stored(plain, [file]), ok)
 
-    def _joined(self, pieces: list[AnyArray]) -> Array:
-        values = np.concatenate(pieces, dtype=np.float64)
+    def _joined(self, pieces: Iterable[AnyArray]) -> Array:
+        values, filled = np.empty(self._rows), 0
+        for piece in pieces:
+            values[filled : filled + len(piece)] = piece
+            filled += len(piece)
         return values if self._order is None else values[self._order]
 
 

@@ -421,11 +421,11 @@ def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> N
     source = source_of(loaded, table)
     (scatter, _), caption = scatters_of(source, *found_for(source, 0))
     median = scatter.percentiles[1]
-    ordered = np.sort(scatter.values)
+    ordered = np.sort(scatter.values())
     ranks = np.searchsorted(ordered, [median.low, median.high])
     assert ranks[1] - ranks[0] > 1.3 * 2 * 1.96 * np.sqrt(80 / 4)  # wider than 80 independent draws would have it
     assert (
-        scatter.nominal == pytest.approx(np.median(scatter.values), rel=0.01)
+        scatter.nominal == pytest.approx(np.median(scatter.values()), rel=0.01)
         and "independent draws" in caption.lines[-1]
     )
 

@@ -10,7 +10,8 @@ import pytest
 
 from flexfem.errors import BadInput
 from flexfem.study.answer import Rows
-from flexfem.study.parts import parts_of, table_of
+from flexfem.study.collect import check_target, collect, table_path
+from flexfem.study.parts import PARQUET, Parts, parts_of, table_of, write_part
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.study.table import read_table
@@ -108,3 +109,76 @@ def test_what_is_no_table_is_refused_in_one_line(studies, tmp_path: Path, how: s
     with pytest.raises(BadInput) as refusal:
         read_table(path, loaded)
     assert str(refusal.value).startswith(f"{path}: {said}") and "\n" not in str(refusal.value)
+
+
+def joined(studies, monkeypatch, count: int = COUNT) -> Parts:
+    """The parts of a study, and tables split into files of 100 designs."""
+    monkeypatch.setattr("flexfem.study.collect.SPLIT", 100)
+    loaded = studies.load(("designs = 500", f"designs = {count}"))
+    parts, given = parts_of(loaded, studies.folder, 50), rows(loaded)
+    for chunk in map(parts.chunk, range(parts.count)):
+        write_part(parts, chunk, Rows(*(each[chunk.start : chunk.stop] for each in given)))
+    return parts
+
+
+def test_a_data_set_is_the_table_in_files(studies, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other programs read the folder as one table, and so do we; the same parts give the same bytes."""
+    parts = joined(studies, monkeypatch)
+    plain, split = collect(parts, tmp_path / "t.parquet"), collect(parts, tmp_path / "t")
+    assert sorted(path.name for path in split.path.iterdir()) == [f"designs-0000000{k}00.parquet" for k in range(5)]
+    assert pq.read_table(split.path).equals(pq.read_table(plain.path)) and split.designs == COUNT
+    one, other = (read_table(made.path, parts.loaded) for made in (plain, split))
+    for name in one.columns:
+        np.testing.assert_array_equal(one.columns[name], other.columns[name])
+    assert one.counts == other.counts == {"ok": COUNT - 5, "refused": 4, "time limit": 1}
+    np.testing.assert_array_equal(one.reason, other.reason)
+    before = {path.name: path.read_bytes() for path in split.path.iterdir()}
+    parts.path(parts.chunk(3)).unlink()
+    assert collect(parts, split.path, partial=True).open == 50
+    assert len(read_table(split.path, parts.loaded).design) == COUNT - 50
+    write_part(parts, parts.chunk(3), Rows(*(each[150:200] for each in rows(parts.loaded))))
+    collect(parts, split.path)
+    assert {path.name: path.read_bytes() for path in split.path.iterdir()} == before
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_large_tables_are_data_sets_when_nobody_says(studies, monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = joined(studies, monkeypatch)
+    assert table_path(parts).name == "study.parquet" and table_path(parts, partitioned=True).name == "study-table"
+    monkeypatch.setattr("flexfem.study.collect.LARGE", COUNT - 1)
+    assert table_path(parts).name == "study-table"
+
+
+def test_a_folder_of_something_else_is_never_replaced(studies, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = joined(studies, monkeypatch)
+    for name, make in {
+        "theirs": lambda path: (path.mkdir(), (path / "thesis.txt").write_text("years of work")),
+        "file": lambda path: path.write_text("years of work"),
+        "link": lambda path: path.symlink_to(tmp_path),
+    }.items():
+        make(tmp_path / name)
+        with pytest.raises(BadInput, match="not a table that flexfem study collect wrote, expected a new folder"):
+            collect(parts, tmp_path / name)
+        assert (tmp_path / name).exists()
+    assert (tmp_path / "theirs" / "thesis.txt").read_text() == "years of work"
+    with pytest.raises(BadInput, match=r"expected the name of a folder, without \.parquet"):
+        check_target(tmp_path / "t.parquet", partitioned=True)
+
+
+def test_a_flipped_bit_of_a_table_is_noticed(studies, tmp_path: Path) -> None:
+    loaded = studies.load()
+    path = written(loaded, tmp_path / "t.parquet")
+    pq.write_table(pq.read_table(path), path, **PARQUET)
+    sound = bytearray(path.read_bytes())
+    sound[len(sound) // 2] ^= 4
+    path.write_bytes(sound)
+    with pytest.raises(BadInput, match="a damaged Parquet file"):
+        table = read_table(path, loaded)
+        [table.columns[name] for name in table.columns]
+
+
+def test_a_table_of_fewer_designs_is_refused(studies, tmp_path: Path) -> None:
+    """Which of an extensible sample has the same hash."""
+    path = written(studies.load(), tmp_path / "t.parquet")
+    with pytest.raises(BadInput, match="a table of 500 designs, expected 501 as"):
+        read_table(path, studies.load(("designs = 500", "designs = 501")))
