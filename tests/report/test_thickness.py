@@ -40,6 +40,25 @@ def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
         assert {text.get_text() for text in axes.texts} == {"plane stress", f"plane strain, 1 − ν² = {STRAIN:.3f}"}
 
 
+def test_axes_and_legends_say_what_is_over_what() -> None:
+    figure = thickness_figure(review())
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == [r"(a) rotation, $\theta/M$", r"(b) axial, $\delta_x/F_x$"]
+    assert [axes.get_ylabel() for axes in figure.axes] == 2 * ["three dimensions / plane stress"]
+    assert figure.axes[1].get_xlabel() == "b/t" and {axes.get_xscale() for axes in figure.axes} == {"log"}
+    for axes in figure.axes:
+        assert [text.get_text() for text in axes.get_legend().get_texts()][:3] == [
+            "t/R = 0.02",
+            "t/R = 0.1",
+            "t/R = 0.8",
+        ]
+        assert [line.get_label() for line in axes.get_lines()[2:5]] == ["t/R = 0.02", "t/R = 0.1", "t/R = 0.8"]
+    ticks = figure.axes[1].get_xticklabels()
+    assert [float(tick.get_text()) for tick in ticks] == [tick.get_position()[0] for tick in ticks] != []
+    caption = " ".join(text.get_text().replace("\n", " ").replace(SPACE, " ") for text in figure.texts)
+    assert "in three dimensions over that in plane stress, ν = 0.29" in caption and "made-up numbers" in caption
+
+
 def test_curves_look_different_and_the_same_in_both_panels() -> None:
     looks = [
         [(line.get_color(), line.get_linestyle(), line._dash_pattern) for line in axes.get_lines()[2:5]]
