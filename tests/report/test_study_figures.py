@@ -154,6 +154,27 @@ def test_every_cell_of_a_map_has_the_value_of_its_design() -> None:
     np.testing.assert_allclose(corners[0, :, 0], [2**-0.5, 2**0.5, 2**1.5, 2**2.5])  # half way on a log scale
     np.testing.assert_allclose(corners[:, 0, 1], [0.05, 0.15, 0.25, 0.35, 0.45])
     assert axes.get_xscale() == "log" and axes.get_yscale() == "linear"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("radius in mm", "neck $t$ in mm")
+    np.testing.assert_allclose([*axes.get_xlim(), *axes.get_ylim()], [2**-0.5, 2**2.5, 0.05, 0.45])
+    form, places = axes.xaxis.get_major_formatter(), axes.xaxis.get_majorticklocs()
+    assert [float(form(place)) for place in places] == pytest.approx(list(places))
+
+
+def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None:
+    figure = map_figure(shown_map(marks=(15.0, 25.0, 99.0)))
+    axes, bar = figure.axes
+    (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
+    low, high = np.nanmin(shown_map().values), np.nanmax(shown_map().values)
+    assert bar.get_ylabel() == "error along X in %" and bar.get_ylim() == (low, high) == (
+        cells.norm.vmin,
+        cells.norm.vmax,
+    )
+    assert [line.get_ydata()[0] for line in bar.get_lines()] == [15.0, 25.0]
+    for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
+        x, y = text.get_position()
+        assert float(text.get_text().split(SPACE)[0]) == pytest.approx(10 * x + y, abs=1.5)
+    wide = map_figure(shown_map(values=10.0 ** shown_map().points[:, 0], missing={})).axes[1]
+    assert wide.get_ylim() == pytest.approx((10.0, 1e4))
 
 
 def test_designs_without_an_answer_are_hatched_and_counted_by_reason() -> None:
@@ -235,7 +256,15 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
     np.testing.assert_array_equal(axes.patches[0].get_data().values, counts)
     assert [line.get_xdata()[0] for line in axes.get_lines()] == [39.8, 41.0, 42.2, 41.0123]
     assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(figure) and "base stage: 41.012 N/mm" in texts(figure)
-    assert axes.get_xlabel() == "stiffness $K_{xx}$ in N/mm"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness $K_{xx}$ in N/mm", "designs")
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches[2:]]
+    assert spans == [pytest.approx(ends) for ends in ((39.71, 39.86), (40.97, 41.02), (42.1, 42.4))]
+    lines, entries = axes.get_lines(), axes.get_legend().get_lines()
+    assert [line.get_linestyle() for line in lines] == ["--", "-", "--", "--"]
+    assert [line._dash_pattern for line in lines] == [line._dash_pattern for line in entries]
+    assert [line.get_color() for line in lines] == [line.get_color() for line in entries]
+    said = [text.get_text()[:6].replace(SPACE, " ") for text in axes.get_legend().get_texts()]
+    assert said == ["2.5 %:", "50 %: ", "97.5 %", "base s"]
 
 
 def test_an_open_interval_says_that_designs_are_too_few() -> None:
@@ -257,29 +286,31 @@ def test_a_value_that_does_not_vary_is_one_bar_and_round_off_of_the_base_stage_i
 # sensitivity
 
 
-def test_bars_and_whiskers_are_the_indices_in_the_order_of_the_factors() -> None:
-    indices = Indices(
-        *(np.array(v) for v in ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.01]))
-    )
-    names = ["one $a$", "two", "three"]
-    figure = sensitivity_figure(
-        [Share(output("kxx_n_per_mm"), indices), Share(output("kyy_n_per_mm"), indices)], names, CAPTION
-    )
-    assert len(figure.axes) == 2
-    axes = figure.axes[0]
-    assert [bar.get_width() for bar in axes.patches] == [*indices.first, *indices.total]
-    heights = [bar.get_y() for bar in axes.patches[:3]]
-    assert heights == sorted(heights) and axes.yaxis_inverted()
-    assert [label.get_text() for label in axes.get_yticklabels()] == names
-    whiskers = [segment[:, 0] for found in axes.collections for segment in found.get_segments()]
-    expected = np.column_stack(
-        [np.r_[indices.first, indices.total] + s * np.r_[indices.first_band, indices.total_band] for s in (-1, 1)]
-    )
-    np.testing.assert_allclose(whiskers, expected)
-    assert "sums to 0.90" in axes.get_xlabel()
-    low, high = limits([indices])
-    assert low < 0.0 and high > 0.64
-    assert "first order" in texts(figure) and "total" in texts(figure)
+def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_factors(made: Any) -> None:
+    values = ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.015])
+    indices = [Indices(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
+    names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("reach_y_um")]
+    figure = sensitivity_figure([*map(Share, quantities, indices)], names, CAPTION)
+    for axes, found, sums in zip(figure.axes, indices, ("0.90", "0.63"), strict=True):
+        assert [bar.get_width() for bar in axes.patches] == [*found.first, *found.total]
+        middles = [round(bar.get_y() + bar.get_height() / 2) for bar in axes.patches]
+        assert middles == [0, 1, 2, 0, 1, 2] and axes.yaxis_inverted() and list(axes.get_yticks()) == [0, 1, 2]
+        assert all(one.get_y() < other.get_y() for one, other in zip(axes.patches[:3], axes.patches[3:], strict=True))
+        whiskers = [segment for bars in axes.collections for segment in bars.get_segments()]
+        expected = np.column_stack(
+            [np.r_[found.first, found.total] + s * np.r_[found.first_band, found.total_band] for s in (-1, 1)]
+        )
+        np.testing.assert_allclose([segment[:, 0] for segment in whiskers], expected)
+        assert axes.get_xlabel() == f"share of the variance\n(first order sums to {sums})"
+        low, high = axes.get_xlim()
+        assert low < 0.0 and 0.64 < high < 0.7 and (low, high) == limits(indices)
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "reach in Y at yield"]
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == ["first order: alone", "total: with its interactions"]
+    colours = [patch.get_facecolor() for patch in legend.get_patches()]
+    assert colours == [figure.axes[0].patches[0].get_facecolor(), figure.axes[0].patches[3].get_facecolor()]
 
 
 # Pareto
@@ -317,6 +348,13 @@ def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) 
     assert "mm, all drawings" in cells[2].texts[0].get_text()
     assert "5 designs" in texts(figure) and "not drawn: 7 refused" in texts(figure)
     assert axes.get_xlabel() == "reach in X at yield in µm  (larger is better)"
+    assert axes.get_ylabel().startswith("stiffness") and axes.get_ylabel().endswith(" in N/mm  (larger is better)")
+    (front,) = [line for line in axes.get_lines() if str(line.get_label()).startswith("front")]
+    assert front.get_drawstyle() == "steps-post"  # no design is as good as the corner between two
+    (low, high), (down, up) = axes.get_xlim(), axes.get_ylim()
+    assert low < 0.5 and 4.0 < high < 5.0 and down < 0.7 and 9.0 < up < 11.0
+    mixed = pareto_figure(shown._replace(y_better="smaller", chosen=[])).axes[0]
+    assert mixed.get_xlabel().endswith("(larger is better)") and mixed.get_ylabel().endswith("(smaller is better)")
 
 
 def test_drawings_are_to_one_scale_and_the_scale_bar_is_as_long_as_it_says(tmp_path: Path) -> None:
@@ -330,6 +368,10 @@ def test_drawings_are_to_one_scale_and_the_scale_bar_is_as_long_as_it_says(tmp_p
     assert one.get_window_extent().height / np.ptp(one.get_ylim()) == pytest.approx(per_mm(one))  # nothing is squeezed
     (bar,) = scale.get_lines()
     assert scale.texts[0].get_text().startswith(f"{np.ptp(bar.get_xdata()):g}{SPACE}mm")
+    assert 0.1 < np.ptp(bar.get_xdata()) / np.ptp(scale.get_xlim()) < 0.5
+    (hub,), (_, rims, grounds) = one.patches, one.collections
+    assert hub.radius == 8.0 and rims.get_linewidth()[0] < grounds.get_linewidth()[0]
+    assert len(grounds.get_segments()) == 3 < len(rims.get_segments())
 
 
 def test_an_outline_has_the_bodies_and_grounds_of_three_chains_a_third_of_a_turn_apart(tmp_path: Path) -> None:
@@ -337,6 +379,7 @@ def test_an_outline_has_the_bodies_and_grounds_of_three_chains_a_third_of_a_turn
     assert len(outline.bodies) == 12
     places = np.array([line.mean(axis=0) for line in outline.grounds]) @ [1.0, 1.0j]
     np.testing.assert_allclose(places[1:] / places[0], np.exp([2j * np.pi / 3, 4j * np.pi / 3]), atol=1e-12)
+    assert places[0].real > 54.0 + 4.0 and outline.hub == 8.0  # behind the base hinge at x = 54 mm, R = 4 mm
 
 
 # from the table
@@ -351,6 +394,10 @@ def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: 
     assert {why: which.sum() for why, which in shown.missing.items()} == {"refused": table.counts["refused"]}
     assert shown.base == (4.0, 0.5) and shown.x.label == "radius of base hinges in mm"
     assert (shown.y.label, shown.y.log) == ("the other necks in mm", True)
+    assert shown.caption.title == "Stiffness XX over radius of base hinges and the other necks"
+    assert front_of(source_of(loaded, table), *found_for(source_of(loaded, table), 2)).caption.title == (
+        "Stiffness XX against diameter of the envelope"
+    )
     lines = " ".join(shown.caption.lines)
     for piece in (
         "A study $y$",
@@ -394,7 +441,7 @@ def test_the_mesh_band_of_an_error_is_stated(tmp_path: Path) -> None:
     table = StudyTable(np.arange(count), np.full(count, "ok", dtype=object), np.full(count, "", dtype=object), columns)
     shown = map_of(Source(loaded, table, {}), loaded.study.figure[0])
     assert "median 0.012, largest 0.34 percentage points" in " ".join(shown.caption.lines)
-    assert shown.marks and "mobility 6" in " ".join(shown.caption.lines)
+    assert sorted(shown.marks) == [-10.0, -5.0, 5.0, 10.0] and "mobility 6" in " ".join(shown.caption.lines)
 
 
 def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_those_designs(tmp_path: Path) -> None:
@@ -481,9 +528,27 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
 # labels, and the base stage
 
 
-def test_every_output_has_a_label_and_no_other_column() -> None:
+def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
     assert set(OUTPUTS) == set(outputs_of(True, True, True))
-    assert all(output(name).unit == "%" for name in OUTPUTS if name.endswith("_percent"))
+    letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
+    kinds = {"stress": "peak neck stress per {}", "reach": "reach in {} at yield", "error": "error along {}"}
+    kinds |= {"travel": "travel in {} for the stroke", "cross": "largest cross error under {}"}
+    kinds |= {"band": "mesh band of the error along {}"}
+    for name in OUTPUTS:
+        found, (kind, axis, *_) = output(name), [*name.split("_"), ""]
+        if kind in kinds:
+            assert (found.name, found.symbol) == (kinds[kind].format(letters[axis]), ""), name
+        elif re.fullmatch("k[xyt][xyt]", kind):
+            assert found.name == f"stiffness {letters[kind[1]]}{letters[kind[2]]}", name
+            assert found.symbol == f"stiffness $K_{{{symbols[kind[1]]}{symbols[kind[2]]}}}$".replace(
+                "xt", r"x\theta"
+            ), name
+        elif kind == "coupling":
+            one, other = (symbols[letter] for letter in axis)
+            assert found.name == f"coupling {letters[axis[0]]}{letters[axis[1]]}", name
+            assert found.symbol == rf"coupling $K_{{{one}{other}}}/\sqrt{{K_{{{one}{one}}}K_{{{other}{other}}}}}$", name
+        else:
+            assert (name, found.label) == ("envelope_mm", "diameter of the envelope in mm")
 
 
 def test_every_key_reads_as_words_with_its_unit() -> None:
