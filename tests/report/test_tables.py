@@ -256,11 +256,6 @@ def test_the_counts_of_a_study_are_in_their_places(cells):
     assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows
 
 
-def test_a_moved_number_is_printed_as_it_is_said(cells):
-    rows = cells(tables.print_moves, {"moved": [{"line": "fig5: x was 1 is 2"}], "checked": ["fig5", "fig6"]})
-    assert rows == [["fig5: x was 1 is 2"], ["checked fig5, fig6: 1 numbers moved"]]
-
-
 def test_every_cell_of_the_page_is_its_own_number(made):
     other = made.model(
         stage="b",
