@@ -212,6 +212,39 @@ def test_cut_ahead_of_a_third_is_cut_behind_of_the_next(stage: Stage) -> None:
         assert abs(ahead.start - behind.end) < ROUND_OFF and abs(ahead.end - behind.start) < ROUND_OFF
 
 
+def test_cuts_are_half_way_between_the_lugs(stage: Stage) -> None:
+    """The least free rim ahead of a lug is the least behind one."""
+    rims = [
+        [s.turn for s in labelled(face, "free") if s.centre is not None and abs(s.centre) < ROUND_OFF]
+        for _, body, face in thirds(stage)
+        if body == "platform"
+    ]
+    ahead, behind = np.min(rims, axis=0)
+    assert ahead == pytest.approx(behind, abs=ROUND_OFF) and ahead > np.radians(1.0)
+
+
+def test_two_degrees_of_rim_between_lugs_are_enough_and_less_is_refused(make_stage: Callable[..., Stage]) -> None:
+    """A lug of 117.95 degrees leaves 2.05, one of 118.05 degrees 1.95."""
+    crowded = {"chain.joint_angles_deg": [175.0, -85.0, 70.0], "platform.hub_radius_mm": 2.0}
+    stage = make_stage({**crowded, "platform.radius_mm": 9.26833})
+    rims = [s.turn for s in labelled(draw_sector(stage, 1)["platform"], "free") if s.centre == 0]
+    assert np.degrees(sum(rims)) == pytest.approx(2.05, abs=1e-3)
+    with pytest.raises(BadInput, match="each takes 118 of 120 degrees"):
+        draw_sector(make_stage({**crowded, "platform.radius_mm": 9.25773}), 1)
+
+
+def test_links_bend_about_an_eighth_of_their_width_inside(stage: Stage) -> None:
+    notches = {round(stage.hinge(chain, name).radius, 9) for chain in CHAINS for name in HINGE_NAMES}
+    radii = {
+        round(abs(s.start - s.centre), 9)
+        for _, body, face in thirds(stage)
+        if body in ("link 1", "link 2")
+        for s in labelled(face, "free")
+        if s.centre is not None
+    }
+    assert radii - notches == {1.1125, 10.0125}  # 8.9 / 8, and 8.9 more outside
+
+
 def test_necks_of_chain_one_stand_where_the_frames_put_them(stage: Stage) -> None:
     placed = stage_frames(stage)
     for chain in CHAINS:
