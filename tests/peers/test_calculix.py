@@ -18,7 +18,7 @@ RESOLUTION = 2
 KEPT = 0.97  # of the limit nu^2 at 10 mm, twenty times the necks; measured 0.98
 
 
-@pytest.mark.parametrize("name", ["mobility3", "mobility6"])
+@pytest.mark.parametrize("name", [pytest.param("mobility3", marks=pytest.mark.slow), "mobility6"])
 @pytest.mark.usefixtures("ccx")
 def test_calculix_agrees(stage_named: Callable[[str], Stage], name: str) -> None:
     found = cross_check(stage_named(name), RESOLUTION, "calculix")
@@ -57,6 +57,7 @@ def test_uncoupled_sheet_is_plane_stress_at_any_thickness(six) -> None:
         pytest.param(
             lambda mesh, plate: (mesh._replace(edges=mesh.edges | {"ground": mesh.edges["ground"][:-1]}), plate),
             id="an edge unclamped",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1.001]), plate), id="a thousandth in geometry"

@@ -19,7 +19,7 @@ ROUND_OFF = 1e-11  # where both integrate finely; measured 4e-13 in displacement
 DEFAULT_ORDERS = 1e-6  # NGSolve's default integration is at least this far off on a coarse curved mesh
 
 
-@pytest.mark.parametrize("name", ["mobility3", "mobility6"])
+@pytest.mark.parametrize("name", [pytest.param("mobility3", marks=pytest.mark.slow), "mobility6"])
 def test_ngsolve_agrees(stage_named: Callable[[str], Stage], name: str) -> None:
     found = cross_check(stage_named(name), RESOLUTION, "ngsolve")
     assert found.passed, found.checks

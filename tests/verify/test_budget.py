@@ -136,6 +136,7 @@ def test_the_hinge_formula_is_nearly_all_of_it(made, direction):
     assert formula > 0.9 * getattr(split.total, direction)
 
 
+@pytest.mark.slow
 def test_large_displacement_grows_with_the_command(made, stage, solve):
     larger = budget(PATH, stage, {"x": 0.5, "y": 0.5, "theta": 1e-2}, resolution=SMALL, solve=solve)
     for direction in DIRECTIONS:

@@ -49,6 +49,7 @@ def nonlinear_and_linear(project, solve, amplitude):
     return run_case(LoadedCase(bent), solve)[0], linear
 
 
+@pytest.mark.slow
 def test_small_nonlinear_cases_are_the_linear_ones(project, solve):
     nonlinear, linear = nonlinear_and_linear(project, solve, 0.01)
     for label, percent in linear.error_percent.items():
@@ -67,7 +68,8 @@ def test_large_commands_bend_the_error_curve_and_its_percentage_is_at_the_larges
         assert nonlinear.error_percent[label].theta == pytest.approx(100 * curve.theta[2] * 24 / 0.5, rel=1e-12)
         straight = linear.curves[label].x
         assert straight[0] == pytest.approx(-straight[2], rel=1e-9)
-        assert curve.x[2] == pytest.approx(straight[2], rel=0.2)
+        # what is even in the command drops out; the rest is the linear error but for terms of third order: 3e-4
+        assert curve.x[2] - curve.x[0] == pytest.approx(2 * straight[2], rel=2e-3)
 
 
 def test_what_a_curve_says_of_its_two_models(project, solve):
