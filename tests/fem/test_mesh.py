@@ -21,6 +21,7 @@ from flexfem.fem.mesh import (
     StageMesh,
     build_mesh,
     check_mesh,
+    check_triangles,
     estimate_triangles,
     jacobians,
     least_scaled_jacobian,
@@ -334,6 +335,19 @@ def test_a_folded_triangle_is_refused(alike, which: int, to: int) -> None:
     finest = int(np.argmin(jacobians(alike.mesh)[:, -1]))  # moves no area worth mentioning
     with pytest.raises(ComputationFailed, match="scaled Jacobian"):
         check_mesh(with_node_moved(alike.mesh, finest, which, to), alike.stage)
+
+
+@pytest.mark.parametrize(("place", "sound"), [(0.2725, False), (0.2775, True)])
+def test_a_middle_node_close_to_its_corner_is_refused(place: float, sound: bool) -> None:
+    """On a straight side the Jacobian at the corner is 4 p - 1 of the mean one: 0.09 and 0.11."""
+    nodes = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [2.0 * place, 0.0], [1.0, 1.5], [0.0, 1.5]])
+    single = StageMesh(nodes, np.arange(6)[None, :], np.zeros(1, dtype=np.int64), {})
+    assert least_scaled_jacobian(single) == pytest.approx(4 * place - 1, rel=1e-12)
+    if sound:
+        check_triangles(single, 3.0)
+    else:
+        with pytest.raises(ComputationFailed, match=r"scaled Jacobian of 0\.09, expected > 0\.1"):
+            check_triangles(single, 3.0)
 
 
 def test_jacobians_against_a_triangle_by_hand(alike) -> None:
