@@ -93,7 +93,7 @@ class HingeChart(NamedTuple):
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
         inside, within = self.covers(tau, eta), np.clip(tau, *self.ratios)
         found = self.low.at(within, np.clip(eta, *self.low.heights))
-        beyond = inside & (eta > self.low.heights[1])
+        beyond = inside & (eta > self.low.heights[1] * (1 + ROUND_OFF))
         if np.any(beyond):
             stout, high = within[beyond], eta[beyond]
             found[:, beyond] = self.high.at(stout, high) + _growth(stout, high)

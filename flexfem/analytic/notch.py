@@ -219,9 +219,10 @@ _ENTRIES = (
     ),
     ChartedFormula(
         "calibrated",
-        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart*.json)",
+        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
         "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
-        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value",
+        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
+        " hinge_chart_high.json",
         hinge_chart().ratios,
         beam.rotation_paros_weisbord,
         beam.axial_paros_weisbord,

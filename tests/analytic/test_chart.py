@@ -85,7 +85,7 @@ def test_blocks_of_any_height_are_on_the_chart() -> None:
 
 def test_the_chart_is_one_curve_where_its_parts_meet() -> None:
     ratios = np.geomspace(*RATIOS, 40)
-    low, high = (np.array(hinge_chart().factors(ratios, height)) for height in (3.0, 3.0 + 1e-9))
+    low, high = (np.array(hinge_chart().factors(ratios, height)) for height in (3.0, 3.0 + 1e-7))
     np.testing.assert_allclose(high, low, rtol=3e-6)
     assert not np.array_equal(high, low)
 
