@@ -48,14 +48,15 @@ def test_what_takes_no_fresh_mesh_is_as_accepted(path):
     """Analytic numbers, charts, and finite elements on committed meshes, whole compliances and stresses among them."""
     folder = ROOT / "tests/baselines"
     baseline = store.read_baseline(store.file_of(path, folder))
-    assert [str(each) for each in store.changed(path, folder, baseline)] == []
+    changed = store.changed(path, folder, baseline)
+    assert not changed, "\n".join([*map(str, changed), "when that is meant: make baselines REASON=..."])
     makers = sections(path, folder, nothing_is_solved)
     now = {name: plain(makers[name]()) for name in CHEAP if name in makers}
     accepted = {name: baseline.record[name] for name in now} | {
         name: value for name, value in baseline.record.items() if name in ("result", "check")
     }
     moved = gates.moves(path.stem, accepted, {**accepted, **now})
-    assert [str(each) for each in moved] == [], "when that is meant: make baselines REASON=..."
+    assert not moved, "\n".join([*map(str, moved), "when that is meant: make baselines REASON=..."])
 
 
 def spoilt(record):
@@ -97,6 +98,36 @@ def test_a_zero_to_round_off_has_no_more_room_than_round_off():
         assert 1e-4 < gates.allowed(record, ("result", "error_percent", label, "y")) < 5e-3
     path = ("committed", "mobility six", "compliance", 0, 1)
     assert gates.allowed(record, path) < 1e-13  # mm/N, of 0.026
+
+
+LARGEST = {  # part of the number that each kind may move by
+    ("fig6", "committed.mobility six.compliance[0][0]"): 1e-7,
+    ("fig6", "result.models.mobility six.stiffness[1][1]"): 1e-11,
+    ("fig6", "result.models.mobility six.force[3][1]"): 1e-11,
+    ("fig6", "result.models.mobility six.compliance[2][2]"): 5e-5,
+    ("fig6", "result.models.mobility six.neck_stress[0][1]"): 1e-2,
+    ("fig6", "result.curves.mobility six.y[3]"): 5e-4,
+    ("fig6", "result.error_percent.mobility six.y"): 5e-4,
+    ("fig6", "result.uncertainty.mobility six.y.band"): 2e-3,
+    ("fig6", "result.uncertainty.mobility six.y.extrapolated"): 5e-3,
+    ("mobility6", "budget.split.y.band"): 2e-3,
+    ("mobility6", "budget.split.y.out_of_plane.y"): 1e-7,
+    ("mobility6", "budget.split.y.shares[4].points.y"): 0.05,
+    ("mobility6", "converge.compliance[2][0][0]"): 1e-3,
+    ("mobility6", "workspace.box.position"): 1e-6,
+    ("mobility6", "workspace.travel.theta.load[7][2]"): 1e-8,
+    ("claims", "claims.alternatives[4].along.theta"): 5e-5,
+    ("analytic-study", "analytic.table.kxx_n_per_mm[3]"): 1e-11,
+    ("element-study", "verify.table.error_x_percent[2]"): 1e-2,
+}
+
+
+def test_no_gate_is_wider_than_its_kind_of_number_needs():
+    records = {path.stem: store.read_baseline(path).record for path in ACCEPTED}
+    paths = {stem: {named(path): path for path in leaves(record)} for stem, record in records.items()}
+    for (stem, name), largest in LARGEST.items():
+        path = paths[stem][name]
+        assert 0 < gates.allowed(records[stem], path) <= largest * abs(at(records[stem], path)), name
 
 
 @pytest.mark.parametrize(
