@@ -15,14 +15,14 @@ from flexfem.report.study_sensitivity import sensitivity_figure
 from flexfem.report.study_shown import Source, front_of, map_of, scatters_of, shares_of
 from flexfem.report.write import write_beside
 from flexfem.study.figure import Figure
-from flexfem.study.findings import Best, Extremes, Finding, Marks, Shares
+from flexfem.study.findings import Best, Extremes, Finding, Marks, Refused, Shares
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
 
 
 def write_study_figures(source: Source, found: Sequence[Finding], folder: Path) -> list[Path]:
-    """Draw every figure of a study file as PNG and PDF.
+    """Draw every figure of a study file as PNG and PDF, but those that are refused.
 
     Parameters
     ----------
@@ -30,16 +30,15 @@ def write_study_figures(source: Source, found: Sequence[Finding], folder: Path) 
     found : what each figure shows, as `study.findings` finds it.
     folder : where the files go, named after study, kind of figure and what a map shows; made when missing.
 
-    Returns the paths written. Raises BadInput when the designs of a map cover one another, or the folder does not take
-    a file.
+    Returns the paths written. Raises BadInput when the folder does not take a file.
     """
     figures = zip(named(source.loaded), found, strict=True)
-    drawn = [(name, draw(source, figure, shown)) for (name, figure), shown in figures]
+    drawn = [(name, draw(source, figure, shown)) for (name, figure), shown in figures if not isinstance(shown, Refused)]
     return [path for name, drawing in drawn for path in write_beside(folder / f"{name}.png", drawing)]
 
 
-def draw(source: Source, figure: Figure, found: Finding) -> Drawing:
-    """Draw one figure of a study file from what was found for it. Raises BadInput as `write_study_figures`."""
+def draw(source: Source, figure: Figure, found: Extremes | Marks | Shares | Best) -> Drawing:
+    """Draw one figure of a study file from what was found for it."""
     match found:
         case Extremes():
             return map_figure(map_of(source, figure))

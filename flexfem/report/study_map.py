@@ -22,7 +22,7 @@ from flexfem.study.pareto import wide
 
 WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, FOOT = 8.27, 7.2, 0.85, 5.75, 1.0  # in
 ONE_HUE, TWO_HUES = "viridis", "PuOr_r"  # the first alone reads in grey; the contours' labels say the rest
-HATCHES = ("////", "xxxx", "....")
+HATCHES = ("////", "xxxx", "....", "||||", "----")
 HATCHED = "#A8A8A8"
 DOTS = 5000  # more are rasterised in a PDF
 
@@ -55,8 +55,8 @@ def map_figure(shown: StudyMap) -> Figure:
 
     Notes
     -----
-    A cell is one design, with its value; nothing is interpolated but the contours. Values of both signs have two hues,
-    and the contours of negative values are dashed.
+    A cell is one design, with its value, or a mean of several, as the caption says; nothing is interpolated but the
+    contours. Values of both signs have two hues, and the contours of negative values are dashed.
     """
     figure = new_figure(WIDTH, HEIGHT)
     top = HEIGHT - header(figure, *shown.caption) - 0.12
@@ -132,7 +132,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
     axes.scatter(shown.points[known, 0], shown.points[known, 1], c=shown.values[known], **look, **colours)
     entries = []
-    for mark, (why, which) in zip("x+1", shown.missing.items(), strict=False):
+    for mark, (why, which) in zip("x+123", shown.missing.items(), strict=False):
         at = shown.points[which].T
         axes.plot(*at, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
         entries.append(

@@ -55,16 +55,24 @@ def sensitivity_figure(shares: Sequence[Share], factors: Sequence[str], caption:
 
 def limits(indices: Sequence[Indices]) -> tuple[float, float]:
     """Ends of the axis that all panels share: nought, or less where a whisker goes there, to the longest whisker."""
-    low = min(float(np.min([i.first - i.first_band, i.total - i.total_band])) for i in indices)
-    high = max(float(np.max([i.first + i.first_band, i.total + i.total_band])) for i in indices)
+    bars = [pair for i in indices for pair in ((i.first, i.first_band), (i.total, i.total_band))]
+    ends = [(value - band, value + band) for value, band in bars if value is not None and band is not None]
+    low, high = float(np.min([end[0] for end in ends])), float(np.max([end[1] for end in ends]))
     room = 0.03 * (high - min(low, 0.0))
     return min(low, 0.0) - room, high + room
 
 
 def _draw_panel(axes: Axes, share: Share, ends: tuple[float, float]) -> None:
     found, places = share.indices, np.arange(float(len(share.indices.first)))
-    _draw_bars(axes, places - 0.19, (found.first, found.first_band), FIRST_COLOUR, "first order: alone")
-    _draw_bars(axes, places + 0.19, (found.total, found.total_band), TOTAL_COLOUR, "total: with its interactions")
+    _draw_bars(
+        axes,
+        places - (0.19 if found.total is not None else 0.0),
+        (found.first, found.first_band),
+        FIRST_COLOUR,
+        "first order: alone",
+    )
+    if found.total is not None and found.total_band is not None:
+        _draw_bars(axes, places + 0.19, (found.total, found.total_band), TOTAL_COLOUR, "total: with its interactions")
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set(xlim=ends, ylim=(len(places) - 0.45, -0.55))
     axes.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")

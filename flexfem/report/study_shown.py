@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.report.numbers import significant
 from flexfem.report.stage_outline import outline_of
 from flexfem.report.study_distribution import Scatter
-from flexfem.report.study_labels import Caption, Quantity, caption_of, counted, factor, output
+from flexfem.report.study_labels import Caption, Quantity, caption_of, counted, factor, output, thousands
 from flexfem.report.study_map import StudyMap
 from flexfem.report.study_pareto import Chosen, ParetoFront
 from flexfem.report.study_sensitivity import Share
+from flexfem.study.cells import Cells, cells_of
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Marks, Shares
 from flexfem.study.pareto import wide
 from flexfem.study.sampling import sample
+from flexfem.study.warned import counted_doubts, unseen
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
@@ -54,34 +55,56 @@ class Source(NamedTuple):
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """What stands above a figure; its own title where it has one."""
-        return caption_of(self.loaded, self.table, figure.title or title, lines)
+        return caption_of(self.loaded, self.table, figure.title or title, [*self._kept(), *self._doubts(), *lines])
+
+    def _kept(self) -> list[str]:
+        """How many designs keep the constraints of the study."""
+        if not self.loaded.study.constraint:
+            return []
+        limits = "; ".join(f"{one.said} {one.expected}" for one in self.loaded.study.constraint)
+        kept, answers = int(np.sum(self.table.ok & ~self.table.infeasible)), int(np.sum(self.table.ok))
+        return [f"{thousands(kept)} of {thousands(answers)} designs with an answer keep the constraints: {limits}."]
 
     def base(self, x: str, y: str) -> tuple[float, float] | None:
         """Where the base stage is among the designs, None where that is not known."""
         found = tuple(self.nominal.get(name, np.nan) for name in (x, y))
         return (found[0], found[1]) if np.isfinite(found).all() else None
 
+    def _doubts(self) -> list[str]:
+        """What is to be known of some of the answers."""
+        return [f"{text}." for text in counted_doubts(self.table.doubts, int(np.sum(self.table.ok)))]
+
 
 def map_of(source: Source, figure: Figure) -> StudyMap:
-    """A value over two factors. Raises BadInput when others vary too, so that designs cover one another."""
+    """A value over two factors, or its mean over the others where they vary too."""
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
-    loaded, table = source.loaded, source.table
-    points = np.column_stack([table.columns[x], table.columns[y]])
-    grid = loaded.study.sampling.method == "grid"
-    if grid and len(np.unique(points, axis=0)) < len(points):
-        raise BadInput(f"{loaded.path}: map of {value}: other factors vary too, expected a grid of {x} and {y} alone")
+    cells = cells_of(source.loaded, source.table, (x, y), value)
     across, up, shown = (source.quantity(name) for name in (x, y, value))
     title = f"{shown.name} over {across.name} and {up.name}"
     return StudyMap(
-        source.caption(figure, title[0].upper() + title[1:], *_band_line(source, value)),
+        source.caption(
+            figure, title[0].upper() + title[1:], *_mean_line(source, cells, shown), *_band_line(source, value)
+        ),
         *(across, up, shown),
-        points=points,
-        values=table.columns[value],
-        missing=table.unanswered,
-        grid=grid,
+        points=cells.points,
+        values=cells.values,
+        missing=cells.missing,
+        grid=cells.grid,
         marks=(*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else (),
         base=source.base(x, y),
     )
+
+
+def _mean_line(source: Source, cells: Cells, value: Quantity) -> list[str]:
+    """What a map averages over, and what that hides."""
+    if not cells.averaged:
+        return []
+    names = [source.quantity(name).name for name in cells.averaged[:WRITTEN]]
+    more = f" and {len(cells.averaged) - WRITTEN} more" if len(cells.averaged) > WRITTEN else ""
+    return [
+        f"A cell is the mean over {', '.join(names)}{more}: of {cells.size} designs (median), which scatter by "
+        f"{significant(cells.scatter, 2)}{value.after} (standard deviation in a cell, median)."
+    ]
 
 
 def scatters_of(source: Source, figure: Figure, found: Marks) -> tuple[list[Scatter], Caption]:
@@ -103,18 +126,27 @@ def _answered(source: Source, name: str) -> Array:
 def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share], list[str], Caption]:
     """Sobol indices, and what the factors are called."""
     shares = [Share(source.quantity(name), indices) for name, indices in found.indices.items()]
-    line = "Sobol indices; whiskers: 95 % confidence by bootstrap."
+    line = "Sobol indices; whiskers: 95 % confidence."
+    if source.loaded.study.sampling.method != "saltelli":
+        line = (
+            "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
+            'confidence. Total indices need method = "saltelli".'
+        )
+        if source.loaded.study.correlation or source.loaded.given is not None or not source.table.ok.all():
+            line += " Factors may depend on one another, if only by the designs without an answer: shares overlap then."
+    nothing = [f"{text[0].upper()}{text[1:]}." for text in unseen(source.loaded)]
     factors = [factor(column).name for column in source.loaded.columns]
-    return shares, factors, source.caption(figure, "Which factor causes the variance", line)
+    return shares, factors, source.caption(figure, "Which factor causes the variance", line, *nothing)
 
 
 def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
     """The designs that no other beats in two columns, and some of them drawn."""
     x, y = figure.x or "", figure.y or ""
-    loaded, table = source.loaded, source.table
+    loaded, table = source.loaded, source.table.considered
     designs = table.design[table.ok][list(found.chosen)].tolist()
     values = {place: sample(loaded, n, n + 1)[0] for place, n in zip(found.chosen, designs, strict=True)}
     quantities, points = (source.axis(x), source.axis(y)), np.column_stack(table.answered(x, y))
+    broken = int(np.sum(source.table.infeasible))
     title = f"{quantities[1].name} against {quantities[0].name}"
     return ParetoFront(
         source.caption(figure, title[0].upper() + title[1:]),
@@ -131,7 +163,7 @@ def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
             )
             for place, stage in found.chosen.items()
         ],
-        left_out=_left_out(table, found.unchecked),
+        left_out=_left_out(table, found.unchecked, broken),
         base=source.base(x, y),
     )
 
@@ -148,8 +180,10 @@ def _about(source: Source, quantities: tuple[Quantity, Quantity], point: Array, 
     return lines
 
 
-def _left_out(table: StudyTable, unchecked: int) -> list[str]:
+def _left_out(table: StudyTable, unchecked: int, broken: int) -> list[str]:
     without = {status: int(np.sum(which)) for status, which in table.unanswered.items()}
+    if broken:
+        without["that break a constraint"] = broken
     notes = [f"not drawn: {counted(without)}"] if without else []
     if unchecked:
         notes.append(f"{unchecked} on the front are not known to be drawable")

@@ -20,7 +20,7 @@ class Rows(NamedTuple):
     Attributes
     ----------
     status : (n,) text: "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
-    reason : (n,) one line, "" where ok.
+    reason : (n,) one line why not, or where ok what to know of the answer, mostly "".
     values : (n, outputs) in the columns' units; nan where not ok.
     """
 
@@ -50,16 +50,19 @@ def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> 
 
 def _analytic(loaded: LoadedStudy, values: Array) -> Rows:
     from flexfem.study.analytic import answer_designs
+    from flexfem.study.warned import doubted
 
     reason, answers = answer_designs(loaded, values)
-    return Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers)
+    status = np.where(reason == "", "ok", "refused").astype(object)
+    return doubted(loaded, values, Rows(status, reason, answers))
 
 
 def _solved(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
     from flexfem.study.derived import refusals_of
     from flexfem.study.solving import solved_row
+    from flexfem.study.warned import doubted
 
     reason = refusals_of(loaded, values[None])
     if reason[0]:
         return Rows(np.array(["refused"], dtype=object), reason, np.full((1, len(loaded.outputs)), np.nan))
-    return solved_row(loaded, values, inside)
+    return doubted(loaded, values[None], solved_row(loaded, values, inside))

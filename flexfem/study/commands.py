@@ -172,21 +172,31 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     from flexfem.report.study_shown import Source
     from flexfem.study.collect import collect as join
     from flexfem.study.collect import table_path
-    from flexfem.study.findings import facts_of, findings
+    from flexfem.study.findings import Refused, facts_of, findings
     from flexfem.study.nominal import nominal
     from flexfem.study.table import read_table
+    from flexfem.study.warned import counted_doubts, unseen
 
     parts = _parts(study, output)
     check_folder(parts.folder.parent)
     loaded, made = parts.loaded, join(parts, table_path(parts), partial)
     table, base = read_table(made.path, loaded), nominal(loaded)
     found = findings(loaded, table, base)
+    doubts = [*unseen(loaded), *counted_doubts(table.doubts, int(table.ok.sum()))]
+    by_name = dict(zip((name for name, _ in named(loaded)), found, strict=True))
     written = write_study_figures(Source(loaded, table, base), found, parts.folder.parent)
     facts = {
         "written": [str(path) for path in (made.path, *written)],
-        "findings": {name: facts_of(one) for (name, _), one in zip(named(loaded), found, strict=True)},
+        "warnings": doubts,
+        "findings": {name: facts_of(one) for name, one in by_name.items()},
     }
     console.show(facts, json, tables.print_written)
+    for text in doubts:
+        _note(f"warning: {text}")
+    refused = {name: one.reason for name, one in by_name.items() if isinstance(one, Refused)}
+    for name, reason in refused.items():
+        _note(f"{name} is not drawn: {reason}")
+    raise typer.Exit(1 if refused else 0)
 
 
 def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:

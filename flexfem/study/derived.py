@@ -32,22 +32,11 @@ def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Ju
     known = ChainMap[str, Array]({}, cast("MutableMapping[str, Array]", columns))  # which may be read one by one
     feasible = np.array(ok, dtype=bool)
     for output in loaded.study.output:
-        found = evaluated(loaded, output.expression, known)
+        found = evaluated(loaded, output.expression, known, len(ok))
         known[output.name] = np.where(ok & np.isfinite(found), found, np.nan)
     for constraint in loaded.study.constraint:
-        feasible &= ~constraint.broken(evaluated(loaded, constraint.value, known))
+        feasible &= ~constraint.broken(evaluated(loaded, constraint.value, known, len(ok)))
     return Judged({output.name: known[output.name] for output in loaded.study.output}, feasible)
-
-
-def violations(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> dict[str, int]:
-    """How many designs with an answer break each constraint, by what the study calls it.
-
-    `columns` : factors, outputs and derived outputs, (n,) each, by name.
-    """
-    return {
-        constraint.said: int(np.sum(ok & constraint.broken(evaluated(loaded, constraint.value, columns))))
-        for constraint in loaded.study.constraint
-    }
 
 
 def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
@@ -59,18 +48,17 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
     known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
     for output in loaded.study.output:
         if loaded.study.is_given(output.expression):
-            known[output.name] = evaluated(loaded, output.expression, known)
+            known[output.name] = evaluated(loaded, output.expression, known, len(values))
     for constraint in loaded.study.constraint:
         if loaded.study.is_given(constraint.value):
-            found = evaluated(loaded, constraint.value, known)
+            found = evaluated(loaded, constraint.value, known, len(values))
             for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
                 reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
     return reason
 
 
-def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array]) -> Array:
-    """Value (n,) of an expression of columns, (n,) each by name, and keys, in file units; nan where one is missing."""
-    size = len(next(iter(columns.values())))
+def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array], size: int) -> Array:
+    """Value (size,) of an expression of columns by name, and keys, in file units; nan where one is missing."""
     found = {name: _named(loaded, name, columns) for name in names_in(expression)}
     return np.broadcast_to(value_of(expression, found), (size,))
 
@@ -82,13 +70,12 @@ def _named(loaded: LoadedStudy, name: str, columns: Mapping[str, Array]) -> Arra
 
 
 def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Array:
-    """Values (n,) of a key of the stage file, file units: what a factor sets, else the stage's own."""
+    """Values (n,) or (1,) of a key of the stage file, file units: what a factor sets, else the stage's own."""
     for column in loaded.columns:
         if key.path in column.keys:
             return columns[column.name]
-    size = len(next(iter(columns.values())))
     if key.table[:1] != ("override",):
-        return np.full(size, key.value_in(loaded.stage), dtype=np.float64)
+        return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, (chain, hinge)),) = key.places_in(loaded.stage)
     return np.asarray(getattr(designs, field)[:, chain, hinge] / key.unit)

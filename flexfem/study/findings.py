@@ -12,6 +12,7 @@ from flexfem.arrays import Array
 from flexfem.design import Stage
 from flexfem.errors import BadInput
 from flexfem.layout.feasibility import check_feasible
+from flexfem.study.cells import cells_of
 from flexfem.study.designs import stage_of
 from flexfem.study.figure import Figure
 from flexfem.study.pareto import Front, drawable_front, spread, wide
@@ -64,7 +65,13 @@ class Best(NamedTuple):
     gain: float | None
 
 
-Finding: TypeAlias = Extremes | Marks | Shares | Best
+class Refused(NamedTuple):
+    """Of a figure that cannot be drawn from this table: why, in one line."""
+
+    reason: str
+
+
+Finding: TypeAlias = Extremes | Marks | Shares | Best | Refused
 
 
 def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float]) -> list[Finding]:
@@ -74,28 +81,51 @@ def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float
     ----------
     nominal : the base stage's values by column, where known.
 
-    Raises BadInput when nothing has an answer, or as `sensitivity`.
+    Raises BadInput when nothing has an answer; a figure that cannot be drawn for reasons of its own is `Refused`.
     """
     if not table.ok.any():
         raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
-    return [_finding(loaded, table, nominal, figure) for figure in loaded.study.figure]
+    return [_tried(loaded, table, nominal, figure) for figure in loaded.study.figure]
+
+
+def _tried(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Finding:
+    try:
+        _require_numbers(loaded, table, figure)
+        return _finding(loaded, table, nominal, figure)
+    except BadInput as error:
+        return Refused(str(error))
+
+
+def _require_numbers(loaded: LoadedStudy, table: StudyTable, figure: Figure) -> None:
+    """Raise BadInput where a derived output of a figure has no value for a design that has an answer."""
+    for name, _ in figure.columns.values():
+        bad = np.flatnonzero(table.ok & ~np.isfinite(table.columns[name]))
+        if len(bad):
+            raise BadInput(
+                f"{loaded.path}: {figure.kind} of {name}: no finite number for {len(bad)} of {int(table.ok.sum())} "
+                f"designs with an answer, expected one for each; the first is design {table.design[bad[0]]}"
+            )
 
 
 def _finding(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Finding:
     match figure.kind:
         case "map":
-            return _extremes(table, figure)
+            return _extremes(loaded, table, figure)
         case "distribution":
             return _marks(loaded, table, figure)
         case "sensitivity":
             factors = [column.name for column in loaded.columns]
             return Shares(factors, {name: sensitivity(loaded, table, name) for name in figure.values or ()})
         case "pareto":
-            return _best(loaded, table, nominal, figure)
+            return _best(loaded, table.considered, nominal, figure)
 
 
-def _extremes(table: StudyTable, figure: Figure) -> Extremes:
-    value, x, y = table.answered(figure.value or "", figure.x or "", figure.y or "")
+def _extremes(loaded: LoadedStudy, table: StudyTable, figure: Figure) -> Extremes:
+    cells = cells_of(loaded, table, (figure.x or "", figure.y or ""), figure.value or "")
+    known = np.isfinite(cells.values)
+    if not known.any():
+        raise BadInput(f"{loaded.path}: map of {figure.value}: no design to show keeps all constraints, expected some")
+    value, (x, y) = cells.values[known], cells.points[known].T
     least, most = ((float(value[k]), float(x[k]), float(y[k])) for k in (value.argmin(), value.argmax()))
     return Extremes(least, most)
 
@@ -110,6 +140,8 @@ def _marks(loaded: LoadedStudy, table: StudyTable, figure: Figure) -> Marks:
 
 def _best(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Best:
     x, y = table.answered(figure.x or "", figure.y or "")
+    if len(x) == 0:
+        raise BadInput(f"{loaded.path}: pareto of {figure.y}: no design keeps all constraints, expected some")
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
     stage_at = _stages(loaded, table)
@@ -187,9 +219,14 @@ def facts_of(finding: Finding) -> dict[str, Any]:
             return {name: [_percentile(one) for one in marks] for name, marks in found.items()}
         case Shares(factors, indices):
             return {
-                name: {key: dict(zip(factors, part.tolist(), strict=True)) for key, part in one._asdict().items()}
+                name: {
+                    key: None if part is None else dict(zip(factors, part.tolist(), strict=True))
+                    for key, part in one._asdict().items()
+                }
                 for name, one in indices.items()
             }
+        case Refused(reason):
+            return {"refused": reason}
         case Best():
             return {"front": len(finding.front.places), "power": finding.power, "gain": finding.gain}
 

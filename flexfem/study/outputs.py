@@ -16,6 +16,11 @@ TRAVELS = ("travel_x_um", "travel_y_um", "travel_theta_mrad")
 ERRORS = ("error_x_percent", "error_y_percent", "error_theta_percent")
 CROSSES = ("cross_x_percent", "cross_y_percent", "cross_theta_percent")
 BANDS = ("band_x_percent", "band_y_percent", "band_theta_percent")
+CROSS = {  # stiffnesses between two directions, and those along them
+    "kxy_n_per_mm": ("kxx_n_per_mm", "kyy_n_per_mm"),
+    "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),
+    "kyt_n": ("kyy_n_per_mm", "ktt_n_mm_per_rad"),
+}
 COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *REACHES, *ENVELOPE)
 
 _ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from flexfem.errors import BadInput
 from flexfem.study.parts import PART, RETRIED, Chunk, Counts, Parts, counts_of_table, read_counts, read_part
 from flexfem.study.shard import WHOLE, Shard
+from flexfem.study.warned import counted_doubts, unseen
 
 
 class Survey(NamedTuple):
@@ -89,7 +90,8 @@ def facts_of(counts: Counts) -> dict[str, Any]:
     reasons = {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"}
     bad = sum(n for status, n in by_status.items() if status in RETRIED)
     plain = {"done": by_status.total(), "ok": by_status["ok"], "refused": by_status["refused"], "failed": bad}
-    return plain | {"reasons": reasons}
+    doubts = counted_doubts(dict(_reasons(counts, "ok")), plain["ok"])
+    return plain | {"reasons": reasons, "warnings": doubts}
 
 
 def _reasons(counts: Counts, wanted: str) -> Iterator[tuple[str, int]]:
@@ -108,6 +110,7 @@ def status_facts(parts: Parts, shard: Shard = WHOLE) -> dict[str, Any]:
         "hash": loaded.hash,
         "designs": designs,
         **about,
+        "warnings": [*unseen(loaded), *about["warnings"]],
         "open": designs - about["done"],
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),

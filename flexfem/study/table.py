@@ -89,6 +89,16 @@ class StudyTable(NamedTuple):
         return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
 
     @property
+    def doubts(self) -> dict[str, int]:
+        """How many designs have an answer with something to know of it, by what it is."""
+        if isinstance(self.reason, Texts):
+            numbers = np.bincount(self.reason.codes[self.ok], minlength=len(self.reason.words)).tolist()
+            found = Counter({word: n for word, n in zip(self.reason.words, numbers, strict=True) if n and word})
+        else:
+            found = Counter(reason for reason in self.reason[self.ok].tolist() if reason)
+        return dict(found.most_common())
+
+    @property
     def infeasible(self) -> AnyArray:
         """Which designs, bool (n,), have an answer but break a constraint."""
         return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible

@@ -26,7 +26,7 @@ from flexfem.report.study_shown import Source, front_of, map_of, scatters_of, sh
 from flexfem.study.answer import answer
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure
-from flexfem.study.findings import Finding, findings
+from flexfem.study.findings import Finding, Refused, findings
 from flexfem.study.keys import keys
 from flexfem.study.nominal import nominal, own_values
 from flexfem.study.outputs import outputs_of
@@ -411,13 +411,38 @@ def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: 
     assert "stage: thickness_mm" in shown.caption.assumed
 
 
-def test_a_map_in_which_designs_would_cover_one_another_is_refused(tmp_path: Path) -> None:
+def test_a_map_of_more_factors_says_over_which_it_is_the_mean(tmp_path: Path) -> None:
     third = '[[figure]]\nkind = "pareto"'
-    loaded = study(tmp_path, GRID, (third, f'[[factor]]\nkey = "thickness_mm"\nvalues = [9.0, 10.0]\n{third}'))
-    with pytest.raises(BadInput, match="map of kxx_n_per_mm: other factors vary too"):
-        source = Source(loaded, answered(loaded), {})
-        write_study_figures(source, found_in(source), tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    loaded = study(tmp_path, GRID, (third, f'[[factor]]\nkey = "thickness_mm"\nvalues = [9.0, 11.0]\n{third}'))
+    table = answered(loaded)
+    shown = map_of(Source(loaded, table, {}), loaded.study.figure[0])
+    kxx = table.columns["kxx_n_per_mm"].reshape(28, 2)
+    np.testing.assert_allclose(shown.values, kxx.mean(axis=1), rtol=1e-12)
+    half = np.nanmedian(np.abs(np.diff(kxx, axis=1))) / np.sqrt(2)
+    lines = " ".join(shown.caption.lines)
+    assert "the mean over thickness: of 2 designs (median), which scatter by" in lines
+    found = re.search(r"scatter by ([\d.]+).N/mm", lines)
+    assert found and float(found[1]) == pytest.approx(half, rel=0.02)  # two digits
+
+
+def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> None:
+    limit = '[[constraint]]\nlabel = "reach"\nvalue = "reach_x_um"\nleast = 500.0\n'
+    loaded = study(tmp_path, GRID, ('[[figure]]\nkind = "map"\nx', f'{limit}[[figure]]\nkind = "map"\nx'))
+    table = answered(loaded)
+    feasible = table.ok & (table.columns["reach_x_um"] >= 500.0)
+    reason = np.where(table.ok & (table.design % 5 == 0), "something", table.reason)
+    table = table._replace(feasible=feasible, reason=reason)
+    source = Source(loaded, table, {})
+    lines = " ".join(map_of(source, loaded.study.figure[0]).caption.lines).replace(SPACE, " ")
+    ok = int(table.ok.sum())
+    assert 0 < feasible.sum() < ok
+    assert f"{feasible.sum()} of {ok} designs with an answer keep the constraints: reach at least 500." in lines
+    assert f"{np.sum(reason == 'something')} of {ok} designs with an answer: something." in lines
+    front = front_of(source, *found_for(source, 2))
+    assert len(front.points) == feasible.sum()
+    assert front.left_out == [
+        f"not drawn: {table.counts['refused']} refused, {ok - feasible.sum()} that break a constraint"
+    ]
 
 
 def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None:
@@ -481,8 +506,9 @@ def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:
     loaded = study(tmp_path, SCATTERED)
     table = answered(loaded)
     table.status[5], table.reason[5] = "failed", "mesh: no"
-    with pytest.raises(BadInput, match=r"sensitivity of kxx_n_per_mm: 1 of 80 designs.*design 5: failed: mesh: no"):
-        found_in(Source(loaded, table, {}))
+    refused = found_in(Source(loaded, table, {}))[1]
+    assert isinstance(refused, Refused)
+    assert re.search(r"sensitivity of kxx_n_per_mm: 1 of 80 designs.*design 5: failed: mesh: no", refused.reason)
 
 
 def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
@@ -522,6 +548,10 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
     source = Source(loaded, answered(loaded), {})
     shares, factors, _ = shares_of(source, *found_for(source, 1))
     assert factors == ["neck of base hinges", "neck of elbow hinges", "neck of platform hinges"]
+    assert all(share.indices.total is not None for share in shares)
+    plain = [Share(share.quantity, share.indices._replace(total=None, total_band=None)) for share in shares]
+    bars = [len(sensitivity_figure(each, factors, CAPTION).axes[0].patches) for each in (shares, plain)]
+    assert bars == [6, 3]
     assert [share.quantity for share in shares] == [output("kxx_n_per_mm"), output("ktt_n_mm_per_rad")]
 
 

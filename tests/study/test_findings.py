@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import flexfem.study.findings
-from flexfem.study.findings import Best, Marks, Shares, facts_of, findings, power_of
+from flexfem.study.cells import cells_of
+from flexfem.study.derived import judge
+from flexfem.study.findings import Best, Marks, Refused, Shares, facts_of, findings, power_of
 from flexfem.study.percentiles import Percentile
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
@@ -52,6 +54,71 @@ def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(st
     assert isinstance(found, Best)
     assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front.places) == 20
     assert len(found.chosen) == 4 and set(found.chosen) <= set(found.front.places.tolist()) and found.gain is None
+
+
+def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
+    loaded = studies.of(
+        'method = "monte_carlo"\ndesigns = 99\nseed = 3',
+        FREE,
+        tail='[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 2.5)"\n'
+        + "".join(f'[[figure]]\nkind = "{k}"\nvalues = ["{v}"]\n' for k, v in (("distribution", "root"),
+            ("sensitivity", "kyy_n_per_mm"), ("distribution", "kxx_n_per_mm"))),
+    )  # fmt: skip
+    table = table_of(loaded, kxx_n_per_mm=np.arange(99.0), kyy_n_per_mm=np.arange(99.0))
+    columns = {name: np.where(table.ok, value, np.nan) for name, value in table.columns.items()}
+    found = findings(loaded, table._replace(columns=columns | judge(loaded, columns, table.ok).derived), {})
+    assert [type(one) for one in found] == [Refused, Refused, Marks]
+    assert "no finite number for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
+    assert "98 designs have an answer, expected at least 100" in facts_of(found[1])["refused"]
+
+
+def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> None:
+    limit = '[[constraint]]\nvalue = "envelope_mm"\nmost = 5.5\n'
+    loaded = studies.of('method = "monte_carlo"\ndesigns = 6\nseed = 3', FREE, tail=limit + FRONT)
+    reach, stiffness = np.array([1.0, 0, 5.0, 3.0, 2.0, 9.0]), np.array([6.0, 0, 2.0, 4.0, 4.5, 9.0])
+    table = table_of(loaded, reach_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
+    table = table._replace(feasible=judge(loaded, table.columns, table.ok).feasible)
+    assert table.infeasible.tolist() == [False, False, False, True, False, True]
+    (found,) = findings(loaded, table, {})
+    x = table.considered.answered("reach_x_um")[0]
+    assert isinstance(found, Best) and x[found.front.places].tolist() == [5.0, 2.0, 1.0]
+    figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
+    loaded = studies.of('method = "grid"', *GRID, tail=limit + figure)
+    table = table_of(loaded, kxx_n_per_mm=np.arange(12.0), envelope_mm=np.arange(12.0))
+    table = table._replace(feasible=judge(loaded, table.columns, table.ok).feasible)
+    (found,) = findings(loaded, table, {})
+    assert (found.least[0], found.most[0]) == (0.0, 5.0)
+    cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
+        "refused": [1], "breaks a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
+    nothing = table._replace(feasible=np.zeros(12, dtype=bool))
+    assert "keeps all constraints" in facts_of(findings(loaded, nothing, {})[0])["refused"]
+
+
+def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
+    """A plane over x and log y plus what z adds: a cell has the mean of its designs, and stands at its centre."""
+    factors = (
+        'key = "thickness_mm"\nfrom = 8.0\nto = 12.0',
+        f'{FREE}\nscale = "log"',
+        'label = "z"\nkey = "hinges.elbow.neck_mm"\nfrom = 0.4\nto = 0.6',
+    )
+    loaded = studies.of('method = "sobol"\ndesigns = 2048\nseed = 3', *factors)
+    x, y, z = sample(loaded, 0, 2048).T
+    table = table_of(loaded, kxx_n_per_mm=2 * x + 30 * np.log(y) + 50 * (z - 0.5))
+    cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    plane = 2 * cells.points[:, 0] + 30 * np.log(cells.points[:, 1])
+    assert cells.averaged == ("z",) and cells.grid and len(cells.values) == 13**2 and not cells.missing
+    assert np.abs(cells.values - plane).max() < 4 * 2.95 / np.sqrt(8)  # about 12 designs a cell, 2.95 by z and place
+    assert np.mean(cells.values - plane) == pytest.approx(0.0, abs=0.05)
+    assert cells.scatter == pytest.approx(np.hypot(50 * 0.2, np.hypot(8 / 13, 16.8 / 13)) / np.sqrt(12), rel=0.1)
+    assert cells.size == 12
+    grid = studies.of('method = "grid"', *GRID, 'label = "z"\nkey = "hinges.elbow.neck_mm"\nvalues = [0.4, 0.6, 0.5]')
+    table = table_of(grid, kxx_n_per_mm=np.arange(36.0))
+    cells = cells_of(grid, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    neck, thickness = np.round(cells.points[:, 1], 9), cells.points[:, 0]
+    first = cells.values[(neck == 0.4) & (thickness == 8.0)]
+    assert first == 1.0 and cells.values[(neck == 0.4) & (thickness == 10.0)] == 4.0  # of 0 and 2: the second has none
+    assert len(cells.values) == 12 and cells.size == 3
 
 
 def test_power_of_a_power() -> None:

@@ -8,7 +8,7 @@ import pytest
 from flexfem.errors import BadInput
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
-from flexfem.study.sensitivity import sensitivity, sobol_indices
+from flexfem.study.sensitivity import first_order, sensitivity, sobol_indices
 from flexfem.study.table import StudyTable
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
@@ -56,10 +56,55 @@ def test_a_linear_function_shares_its_variance_by_squares_and_nothing_interacts(
     np.testing.assert_allclose(found.total, shares, atol=0.01)
 
 
-def test_the_same_answers_have_the_same_intervals() -> None:
-    answers = np.random.default_rng(4).normal(size=64 * 5)
-    for one, other in zip(sobol_indices(answers, 3), sobol_indices(answers, 3), strict=True):
-        np.testing.assert_array_equal(one, other)
+def test_first_order_is_alone_and_total_is_with_interactions(studies) -> None:
+    """3 a + b^2 + 2 a c of factors between 0 and 1: variances by hand; a has the larger share, c interacts most."""
+    loaded = three_factors(studies, 512)
+    a, b, c = sample(loaded, 0, loaded.count).T - 1.0
+    found = sobol_indices(-70.0 + 3 * a + b**2 + 2 * a * c, 3)
+    np.testing.assert_allclose(found.first, [0.869565, 0.057971, 0.054348], atol=0.004)  # 512 Sobol points
+    np.testing.assert_allclose(found.total, [0.887681, 0.057971, 0.072464], atol=0.004)
+    alone = sobol_indices((a + 0.3 * a**2)[::5].repeat(3), 1)  # A, AB = A, B = A: nothing is left to chance
+    assert alone.first == pytest.approx(0.0) and alone.total == pytest.approx(0.0)
+
+
+def exact_shares() -> tuple[np.ndarray, np.ndarray]:
+    """First-order indices of the function above, and of the same with a list of three values for c."""
+    a, b, ac = 16 / 12, 4 / 45, 4 / 144
+    spread = np.var([0.0, 0.5, 1.0])
+    listed = np.array([a, b, spread])
+    return np.array([a, b, 1 / 12]) / (a + b + 1 / 12 + ac), listed / (listed.sum() + 4 * spread / 12)
+
+
+@pytest.mark.parametrize("n", [100, 500])
+def test_one_plain_sample_tells_first_order_indices_with_intervals_that_hold(n: int) -> None:
+    rng = np.random.default_rng(8)
+    for listed, shares in zip((False, True), exact_shares(), strict=True):
+        found, held = [], []
+        for _ in range(150):
+            x = rng.random((n, 3))
+            x[:, 2] = rng.integers(0, 3, n) / 2 if listed else x[:, 2]
+            one = first_order(x.T, 5e4 + 3 * x[:, 0] + x[:, 1] ** 2 + 2 * x[:, 0] * x[:, 2])
+            assert one.total is None and one.total_band is None
+            found.append(one.first)
+            held.append(np.abs(one.first - shares) <= one.first_band)
+        off = np.abs(np.mean(found, axis=0) - shares) / (np.std(found, axis=0) / np.sqrt(150))
+        assert (off < 4).all(), off  # standard errors: noise explains nothing on average
+        assert (np.mean(held, axis=0) > 0.87).all(), np.mean(held, axis=0)
+    spread = np.std([one[0] for one in found])
+    assert one.first_band[0] == pytest.approx(1.96 * spread, rel=0.6)  # and says no more than it must
+
+
+def test_a_plain_sample_of_a_study_is_taken_factor_by_factor(studies) -> None:
+    loaded = studies.of('method = "monte_carlo"\ndesigns = 400\nseed = 5', *(UNIT.format(key) for key in KEYS))
+    values = sample(loaded, 0, 400)
+    answers = values @ [3.0, 0.0, -1.0]
+    table = table_of(loaded, "kxx_n_per_mm", np.where(np.arange(400) == 7, np.nan, answers), {7: "refused"})
+    columns = table.columns | {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
+    found = sensitivity(loaded, table._replace(columns=columns), "kxx_n_per_mm")
+    np.testing.assert_allclose(found.first, [0.9, 0.0, 0.1], atol=0.05)  # squares of the weights, 399 designs
+    few = studies.of('method = "monte_carlo"\ndesigns = 99\nseed = 5', *(UNIT.format(key) for key in KEYS))
+    with pytest.raises(BadInput, match="99 designs have an answer, expected at least 100"):
+        sensitivity(few, table_of(few, "kxx_n_per_mm", np.arange(99.0)), "kxx_n_per_mm")
 
 
 def test_a_design_without_an_answer_is_refused_with_count_and_first_reason(studies) -> None:
@@ -79,12 +124,6 @@ def test_designs_that_are_open_are_refused(studies) -> None:
     loaded = three_factors(studies, 8)
     with pytest.raises(BadInput, match="3 of 40 designs are not computed"):
         sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", np.arange(37.0)), "kxx_n_per_mm")
-
-
-def test_another_sampling_is_refused(studies) -> None:
-    loaded = studies.of('method = "monte_carlo"\ndesigns = 40\nseed = 5', *(UNIT.format(key) for key in KEYS))
-    with pytest.raises(BadInput, match=r'sampling.method = "monte_carlo", expected "saltelli"'):
-        sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", np.arange(40.0)), "kxx_n_per_mm")
 
 
 @pytest.mark.parametrize(("value", "size"), [("kxx_n_per_mm", 41.0), ("coupling_xy", 0.0), ("kxt_n", 0.0)])

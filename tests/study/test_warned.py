@@ -1,0 +1,83 @@
+"""What a study says of its answers: a formula out of its range, a factor that nothing shown depends on."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flexfem.study.answer import answer
+from flexfem.study.commands import app
+from flexfem.study.parts import parts_of, write_part
+from flexfem.study.sampling import sample
+from flexfem.study.status import status_facts
+from flexfem.study.warned import unseen
+
+FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
+NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'
+WIDTH = 'label = "w"\nkey = "chain.link_width_mm"\nfrom = 8.8\nto = 9.4'
+STRENGTH = 'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0'
+KXX = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]'
+SUM = f'[[output]]\nname = "d"\nexpression = "reach_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
+SHORT = 'model = "analytic"\nformula = "paros-weisbord-short"'
+
+
+def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies) -> None:
+    """The other hinges of the stage are at t/R 0.29 and more: with them in range, the base decides."""
+    loaded = studies.of(FEW, NECK, head='model = "analytic"\nformula = "koster"')
+    assert set(answer(loaded, 0, 200).reason) == {""}
+    stage = studies.folder / "stage.toml"
+    symmetric = stage.read_text().split("[[override]]")[0]
+    for old, new in (("neck_mm = 0.47", "neck_mm = 0.11"), ("neck_mm = 0.61", "neck_mm = 0.12")):
+        assert old in symmetric
+        symmetric = symmetric.replace(old, new)
+    stage.write_text(symmetric)
+    loaded = studies.of(FEW, NECK, head=SHORT, tail=f"{KXX}\n{KXX.replace('kxx_n_per_mm', 'coupling_xy')}")
+    rows, beyond = answer(loaded, 0, 200), sample(loaded, 0, 200)[:, 0] / 3.9 > 0.1
+    assert 100 < beyond.sum() < 190 and set(rows.status) == {"ok"} and np.isfinite(rows.values).all()
+    said = "hinge formula paros-weisbord-short outside its range of t/R"
+    assert list(rows.reason) == [said if out else "" for out in beyond]
+    parts = parts_of(loaded, studies.folder / "out")
+    write_part(parts, parts.chunk(0), rows)
+    warnings = [f"{beyond.sum()} of 200 designs with an answer: {said}"]
+    facts = status_facts(parts)
+    assert facts["warnings"] == warnings and facts["reasons"] == {} and facts["ok"] == 200
+    plot = CliRunner().invoke(app, ["plot", str(loaded.path), "--output", str(studies.folder / "out"), "--json"])
+    facts = json.loads(plot.stdout)
+    assert plot.exit_code == 1  # of the figure that is refused; the other is drawn
+    assert [path.rsplit("/", 1)[1] for path in facts["written"]] == [
+        "study.parquet", "study-sensitivity.png", "study-sensitivity.pdf"]  # fmt: skip
+    assert facts["warnings"] == warnings and f"flexfem: warning: {warnings[0]}" in plot.stderr
+    assert facts["findings"]["study-sensitivity"]["kxx_n_per_mm"]["total"] is None
+    assert "no factor changes it" in facts["findings"]["study-sensitivity-2"]["refused"]
+    (line,) = [text for text in plot.stderr.splitlines() if "is not drawn" in text]
+    assert line.startswith("flexfem: study-sensitivity-2 is not drawn: ") and "sensitivity of coupling_xy" in line
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "said"),
+    [
+        ("", KXX, ["w changes none of kxx_n_per_mm in this model; it changes envelope_mm alone",
+                   "material.yield_strength_mpa changes none of kxx_n_per_mm in this model; it changes reach_theta"]),
+        ('\nformula = "calibrated"', KXX, ["material.yield_strength_mpa changes none of kxx_n_per_mm"]),
+        ("", "", []),  # some output depends on each
+        ("", SUM, []),
+        ("", KXX + '\n[[constraint]]\nvalue = "reach_x_um"\nleast = 1', ["w changes none of kxx_n_per_mm, reach_x_um"]),
+    ],
+)  # fmt: skip
+def test_a_factor_that_nothing_shown_depends_on_is_named(studies, head: str, tail: str, said: list[str]) -> None:
+    loaded = studies.of(FEW, NECK, WIDTH, STRENGTH, head=f'model = "analytic"{head}', tail=tail)
+    found = unseen(loaded)
+    assert len(found) == len(said) and all(text in one for text, one in zip(said, found, strict=True)), found
+
+
+def test_what_a_table_of_designs_never_varies_is_not_blamed(studies) -> None:
+    names = "hinges.base.neck_mm,w"
+    (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.0\n")
+    factors = 'key = "hinges.base.neck_mm"', 'label = "w"\nkey = "chain.link_width_mm"'
+    table = 'method = "table"\nfile = "d.csv"'
+    assert unseen(studies.of(table, *factors, tail=KXX)) == []
+    (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.1\n")
+    assert ["factor w" in text for text in unseen(studies.of(table, *factors, tail=KXX))] == [True]
