@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,7 +21,7 @@ from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Marks, Shares
 from flexfem.study.pareto import wide
 from flexfem.study.sampling import sample
-from flexfem.study.warned import counted_doubts, unseen
+from flexfem.study.table import counted_doubts
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
@@ -32,11 +32,15 @@ WRITTEN = 6  # factors below a drawing; more are left to the table
 
 
 class Source(NamedTuple):
-    """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column."""
+    """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column.
+
+    `unseen` : sentences on factors that nothing shown depends on.
+    """
 
     loaded: LoadedStudy
     table: StudyTable
     nominal: Mapping[str, float]
+    unseen: Sequence[str] = ()
 
     def quantity(self, name: str) -> Quantity:
         """What a column is called."""
@@ -134,7 +138,7 @@ def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share
         )
         if source.loaded.study.correlation or source.loaded.given is not None or not source.table.ok.all():
             line += " Factors may depend on one another, if only by the designs without an answer: shares overlap then."
-    nothing = [f"{text[0].upper()}{text[1:]}." for text in unseen(source.loaded)]
+    nothing = [f"{text[0].upper()}{text[1:]}." for text in source.unseen]
     factors = [factor(column).name for column in source.loaded.columns]
     return shares, factors, source.caption(figure, "Which factor causes the variance", line, *nothing)
 

@@ -174,17 +174,18 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     from flexfem.study.collect import table_path
     from flexfem.study.findings import Refused, facts_of, findings
     from flexfem.study.nominal import nominal
-    from flexfem.study.table import read_table
-    from flexfem.study.warned import counted_doubts, unseen
+    from flexfem.study.table import counted_doubts, read_table
+    from flexfem.study.warned import unseen
 
     parts = _parts(study, output)
     check_folder(parts.folder.parent)
     loaded, made = parts.loaded, join(parts, table_path(parts), partial)
     table, base = read_table(made.path, loaded), nominal(loaded)
     found = findings(loaded, table, base)
-    doubts = [*unseen(loaded), *counted_doubts(table.doubts, int(table.ok.sum()))]
+    nothing = unseen(loaded)
+    doubts = [*nothing, *counted_doubts(table.doubts, int(table.ok.sum()))]
     by_name = dict(zip((name for name, _ in named(loaded)), found, strict=True))
-    written = write_study_figures(Source(loaded, table, base), found, parts.folder.parent)
+    written = write_study_figures(Source(loaded, table, base, nothing), found, parts.folder.parent)
     facts = {
         "written": [str(path) for path in (made.path, *written)],
         "warnings": doubts,

@@ -121,6 +121,11 @@ class StudyTable(NamedTuple):
         return [self.columns[name] if ok.all() else self.columns[name][ok] for name in names]
 
 
+def counted_doubts(reasons: Mapping[str, int], ok: int) -> list[str]:
+    """Warnings on the designs with an answer, by what stands as their reason, and how many."""
+    return [f"{n:,} of {ok:,} designs with an answer: {reason}" for reason, n in reasons.items() if reason]
+
+
 class Stored(Mapping[str, Array]):
     """Columns of a table on disk by name, read from its files when they are asked for; derived ones made then.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -42,11 +42,6 @@ def outside(loaded: LoadedStudy, values: Array) -> AnyArray:
     with np.errstate(all="ignore"):
         inside = formula(loaded.study.formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
     return np.asarray(~inside.all(axis=(1, 2)))
-
-
-def counted_doubts(reasons: Mapping[str, int], ok: int) -> list[str]:
-    """Warnings on the designs with an answer, by what stands as their reason, and how many."""
-    return [f"{n:,} of {ok:,} designs with an answer: {reason}" for reason, n in reasons.items() if reason]
 
 
 def unseen(loaded: LoadedStudy) -> list[str]:
