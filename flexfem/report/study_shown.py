@@ -20,8 +20,6 @@ from flexfem.study.cells import Cells, cells_of
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Marks, Shares
 from flexfem.study.pareto import wide
-from flexfem.study.sampling import sample
-from flexfem.study.table import counted_doubts
 
 if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
@@ -76,7 +74,7 @@ class Source(NamedTuple):
 
     def _doubts(self) -> list[str]:
         """What is to be known of some of the answers."""
-        return [f"{text}." for text in counted_doubts(self.table.doubts, int(np.sum(self.table.ok)))]
+        return [f"{text}." for text in self.table.warnings]
 
 
 def map_of(source: Source, figure: Figure) -> StudyMap:
@@ -146,9 +144,7 @@ def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share
 def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
     """The designs that no other beats in two columns, and some of them drawn."""
     x, y = figure.x or "", figure.y or ""
-    loaded, table = source.loaded, source.table.considered
-    designs = table.design[table.ok][list(found.chosen)].tolist()
-    values = {place: sample(loaded, n, n + 1)[0] for place, n in zip(found.chosen, designs, strict=True)}
+    table = source.table.considered
     quantities, points = (source.axis(x), source.axis(y)), np.column_stack(table.answered(x, y))
     broken = int(np.sum(source.table.infeasible))
     title = f"{quantities[1].name} against {quantities[0].name}"
@@ -163,7 +159,7 @@ def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
             Chosen(
                 place,
                 outline_of(stage),
-                _about(source, quantities, points[place], values[place]),
+                _about(source, quantities, points[place], found.values[place]),
             )
             for place, stage in found.chosen.items()
         ],

@@ -174,7 +174,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     from flexfem.study.collect import table_path
     from flexfem.study.findings import Refused, facts_of, findings
     from flexfem.study.nominal import nominal
-    from flexfem.study.table import counted_doubts, read_table
+    from flexfem.study.table import read_table
     from flexfem.study.warned import unseen
 
     parts = _parts(study, output)
@@ -183,7 +183,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     table, base = read_table(made.path, loaded), nominal(loaded)
     found = findings(loaded, table, base)
     nothing = unseen(loaded)
-    doubts = [*nothing, *counted_doubts(table.doubts, int(table.ok.sum()))]
+    doubts = [*nothing, *table.warnings]
     by_name = dict(zip((name for name, _ in named(loaded)), found, strict=True))
     written = write_study_figures(Source(loaded, table, base, nothing), found, parts.folder.parent)
     facts = {

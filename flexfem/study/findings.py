@@ -53,7 +53,7 @@ class Best(NamedTuple):
     """Of a Pareto figure: places are among the designs that have an answer.
 
     front : the best designs.   unchecked : how many of them may turn out impossible to draw.
-    chosen : some of them to look at, by place, in the order of the front.
+    chosen : some of them to look at, by place, in the order of the front.   values : their factors (columns,) likewise.
     power : slope of log y over log x along the front, least squares; None where it has none.
     gain : y over the base stage's y, of the best design no worse in x and no larger; None where there is none.
     """
@@ -63,6 +63,7 @@ class Best(NamedTuple):
     chosen: Mapping[int, Stage]
     power: float | None
     gain: float | None
+    values: Mapping[int, Array]
 
 
 class Refused(NamedTuple):
@@ -144,31 +145,33 @@ def _best(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
         raise BadInput(f"{loaded.path}: pareto of {figure.y}: no design keeps all constraints, expected some")
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
-    stage_at = _stages(loaded, table)
-    front = drawable_front(x, y, larger, lambda place: stage_at(place) is not None, attempts)
+    values_at = _values(loaded, table)
+    front = drawable_front(x, y, larger, lambda place: drawable(loaded, values_at(place)) is not None, attempts)
     one, other = (_as_drawn(loaded, name, v)[front.places] for name, v in ((figure.x, x), (figure.y, y)))
-    chosen = {int(place): stage_at(int(place)) for place in front.places[spread(one, other, figure.drawn)]}
+    values = {int(place): values_at(int(place)) for place in front.places[spread(one, other, figure.drawn)]}
+    chosen = {place: drawable(loaded, row) for place, row in values.items()}
     return Best(
         front,
         front.unchecked if attempts else 0,
         {place: stage for place, stage in chosen.items() if stage is not None},
         power_of(x[front.places], y[front.places]),
         _gain(loaded, table, nominal, figure),
+        values,
     )
 
 
-def _stages(loaded: LoadedStudy, table: StudyTable) -> Callable[[int], Stage | None]:
-    """The stage at a place among the designs with an answer, None when it cannot be made.
+def _values(loaded: LoadedStudy, table: StudyTable) -> Callable[[int], Array]:
+    """The factors (columns,) of the design at a place among those with an answer.
 
-    Its factors are drawn again by its number: all factors of all designs would be too much to hold.
+    They are drawn again by its number: all factors of all designs would be too much to hold.
     """
     before = np.cumsum(table.ok, dtype=np.int32)  # of these, up to every design
 
-    def stage_at(place: int) -> Stage | None:
+    def values_at(place: int) -> Array:
         design = int(table.design[np.searchsorted(before, place + 1)])
-        return drawable(loaded, sample(loaded, design, design + 1)[0])
+        return np.asarray(sample(loaded, design, design + 1)[0])
 
-    return stage_at
+    return values_at
 
 
 def _as_drawn(loaded: LoadedStudy, name: str | None, values: Array) -> Array:
@@ -203,8 +206,8 @@ def _gain(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
     sign = {"larger": 1.0, "smaller": -1.0}
     fits = np.flatnonzero((sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE]))
     ordered = fits[np.argsort(-sign[figure.y_better] * gained[fits], kind="stable")]
-    stage_at = _stages(loaded, table)
-    found = (place for place in ordered[:ATTEMPTS].tolist() if stage_at(place) is not None)
+    values_at = _values(loaded, table)
+    found = (place for place in ordered[:ATTEMPTS].tolist() if drawable(loaded, values_at(place)) is not None)
     best = next(found, None)
     return None if best is None else float(gained[best] / nominal[y])
 

@@ -99,6 +99,11 @@ class StudyTable(NamedTuple):
         return dict(found.most_common())
 
     @property
+    def warnings(self) -> list[str]:
+        """What is to be known of some of the answers, a sentence each."""
+        return counted_doubts(self.doubts, int(self.ok.sum()))
+
+    @property
     def infeasible(self) -> AnyArray:
         """Which designs, bool (n,), have an answer but break a constraint."""
         return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
