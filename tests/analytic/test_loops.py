@@ -14,7 +14,7 @@ from flexfem.analytic.stiffness import mechanism, stiffness
 from flexfem.layout.frames import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
-DIFFERENCE = 1e-7  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
+DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
 ROUNDING = 1e-10  # one 6 by 6 solve with a well-chosen set of dependent joints
 
 

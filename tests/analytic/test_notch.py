@@ -94,7 +94,7 @@ def test_thin_necks_approach_the_power_laws() -> None:
     R, tau = 3.1, 1e-4
     found = formula("paros-weisbord").compliance(R, tau * R, B, E, 0.0)
     FIRST_ORDER = 10 * tau  # the corrections are of relative order t/R
-    assert found.rotation * E * B * R**2 == pytest.approx(4.5 * np.pi * tau**-2.5, rel=FIRST_ORDER)
+    assert found.rotation * E * B * R**2 == pytest.approx(4.5 * np.pi * tau**-2.5, rel=0.1 * FIRST_ORDER)
     assert found.axial * E * B == pytest.approx(np.pi / np.sqrt(tau) - 1.0 - 0.5 * np.pi, rel=0.1 * FIRST_ORDER)
     bending = found.shear - 1.2 * 2.0 * found.axial
     assert bending * E * B == pytest.approx(1.5 * np.pi * tau**-1.5, rel=FIRST_ORDER)

@@ -210,7 +210,7 @@ def test_links_bent_by_next_to_nothing_are_meshed_as_straight_ones(
     """The arc of such a bend is shorter than two points of the drawing can be apart."""
     mesh = build_mesh(make_stage({"hinges.elbow.axis_deg": 175.0 + bend}), COARSE)
     assert jacobians(mesh)[:, -1].sum() == pytest.approx(
-        jacobians(alike.mesh)[:, -1].sum(), rel=1e-4
+        jacobians(alike.mesh)[:, -1].sum(), rel=1e-6
     )  # other parabolas
 
 
@@ -224,7 +224,7 @@ def test_local_thickness_is_the_neck_grown_by_the_notch(alike) -> None:
     found = local_thickness(d, hinge)
     assert found[0] == hinge.neck
     np.testing.assert_allclose(found[1:3] - hinge.neck, d[1:3] ** 2 / hinge.radius, rtol=1e-2)  # next term d^4
-    assert found[4] - found[3] == pytest.approx(flexfem.fem.mesh.SLOPE, rel=1e-2)  # a hyperbola near its asymptote
+    assert found[4] - found[3] == pytest.approx(1.4, rel=1e-2)  # a hyperbola near its asymptote
 
 
 def test_too_large_a_mesh_is_refused_before_gmsh_starts(

@@ -232,7 +232,7 @@ def test_inner_nodes_are_in_equilibrium(each) -> None:
     free = np.setdiff1d(np.arange(len(each.mesh.nodes)), held)
     assert np.abs(forces[:, free]).max() < BALANCE  # of unit loads
     hub = forces[:, np.unique(each.mesh.edges["hub"])].sum(axis=1)
-    np.testing.assert_allclose(hub, np.eye(2), atol=BALANCE)
+    np.testing.assert_allclose(hub, np.eye(2), rtol=0, atol=0.1 * BALANCE)
 
 
 @pytest.mark.parametrize("entry", [(0, 0), (0, 1), (1, 2), (2, 0), (2, 2)])
@@ -303,7 +303,7 @@ def test_energy_density_adds_up_to_the_energy_of_the_load_case(unlike) -> None:
 
 def test_a_moment_stresses_alike_necks_alike(alike) -> None:
     stress = load_case(alike.stage, alike.mesh, alike.response, np.array([0.0, 0.0, 37.0])).neck_stress
-    np.testing.assert_allclose(stress, np.tile(stress[0], (3, 1)), rtol=1e-9)  # differences of displacements
+    np.testing.assert_allclose(stress, np.tile(stress[0], (3, 1)), rtol=1e-11)  # differences of displacements
     assert len(np.unique(np.round(stress[0], 6))) == 3
 
 
@@ -313,7 +313,7 @@ def test_a_force_turned_by_120_degrees_stresses_the_next_chain(alike) -> None:
         load_case(alike.stage, alike.mesh, alike.response, load).neck_stress
         for load in (force, rotation(CHAIN_TURN) @ force)
     )
-    np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=1e-9)
+    np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=1e-11)
     assert not np.allclose(here, there, rtol=0.05)
 
 
