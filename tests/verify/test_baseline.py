@@ -40,7 +40,7 @@ def test_every_shipped_input_has_a_baseline_and_every_baseline_an_input():
     assert list(store.unaccepted(ROOT / "tests/baselines")) == []
 
 
-CHEAP = ("check", "stiffness", "mesh", "committed", "formulas", "hinges", "thickness")
+CHEAP = ("check", "stiffness", "mesh", "committed", "formulas", "hinges", "middle", "thickness")
 
 
 @pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.stem)

@@ -148,9 +148,12 @@ def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     """What the analytic model reads from a chart of flexfem itself."""
     if path.stem == "thickness_chart":
         return {"thickness": facts.thickness_review}
-    if path.stem == "hinge_chart_high":
-        return {"hinges": lambda: facts.hinge_review(height=12.0).higher}
-    return {"formulas": facts.formula_facts, "hinges": facts.hinge_review}
+    middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
+    return {
+        "formulas": facts.formula_facts,
+        "hinges": facts.hinge_review,
+        "middle": lambda: facts.hinge_review(middle),
+    }
 
 
 def plain(value: Any) -> Any:
