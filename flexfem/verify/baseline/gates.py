@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -281,9 +282,11 @@ def compared(path: Path) -> bool:
     return not any(matches(pattern, path) for pattern in NOT_COMPARED)
 
 
+@cache
 def rule_of(path: Path) -> Rule:
     """The first rule whose pattern a path has, else the default."""
-    return next((rule for rule in RULES if matches(rule.pattern, path)), DEFAULT)
+    likely = (rule for rule in RULES if rule.pattern[0] in ("*", path[0]))
+    return next((rule for rule in likely if matches(rule.pattern, path)), DEFAULT)
 
 
 def allowed(record: Any, path: Path) -> float:
