@@ -44,6 +44,7 @@ UNITS = {  # by what keys of files and columns of studies end in
     "n_mm_per_rad": Unit(1.0, "N mm/rad"),
     "mm_per_n": Unit(1.0, "mm/N"),
     "rad_per_n_mm": Unit(1.0, "rad/(N mm)"),
+    "per_n": Unit(1.0, "1/N"),
     "mpa_per_um": Unit(1e-3, "MPa/µm"),
     "mpa_per_mrad": Unit(1e-3, "MPa/mrad"),
 }
@@ -54,8 +55,9 @@ LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNI
 POSES = (UNITS["mm"], UNITS["mm"], UNITS["rad"])  # order x, y, theta, here and below
 COMMANDS = (UNITS["um"], UNITS["um"], UNITS["mrad"])
 FORCES = (UNITS["n"], UNITS["n"], UNITS["n_mm"])
-STIFFNESSES = (UNITS["n_per_mm"], UNITS["n_per_mm"], UNITS["n_mm_per_rad"])
-COMPLIANCES = (UNITS["mm_per_n"], UNITS["mm_per_n"], UNITS["rad_per_n_mm"])
+STIFFNESS = [[UNITS["n_per_mm"]] * 2 + [UNITS["n"]]] * 2 + [[UNITS["n"]] * 2 + [UNITS["n_mm_per_rad"]]]
+COMPLIANCE = [[UNITS["mm_per_n"]] * 2 + [UNITS["per_n"]]] * 2 + [[UNITS["per_n"]] * 2 + [UNITS["rad_per_n_mm"]]]
+STIFFNESSES, COMPLIANCES = (tuple(matrix[k][k] for k in range(3)) for matrix in (STIFFNESS, COMPLIANCE))
 
 
 def unit_of(name: str) -> Unit:

@@ -21,6 +21,7 @@ from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import BadInput, ComputationFailed
+from flexfem.units import LENGTH, STRESS
 
 if TYPE_CHECKING:
     from flexfem.verify.case import Direction
@@ -52,7 +53,8 @@ def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     if not stress > yield_strength:
         return []
     return [
-        f"{where}: the highest neck stress is {stress:.4g} MPa, beyond the yield strength of {yield_strength:.4g} MPa; "
+        f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of "
+        f"{yield_strength:.4g} {STRESS}; "
         "the answer is elastic and does not hold there"
     ]
 
@@ -64,8 +66,8 @@ def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     if moved <= FAR * shortest and turned <= FAR:
         return []
     return [
-        f"{where}: the platform moves {moved:.3g} mm and turns {turned:.3g} rad, more than {FAR:g} of the shortest "
-        f"link ({shortest:g} mm) or {FAR:g} rad; the answer is linear and does not hold there"
+        f"{where}: the platform moves {moved:.3g} {LENGTH} and turns {turned:.3g} rad, more than {FAR:g} of the "
+        f"shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the answer is linear and does not hold there"
     ]
 
 

@@ -39,9 +39,8 @@ def convergence_figure(study: MeshStudy) -> Figure:
             size[-1:], [spread], [[max(0.0, spread - distance[-1])], [0.0]], color=style["color"], capsize=3 + 2 * index
         )
     largest = max(np.abs(u.values[0] / u.extrapolated - 1) for u in study.uncertainty.values())
-    axes.plot(
-        size, 2 * largest * (size / size[0]) ** ORDER, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}"
-    )
+    slope = 2 * largest * (size / size[0]) ** ORDER
+    axes.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
     axes.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
     axes.set_xticks(size, [f"1/{n}" for n in study.resolutions])
     axes.yaxis.set_major_formatter(lambda value, _: scientific(value))

@@ -15,11 +15,13 @@ from flexfem.study.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.units import (
     COMMANDS,
+    COMPLIANCE,
     COMPLIANCES,
     FORCES,
     LENGTH,
     MICROMETRE,
     POSES,
+    STIFFNESS,
     STIFFNESSES,
     STRESS,
     UNITS,
@@ -37,7 +39,9 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad
     "GPa": 1e3,
     "MPa/µm": 1e3,
     "MPa/mrad": 1e3,
-    **dict.fromkeys(("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", ""), 1.0),
+    **dict.fromkeys(
+        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
+    ),
 }
 OUTPUTS = {
     "stiffness": {"kxx": "N/mm", "kyy": "N/mm", "ktt": "N mm/rad", "kxy": "N/mm", "kxt": "N", "kyt": "N"},
@@ -76,11 +80,18 @@ def test_every_direction_has_its_unit() -> None:
         (COMPLIANCES, ["mm/N", "mm/N", "rad/(N mm)"]),
     ):
         assert list(map(str, units)) == names
+    N, K, C = ("1/N", "N"), "N/mm", "mm/N"
+    assert [[unit.name for unit in row] for row in STIFFNESS] == [[K, K, N[1]], [K, K, N[1]], [*2 * [N[1]], "N mm/rad"]]
+    assert [[unit.name for unit in row] for row in COMPLIANCE] == [
+        [C, C, N[0]],
+        [C, C, N[0]],
+        [*2 * [N[0]], "rad/(N mm)"],
+    ]
 
 
 def test_units_are_spelled_in_one_place() -> None:
-    places = [*(ROOT / "flexfem/report").glob("*.py"), ROOT / "flexfem/tables.py", ROOT / "flexfem/verify/measures.py"]
-    places += [ROOT / "flexfem/verify/alternatives.py", ROOT / "flexfem/study/findings.py"]
+    others = ("tables", "warning", "verify/measures", "verify/alternatives", "verify/baseline/gates", "study/findings")
+    places = [*(ROOT / "flexfem/report").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]
     for path in places:
         tree = ast.parse(path.read_text())
         said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings

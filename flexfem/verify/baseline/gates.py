@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from flexfem import units
 from flexfem.verify.baseline.leaves import Leaf, Path, at, leaves, matches, named, printable
 
 ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
@@ -108,18 +109,19 @@ def _coupled(record: Any, path: Path) -> float:
 
 
 NUMBER = Kind("", _own)
-LENGTH = Kind("mm", _largest)
-STIFFNESS = Kind([["N/mm", "N/mm", "N"]] * 2 + [["N", "N", "N mm/rad"]], _matrix)
-COMPLIANCE = Kind([["mm/N", "mm/N", "1/N"]] * 2 + [["1/N", "1/N", "rad/(N mm)"]], _matrix)
-WRENCH = Kind(["N", "N", "N mm"], _vector(1))
-POSE = Kind(["mm", "mm", "rad"], _vector(-1))
+LENGTH = Kind(units.LENGTH.name, _largest)
+STIFFNESS = Kind([[unit.name for unit in row] for row in units.STIFFNESS], _matrix)
+COMPLIANCE = Kind([[unit.name for unit in row] for row in units.COMPLIANCE], _matrix)
+WRENCH = Kind([unit.name for unit in units.FORCES], _vector(1))
+POSE = Kind([unit.name for unit in units.POSES], _vector(-1))
 CURVE = Kind("mm or rad", _command)
 PERCENT = Kind("%", lambda record, path: 100.0)
 POINTS = Kind("percentage points", lambda record, path: 100.0)
-MPA = Kind("MPa", _own)
+ENERGY = Kind(units.FORCES[2].name, _own)
+MPA = Kind(units.STRESS.name, _own)
 LIST = Kind("", _largest)
 RATIO = Kind("", lambda record, path: 1.0)
-COUPLED = Kind("N/mm or N", _coupled)
+COUPLED = Kind(f"{units.STIFFNESS[0][1]} or {units.STIFFNESS[0][2]}", _coupled)
 
 
 class Rule(NamedTuple):
@@ -150,7 +152,7 @@ def _solution(start: str, gate: Gate, stress: Gate, mesh: Gate) -> tuple[tuple[s
         (f"{start} compliance # #", gate, COMPLIANCE),
         (f"{start} displacement #", gate, POSE),
         (f"{start} reaction #", gate, WRENCH),
-        (f"{start} energy", gate, Kind("N mm", _own)),
+        (f"{start} energy", gate, ENERGY),
         (f"{start} neck_stress # #", stress, MPA),
         (f"{start} triangles", mesh, NUMBER),
         (f"{start} unknowns", mesh, NUMBER),
