@@ -406,3 +406,15 @@ def test_an_absurd_load_is_refused(eccentric: StageMesh, load: Array) -> None:
 def test_an_absurd_pose_is_refused(eccentric: StageMesh) -> None:
     with pytest.raises(ComputationFailed, match=r"no equilibrium holding the hub|strain of"):
         imposed(eccentric, PLATE, np.array([5.0 * LENGTH, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(("stretch", "accepted"), [(0.264, True), (0.266, False), (-0.361, True), (-0.39, False)])
+def test_strains_beyond_three_tenths_are_refused(bar: Bar, stretch: float, accepted: bool) -> None:
+    """A bar without contraction is strained evenly, by e + e^2/2: 0.2988, 0.3014, -0.2958 and -0.3140."""
+    mesh = bar(3.0, 1.0, 3, 1)
+    if accepted:
+        found = imposed(mesh, SLENDER, np.array([3.0 * stretch, 0.0, 0.0])).strain[0]
+        assert found == pytest.approx(abs(stretch + stretch**2 / 2), rel=1e-6)
+    else:
+        with pytest.raises(ComputationFailed, match=r"strain of 0\.3\d?, expected at most 0\.3"):
+            imposed(mesh, SLENDER, np.array([3.0 * stretch, 0.0, 0.0]))

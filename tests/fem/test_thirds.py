@@ -16,7 +16,7 @@ import flexfem.fem.thirds
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
-from flexfem.fem.mesh import MeshTimeout, run_mesher
+from flexfem.fem.mesh import MeshTimeout, estimate_triangles, run_mesher
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.plane_stress import integration
 from flexfem.fem.response import plate_of, platform_response
@@ -179,6 +179,20 @@ def test_too_fine_a_mesh_is_refused_before_it_is_made(alike: Any, monkeypatch: p
     monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lambda job: pytest.fail("meshed"))
     with pytest.raises(ComputationFailed, match="coarser resolution"):
         mesh_thirds(alike.stage, 100, inside=True)
+
+
+def test_the_size_that_may_be_refused_is_that_of_the_whole_stage(
+    alike: Any, unlike: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether one third stands for three alike chains or not, it is the estimate for whole meshes."""
+    told: list[float] = []
+    monkeypatch.setattr(flexfem.fem.thirds, "refuse_size", told.append)
+    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lambda job: pytest.fail("meshed"))
+    for stage in (alike.stage, unlike.stage):
+        with pytest.raises(pytest.fail.Exception, match="meshed"):
+            mesh_thirds(stage, 5, inside=True)
+    expected = [estimate_triangles(stage, 5) for stage in (alike.stage, unlike.stage)]
+    assert told == pytest.approx(expected, rel=1e-9)
 
 
 def test_what_gmsh_says_becomes_one_line(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:

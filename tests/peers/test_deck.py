@@ -82,3 +82,15 @@ def test_a_folder_that_takes_no_file_is_one_line(six, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BadInput, match="cannot be written"):
         write_deck(six.mesh, six.plate, tmp_path / "file" / "stage.inp")
+
+
+def test_an_uncoupled_sheet_keeps_the_plane_and_loses_what_leaves_it(six, tmp_path: Path) -> None:
+    """E1 = E2 = E3, nu12, nu13 = nu23 = 0, G12 = G13 = G23 = E / (2 (1 + nu)); the isotropic sheet says E and nu."""
+    plate = six.plate._replace(youngs_modulus=68.0e3, poissons_ratio=0.36)
+    for uncoupled, expected in ((True, [68e3] * 3 + [0.36, 0, 0] + [25e3] * 3), (False, [68e3, 0.36])):
+        write_deck(six.mesh, plate, tmp_path / "stage.inp", uncoupled=uncoupled)
+        lines = (tmp_path / "stage.inp").read_text().splitlines()
+        start = next(k for k, line in enumerate(lines) if line.startswith("*ELASTIC")) + 1
+        end = next(k for k in range(start, len(lines)) if lines[k].startswith("*"))
+        found = [float(field) for line in lines[start:end] for field in line.split(",")]
+        assert found == pytest.approx(expected, rel=1e-11)
