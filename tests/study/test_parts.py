@@ -315,3 +315,12 @@ def test_a_part_whose_counts_are_not_of_its_rows_is_damaged(written):
         pq.write_table(table.replace_schema_metadata(table.schema.metadata | {b"flexfem.counts": said}), path)
         assert set(survey(written, whole=True).damaged) == {0}
     assert set(survey(written).damaged) == {0}
+
+
+def test_a_share_counts_its_own_parts_and_only_names_those_of_others(written, monkeypatch):
+    asked = []
+    monkeypatch.setattr("flexfem.study.status.read_counts", lambda parts, chunk: asked.append(chunk) or Counter())
+    written.path(written.chunk(2)).unlink()
+    facts = status_facts(written, Shard(1, 2))
+    assert [chunk.number for chunk in asked] == [1]
+    assert (facts["designs"], facts["open_elsewhere"]) == (20, 10)
