@@ -227,11 +227,10 @@ def print_claims(facts: Facts) -> None:
 
 
 def print_regression(facts: Facts) -> None:
-    """Print one line for everything that is not as accepted."""
-    for finding in facts["findings"]:
-        print(finding["line"])
-    count = len(facts["findings"])
-    print(f"checked {', '.join(facts['checked'])}: " + (f"{count} not as accepted" if count else "all as accepted"))
+    """Print one line for everything that is not as accepted; what several baselines say, once."""
+    lines = list(dict.fromkeys(finding["line"] for finding in facts["findings"]))
+    print("\n".join([*lines, f"checked {', '.join(facts['checked'])}: "]), end="")
+    print(f"{len(lines)} not as accepted" if lines else "all as accepted")
 
 
 def print_written(facts: Facts) -> None:
