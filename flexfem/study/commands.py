@@ -57,12 +57,15 @@ def run(
     from flexfem.study.progress import print_status, watching
     from flexfem.study.run import run_study
     from flexfem.study.shard import shard_of
+    from flexfem.study.warned import unseen
 
     part = shard_of(shard)
     if scheduler is not None and workers is not None:
         raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = _parts(study, output)
     check_folder(parts.folder)
+    for text in unseen(parts.loaded):
+        _note(f"warning: {text}")
     tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
     with _pool(min(workers or _processors(), tasks), scheduler) as pool, watching() as watch, _resumable(parts):
         run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
