@@ -250,7 +250,7 @@ def test_formulas_have_their_range_of_t_over_r(cells):
 def test_the_counts_of_a_study_are_in_their_places(cells):
     facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
     facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
-    rows = cells(print_status, facts | {"foreign": [], "stale": [], "assumed": [], "not_stated": []})
+    rows = cells(print_status, facts | {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": []})
     assert rows[0] == ["S: 12,345 designs, 11 open"]
     assert rows[1] == ["done 12,334: 12,311 ok, 7 refused, 16 failed"]
     assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows
