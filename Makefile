@@ -1,4 +1,4 @@
-# flexfem: `make help` lists the targets. Everything runs in .venv, which is made when it is missing.
+# flexfem: `make` installs, `make help` lists the targets. Everything runs in .venv, which is made when it is missing.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -14,8 +14,15 @@ PLOT_CODE := $(wildcard flexfem/report/*.py)
 STUDY_CODE := $(wildcard flexfem/study/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(STUDY_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
 
-.PHONY: help reproduce-figures full-report test test-slow check baselines regression studies chart bench clean
+.PHONY: install help reproduce-figures full-report test test-slow test-all check baselines regression studies chart bench clean
 .DELETE_ON_ERROR:
+
+install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
+	@echo "flexfem is installed; next:"
+	@echo "    source .venv/bin/activate"
+	@echo "    flexfem --help"
+	@echo "    flexfem summary geometry/mobility6.toml"
+	@echo "make help lists what else make does"
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 22
@@ -48,6 +55,8 @@ test: $(TEST_SETUP) ## the tests but the slow ones
 
 test-slow: $(TEST_SETUP) ## the slow tests only
 	@$(BIN)/python -m pytest -m slow
+
+test-all: test test-slow ## all tests
 
 check: $(TEST_SETUP) ## ruff and mypy
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

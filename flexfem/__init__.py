@@ -1,1 +1,3 @@
 """Verification and design of planar flexure-hinge stages: an analytic model against finite elements."""
+
+__version__ = "0.1.0"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -23,6 +24,8 @@ app.add_typer(study_app, name="study")
 
 LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
 
+LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
+
 Stage = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
 Cases = Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
@@ -42,6 +45,23 @@ def _usable(folder: Path | None) -> Path | None:
 FOLDER = typer.Option("--output", "-o", callback=_usable, help="Folder for what is written.")
 Output = Annotated[Path, FOLDER]
 Wanted = Annotated[Path | None, FOLDER]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from flexfem import __version__
+
+        print(f"flexfem {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Verification and design of planar flexure-hinge stages."""
 
 
 @app.command()
@@ -110,13 +130,18 @@ def mesh(
 def solve(
     stage: Stage,
     force: Annotated[
-        tuple[float, float, float], typer.Option(metavar="FX FY M", help="Load at the platform centre: N, N, N mm.")
-    ] = (0.0, 0.0, 0.0),
+        tuple[float, float, float] | None,
+        typer.Option(metavar="FX FY M", help="Load at the platform centre: N, N, N mm."),
+    ] = None,
+    displacement: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y THETA", help="Instead: displacement of the platform to hold: mm, mm, rad."),
+    ] = None,
     vtu: Annotated[Path | None, typer.Option(help="Write displacement and stress under the load to this file.")] = None,
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
-    """Platform compliance, displacement and neck stresses by finite elements in the plane."""
+    """Platform compliance by finite elements in the plane, and what a force or a displacement of the platform does."""
     import numpy as np
 
     from flexfem import console, facts, tables
@@ -127,17 +152,63 @@ def solve(
     from flexfem.verify.protocol import solve_stage
 
     loaded = load_feasible(stage)
-    if not np.all(np.abs(force) <= LARGEST_FORCE):
-        raise BadInput(f"--force {' '.join(map(str, force))}, expected three numbers within ±{LARGEST_FORCE:g}")
+    if force is not None and displacement is not None:
+        raise BadInput("--force and --displacement, expected one of the two")
+    _within("--force", force, LARGEST_FORCE)
+    _within("--displacement", displacement, LARGEST_DISPLACEMENT)
     if vtu is not None and vtu.suffix != ".vtu":
         raise BadInput(f"--vtu {vtu}, expected a file name that ends in .vtu")
     with naming(stage):
         solved = solve_stage(loaded, resolution or RESOLUTION)
-    case = load_case(loaded, solved.mesh, solved.response, np.array(force))
+    load = np.array(force or (0.0, 0.0, 0.0))
+    if displacement is not None:
+        load = np.linalg.solve(solved.response.compliance, np.array(displacement))
+    case = load_case(loaded, solved.mesh, solved.response, load)
     if vtu is not None:
         write_vtu(solved.mesh, vtu, {"displacement": case.field, "von_mises": case.stress})
     found = facts.solution_facts(stage, loaded, solved, case, resolution or RESOLUTION)
     console.show(found, json, tables.print_solution)
+
+
+def _finite(option: str, value: float) -> None:
+    """Raise BadInput for an amplitude that is no number; its limits do not catch nan."""
+    if not math.isfinite(value):
+        raise BadInput(f"{option} {value}, expected a number")
+
+
+def _within(option: str, values: tuple[float, ...] | None, largest: float) -> None:
+    """Raise BadInput for numbers that are none, or absurdly large."""
+    if values is not None and not all(abs(value) <= largest for value in values):
+        raise BadInput(f"{option} {' '.join(map(str, values))}, expected three numbers within ±{largest:g}")
+
+
+@app.command("summary")
+def summarise(
+    stage: Stage,
+    formula: Annotated[
+        str | None, typer.Option(help="Hinge formula by name; default calibrated, where it has a value.")
+    ] = None,
+    elements: Annotated[bool, typer.Option("--elements", help="Also by finite elements.")] = False,
+    resolution: Resolution = None,
+    json: Json = False,
+) -> None:
+    """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
+    from flexfem import console, tables
+    from flexfem.analytic import notch
+    from flexfem.layout.feasibility import load_feasible, naming
+    from flexfem.summary import summary
+
+    loaded = load_feasible(stage)
+    notch.formula(formula or "calibrated")
+    with naming(stage):
+        solved = None
+        if elements or resolution is not None:
+            from flexfem.fem.mesh import RESOLUTION
+            from flexfem.verify.protocol import solve_stage
+
+            solved = solve_stage(loaded, resolution or RESOLUTION)
+        found = summary(stage, loaded, formula, solved)
+    console.show(found.model_dump(mode="json"), json, tables.print_summary)
 
 
 @app.command()
@@ -249,6 +320,10 @@ def benchmark(
 @app.command()
 def budget(
     stage: Stage,
+    amplitude_um: Annotated[
+        float, typer.Option(min=1e-3, max=1e4, help="Command in X and Y of the large-displacement share.")
+    ] = 50.0,
+    amplitude_mrad: Annotated[float, typer.Option(min=1e-3, max=1e3, help="And in theta.")] = 1.0,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
@@ -256,11 +331,16 @@ def budget(
     from flexfem import console, tables
     from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.verify.budget import budget as split_error
+    from flexfem.verify.case import Direction
     from flexfem.verify.result import write_record
 
     loaded = load_feasible(stage)
+    _finite("--amplitude-um", amplitude_um)
+    _finite("--amplitude-mrad", amplitude_mrad)
     with naming(stage):
-        found = split_error(stage, loaded, solve=console.with_progress(3, "meshing and solving"))
+        amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), 1e-3 * amplitude_um)
+        amplitudes["theta"] = 1e-3 * amplitude_mrad
+        found = split_error(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
         from flexfem.report.budget import budget_figure
         from flexfem.report.write import write_beside
@@ -279,8 +359,6 @@ def workspace(
     json: Json = False,
 ) -> None:
     """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
-    import numpy as np
-
     from flexfem import console, tables
     from flexfem.layout.feasibility import load_feasible, naming
     from flexfem.units import unit_of
@@ -288,8 +366,7 @@ def workspace(
     from flexfem.verify.workspace import workspace as travel
 
     loaded = load_feasible(stage)
-    if not np.isfinite(amplitude_um):
-        raise BadInput(f"--amplitude-um {amplitude_um}, expected a number of um")
+    _finite("--amplitude-um", amplitude_um)
     with naming(stage):
         found = travel(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
     if output is not None:

@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args, overload
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -142,6 +142,8 @@ class Stage(Sourced):
 
     model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
     """
+
+    kind: ClassVar[str] = "stage file"
 
     name: Label
     model: Plane = "plane_stress"

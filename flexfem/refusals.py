@@ -134,13 +134,40 @@ def merged(problems: list[Problem]) -> list[Problem]:
     return list(kept.values())
 
 
+def needed(problem: Problem, model: type[BaseModel]) -> list[str]:
+    """The keys that a missing key stands for: itself, or all that its table needs."""
+    inside = _model_at(model, problem.path)
+    if inside is None:
+        return [dotted(problem.path)]
+    fields = {known.alias or name: known for name, known in inside.model_fields.items() if known.is_required()}
+    return [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model)]
+
+
+def missing_sentence(keys: list[str]) -> str:
+    """Say which keys are missing."""
+    return f"{keys[0]} is missing" if len(keys) == 1 else f"{', '.join(keys[:-1])} and {keys[-1]} are missing"
+
+
+def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
+    """The model of the table at a key path, None where a value or an array belongs."""
+    annotation: Any = model
+    for part in path:
+        if isinstance(part, int):
+            continue
+        table = next(_models_in(annotation), None)
+        fields = {known.alias or name: known for name, known in table.model_fields.items()} if table else {}
+        if part not in fields:
+            return None
+        annotation = fields[part].annotation
+    whole = not path or isinstance(path[-1], int) or get_origin(annotation) is None
+    return next(_models_in(annotation), None) if whole else None
+
+
 def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any]) -> str:
     """Return what is wrong and what was expected, in the words of the file."""
     key = dotted(problem.path)
-    if problem.kind == "missing":
-        return f"{key} is missing"
     if problem.kind == "extra_forbidden":
-        known = _known_keys(model, problem.path[:-1])
+        known = sorted(_known_keys(model, problem.path[:-1]), key="provenance".__eq__)  # last, as in files
         close = suggestion(str(problem.path[-1]), known)
         return f"{key} is an unknown key{close or ', expected one of ' + ', '.join(known)}"
     if not problem.path:

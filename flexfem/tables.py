@@ -12,7 +12,18 @@ from rich.table import Table
 
 from flexfem.arrays import Array
 from flexfem.facts import Facts
-from flexfem.units import COMMANDS, COMPLIANCES, DEGREE, FORCES, LENGTH, POSES, STIFFNESSES, STRESS, Unit
+from flexfem.units import (
+    COMMANDS,
+    COMPLIANCES,
+    DEGREE,
+    FORCES,
+    LENGTH,
+    POSES,
+    STIFFNESSES,
+    STRESS,
+    STRESSES,
+    Unit,
+)
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Result
 
@@ -82,6 +93,41 @@ def print_solution(facts: Facts) -> None:
         for chain, row in enumerate(facts["neck_stress"], start=1):
             out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
     _print_ending(out, facts)
+
+
+def print_summary(facts: Facts) -> None:
+    """Print how far a stage may go, by every model that was asked."""
+    out = _people()
+    out.print(
+        f"{facts['name']}: mobility {facts['mobility']}, {_plane(facts)}, yield strength {facts['yield_strength']:g} "
+        f"{STRESS}",
+        markup=False,
+    )
+    for side in (facts["analytic"], facts["elements"]):
+        if side is not None:
+            out.print(_limits_table(side))
+    if facts["accuracy"]:
+        out.print(facts["accuracy"], markup=False)
+    out.print("safe range: the other directions held, until the first neck yields; force: along the displacement there")
+    _print_ending(out, facts)
+
+
+def _limits_table(side: Facts) -> Table:
+    """Stiffness, range, force and limiting hinge by direction."""
+    columns = ("stiffness", "safe range", "force there", "stress per displacement", "first to yield")
+    table = Table(side["model"], *columns, box=None, padding=(0, 2, 0, 0))
+    units = zip(DIRECTIONS, STIFFNESSES, COMMANDS, FORCES, STRESSES, strict=True)
+    for axis, (direction, stiff, command, load, per) in enumerate(units):
+        limit = side["limits"][direction]
+        table.add_row(
+            direction,
+            f"{side['stiffness'][axis][axis]:.5g} {stiff.plain}",
+            f"±{limit['reach'] * command.factor:.4g} {command.plain}",
+            f"{limit['force'][direction] * load.factor:.4g} {load.plain}",
+            f"{limit['stress'] * per.factor:.4g} {per.plain}",
+            f"{limit['hinge']} hinge, chain {limit['chain']}",
+        )
+    return table
 
 
 def print_facts(facts: Facts) -> None:

@@ -7,16 +7,28 @@ nesting and dotted keys so deep that `tomllib` would overflow the stack or take 
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import stat
 import tomllib
+from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
 from flexfem.errors import BadInput
-from flexfem.refusals import SHOWN, merged, one_line, place_of, problem_of, refusal, sentence
+from flexfem.refusals import (
+    SHOWN,
+    merged,
+    missing_sentence,
+    needed,
+    one_line,
+    place_of,
+    problem_of,
+    refusal,
+    sentence,
+)
 from flexfem.tomllines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 
 MAX_BYTES = 2**20
@@ -34,6 +46,22 @@ def _label(value: str) -> str:
 
 
 Label: TypeAlias = Annotated[str, AfterValidator(_label)]
+
+
+KINDS = {  # by the keys that only files of that kind have
+    "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
+    "case file": ("direction", "curve", "points"),
+    "claims file": ("claim", "stages"),
+    "study file": ("sampling", "factor", "figure", "model"),
+}
+
+
+def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
+    """The kind of file that most keys speak for, `expected` where as many speak for it, None where none do."""
+    votes = {kind: sum(key in data for key in keys) for kind, keys in KINDS.items()}
+    most = max(votes.values())
+    leading = [kind for kind, count in votes.items() if count == most]
+    return None if most == 0 else expected if expected in leading else leading[0]
 
 
 class Table(BaseModel):
@@ -78,6 +106,7 @@ def read_toml(path: Path) -> TomlFile:
         reason, _, at = str(error).rpartition(" (at ")
         found = re.match(r"line (\d+)", at)
         place = place_of(path, int(found[1]) if found else text.count("\n", 0, len(text.rstrip())) + 1)
+        reason = "this is JSON, such as flexfem writes" if _is_json(text) else reason
         raise BadInput(f"{place}: not TOML: {one_line(reason, 2 * SHOWN)}") from None
     except ValueError:  # tomllib passes on what int() says of more than 4300 digits, without a line
         digits = re.search(r"[0-9_]{4000}", text)
@@ -93,18 +122,41 @@ def validate(model_class: type[Model], path: Path) -> Model:
     Raises
     ------
     BadInput
-        As `read_toml`, or a key is missing, unknown or has a value the model refuses: the first in the file is named,
-        the others are counted.
+        As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
+        first such value in the file is named, the others are counted; missing keys are named all.
     """
     data, lines = read_toml(path)
     try:
         return model_class.model_validate(data)
     except ValidationError as error:
+        _refuse_other_kind(model_class, path, data)
         problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
-        first = min(problems, key=lambda problem: lines.offset(problem.path))
-        others = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        said = sentence(first, model_class, data)
-        raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {said}{others}")) from None
+        wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
+        missing = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class)]
+        said = [sentence(wrong[0], model_class, data) + _more(len(wrong) - 1)] if wrong else []
+        said += [missing_sentence(missing)] if missing else []
+        first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
+        place = place_of(path, lines.line(first.path))
+        raise BadInput(one_line(f"{place}: {'; '.join(said)}")) from None
+
+
+def _more(count: int) -> str:
+    return f" (and {count} more)" if count else ""
+
+
+def _refuse_other_kind(model_class: type[BaseModel], path: Path, data: Mapping[str, Any]) -> None:
+    """Raise BadInput when a file is plainly of another kind than the one that was expected."""
+    expected = getattr(model_class, "kind", None)
+    found = kind_of(data, expected)
+    if expected and found and found != expected:
+        raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
+
+
+def _is_json(text: str) -> bool:
+    try:
+        return isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return False
 
 
 def _text(path: Path) -> str:

@@ -58,6 +58,7 @@ FORCES = (UNITS["n"], UNITS["n"], UNITS["n_mm"])
 STIFFNESS = [[UNITS["n_per_mm"]] * 2 + [UNITS["n"]]] * 2 + [[UNITS["n"]] * 2 + [UNITS["n_mm_per_rad"]]]
 COMPLIANCE = [[UNITS["mm_per_n"]] * 2 + [UNITS["per_n"]]] * 2 + [[UNITS["per_n"]] * 2 + [UNITS["rad_per_n_mm"]]]
 STIFFNESSES, COMPLIANCES = (tuple(matrix[k][k] for k in range(3)) for matrix in (STIFFNESS, COMPLIANCE))
+STRESSES = (UNITS["mpa_per_um"], UNITS["mpa_per_um"], UNITS["mpa_per_mrad"])
 
 
 def unit_of(name: str) -> Unit:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 Warnings = list[str]
 
+STRESS_ACCURACY: dict[str, str] = {}
+
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper sets out to explain errors of 5 to 10 per cent
 STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only explains what was left out, decides nothing
 LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
@@ -106,6 +108,11 @@ def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
         f"{gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){_because_straight(stage)}; "
         "--links with mobility 21 has it all"
     ]
+
+
+def stress_accuracy(formula: str) -> str:
+    """How far the analytic neck stress per displacement is from finite elements, in words."""
+    return STRESS_ACCURACY.get(formula, "")
 
 
 def of_bands(uncertainty: Mapping[Direction, Uncertainty], percent: Triple, where: str) -> Warnings:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -41,6 +43,73 @@ def test_displacement_is_compliance_times_force(flexfem):
     assert facts["force"] == [1.5, -2, 30]
     assert facts["warnings"] == []
     assert facts["unknowns"] > 1000
+
+
+def test_a_displacement_takes_the_force_that_holds_it(flexfem):
+    held = machine(flexfem, "solve", STAGE, "--resolution", 2, "--displacement", 0.01, -0.02, 3e-4)
+    np.testing.assert_allclose(held["displacement"], [0.01, -0.02, 3e-4], rtol=1e-9)
+    np.testing.assert_allclose(np.array(held["stiffness"]) @ [0.01, -0.02, 3e-4], held["force"], rtol=1e-9)
+    assert held["force"][0] > 0 > held["force"][1] and np.min(held["neck_stress"]) > 0
+
+
+def test_a_summary_is_what_finite_elements_say(flexfem):
+    """Ranges within 2 % on a coarse mesh; stiffness as `stiffness --links`, and the force is stiffness times range."""
+    facts = machine(flexfem, "summary", STAGE, "--resolution", 4)
+    linked = machine(flexfem, "stiffness", STAGE, "--links", "--formula", "calibrated")["stiffness"]
+    np.testing.assert_allclose(facts["analytic"]["stiffness"], linked, rtol=1e-12)
+    for k, axis in enumerate(("x", "y", "theta")):
+        analytic, elements = (facts[side]["limits"][axis] for side in ("analytic", "elements"))
+        assert analytic["reach"] == pytest.approx(elements["reach"], rel=0.02)
+        assert analytic["hinge"] == elements["hinge"] == ("platform" if axis == "theta" else "elbow")
+        assert analytic["force"][axis] == pytest.approx(linked[k][k] * analytic["reach"], rel=1e-12)
+        assert analytic["stress"] * analytic["reach"] == pytest.approx(503.0, rel=1e-12)
+    assert facts["warnings"] == [] and facts["not_stated"] == [] and len(facts["assumed"]) == 17
+
+
+def test_a_summary_for_people_is_in_the_units_it_names(flexfem, project):
+    out = flexfem("summary", STAGE)[1]
+    assert re.search(r"x +37\.98\d N/mm +±659\.\d um +25\.0\d N +0\.763\d MPa/um +elbow hinge, chain 3", out)
+    assert re.search(r"theta +412\d\d N mm/rad +±29\.\d+ mrad +120\d N mm +17\.1\d MPa/mrad", out)
+    thin = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
+    out = flexfem("summary", thin)[1]
+    assert "analytic, paros-weisbord, elastic links" in out
+    assert "warning: hinges.base.neck_mm = 0.05: t/R = 0.0125 is not on the hinge chart" in out
+
+
+KINDS = {
+    "geometry/mobility6.toml": ("stage file", ["check"]),
+    "cases/fig5.toml": ("case file", ["verify"]),
+    "cases/claims.toml": ("claims file", ["claims"]),
+    "cases/study-reach.toml": ("study file", ["study", "status"]),
+    "fig5.json": ("result of flexfem verify", ["plot"]),
+}
+
+
+def test_a_file_of_another_kind_is_named_as_what_it_is(flexfem, tmp_path):
+    (tmp_path / "fig5.json").write_text('{"case": "fig5", "curves": {}}')
+    for name, (found, _) in KINDS.items():
+        path = tmp_path / name if name.endswith("json") else ROOT / name
+        for expected, command in KINDS.values():
+            if found != expected:
+                said = "this is JSON" if name.endswith("json") else f"this is a {found}, expected a {expected}"
+                code, out, err = flexfem(*command, path)
+                assert (code, out) == (2, "") and said in err and err.count("\n") == 1, (name, command)
+    (tmp_path / "other.json").write_text('{"split": {}}')
+    assert "this is JSON, but not a result of flexfem verify" in flexfem("plot", tmp_path / "other.json")[2]
+    assert "make it again: name: Field required" in flexfem("plot", tmp_path / "fig5.json")[2]
+
+
+def test_the_version_is_said(flexfem):
+    assert flexfem("--version") == (0, f"flexfem {importlib.metadata.version('flexfem')}\n", "")
+
+
+def test_every_make_target_that_a_page_names_exists():
+    makefile = (ROOT / "Makefile").read_text()
+    targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
+    assert targets[0] == "install"  # what plain make does
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("*/README.md"), ROOT / "pyproject.toml", ROOT / "Makefile"]
+    named = {name for page in pages for name in re.findall(r"(?:`|    )make ([a-z][a-z-]+)", page.read_text())}
+    assert {"test-all", "reproduce-figures"} <= named <= set(targets)
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".inp"])
@@ -173,6 +242,10 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
     [
         ["solve", STAGE, "--force", "nan", "0", "0"],
         ["solve", STAGE, "--vtu", "field.txt"],
+        ["solve", STAGE, "--displacement", "0", "inf", "0"],
+        ["solve", STAGE, "--force", "1", "0", "0", "--displacement", "1", "0", "0"],
+        ["summary", STAGE, "--formula", "guess"],
+        ["budget", STAGE, "--amplitude-mrad", "nan"],
         ["solve", STAGE, "--force", "one", "0", "0"],
         ["solve", STAGE, "--resolution", "1"],
         ["mesh", STAGE, "-o", "stage.stl"],
@@ -217,8 +290,13 @@ def test_a_mesh_study_is_stored_and_drawn(flexfem, tmp_path):
 
 
 def test_a_budget_is_stored_and_drawn(flexfem, tmp_path):
-    facts = machine(flexfem, "budget", STAGE, "--output", tmp_path)
-    assert set(facts["split"]) == {"x", "y", "theta"}
+    amplitudes = ("--amplitude-um", 120, "--amplitude-mrad", 3)
+    facts = machine(flexfem, "budget", STAGE, *amplitudes, "--output", tmp_path)
+    assert {axis: split["amplitude"] for axis, split in facts["split"].items()} == {
+        "x": 0.12,
+        "y": 0.12,
+        "theta": 0.003,
+    }
     assert (tmp_path / "mobility6-budget.png").stat().st_size > 10_000
     assert "hinge formula" in (tmp_path / "mobility6-budget.json").read_text()
 

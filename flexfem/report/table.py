@@ -133,6 +133,7 @@ def _stiffness(results: Sequence[Result]) -> str:
                 analytic = model.stiffness[k][k]
                 difference = percent(100.0 * (analytic / float(elements[k]) - 1.0))
                 formula = model.formula if model.formula_in_range else f"{model.formula}, outside its range"
+                formula += ", elastic links" if model.links else ""
                 formula += "" if model.plane == "plane_stress" else f", {model.plane.replace('_', ' ')}"
                 row = [model.stage, label, f"{model.mobility}", formula, f"{name} ({unit})"]
                 row += [significant(analytic, 5), significant(float(elements[k]), 5), difference]

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -53,6 +53,8 @@ _APPLIES = {  # keys that not every model takes
 
 class Study(Sourced):
     """What a study file says; see cases/README.md for every key."""
+
+    kind: ClassVar[str] = "study file"
 
     name: Label
     stage: Label

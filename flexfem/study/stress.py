@@ -62,7 +62,13 @@ def neck_wrenches(frames: Frames, chain_stiffness: Array) -> Wrench:
 
 
 def peak_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pull: Array) -> Array:
-    """Largest von Mises stress (..., 3 directions) at the nine necks, MPa per mm and per rad of the platform.
+    """Largest of the nine necks' von Mises stresses (..., 3 directions); arguments as `neck_stress`."""
+    highest: Array = np.max(neck_stress(wrench, radius, neck, thickness, pull), axis=(-3, -2))
+    return highest
+
+
+def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pull: Array) -> Array:
+    """Largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa per mm, rad of the platform.
 
     Parameters
     ----------
@@ -77,5 +83,5 @@ def peak_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pu
     K = concentration(neck / radius)
     area = thickness[..., None, None] * neck
     bending = np.abs(wrench.moment) * (6.0 * K.bending / (area * neck))[..., None]
-    highest: Array = np.max(bending + np.abs(wrench.normal) * (K.tension / area)[..., None], axis=(-3, -2))
-    return highest * np.sqrt(1.0 - pull + pull**2)[..., None]
+    along: Array = bending + np.abs(wrench.normal) * (K.tension / area)[..., None]
+    return along * np.sqrt(1.0 - pull + pull**2)[..., None, None, None]

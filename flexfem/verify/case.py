@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -41,6 +41,13 @@ class Curve(Table):
     stage: Label
     mobility: Literal[3, 6, 12, 21] | None = None
     formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
+    links: bool = False
+
+    @model_validator(mode="after")
+    def _links_go_with_all_freedoms(self) -> Curve:
+        if self.links and self.mobility != 21:
+            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
+        return self
 
 
 class Case(Sourced):
@@ -54,6 +61,8 @@ class Case(Sourced):
         the displacement from geometrically nonlinear finite elements.
     resolution : triangles across every neck.
     """
+
+    kind: ClassVar[str] = "case file"
 
     name: Label
     direction: Direction
@@ -78,6 +87,15 @@ class Case(Sourced):
         for index, label in enumerate(labels):
             if label in labels[:index]:
                 raise refusal("a label that no other curve has", "curve", index, "label")
+        return self
+
+    @model_validator(mode="after")
+    def _links_are_linear(self) -> Case:
+        for index, curve in enumerate(self.curve):
+            if curve.links and self.analysis == "nonlinear":
+                raise refusal(
+                    'no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', "curve", index, "links"
+                )
         return self
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -72,6 +72,8 @@ class StagePair(Table):
 
 class Claims(Sourced):
     """A file of claims; the amplitudes are the workspace."""
+
+    kind: ClassVar[str] = "claims file"
 
     name: Label
     amplitude_um: float = Field(gt=0, le=1e6)

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem import warning
 from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.design import HINGE_NAMES, Stage
@@ -139,7 +140,7 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], S
     case, stage = loaded.case, loaded.stages[curve.label]
     lever = stage.chain.link_lengths[2]
     with naming(loaded.stage_path(curve)):
-        analytic = analyse(stage, curve.mobility, curve.formula)
+        analytic = linked(stage, curve.formula) if curve.links else analyse(stage, curve.mobility, curve.formula)
         plate_of(stage)
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]
@@ -207,6 +208,7 @@ def _model(
         mobility=analytic.mobility,
         formula=analytic.formula,
         formula_in_range=bool(np.all(analytic.in_range)),
+        links=curve.links,
         assumed=list(stage.assumed),
         not_stated=list(stage.not_stated),
         stiffness=analytic.stiffness.tolist(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -13,6 +15,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
 from flexfem.files import read_arrays, write_atomically
+from flexfem.refusals import place_of
+from flexfem.tomlfile import kind_of, read_toml
 from flexfem.verify.case import Analysis, Direction
 from flexfem.verify.convergence import Verdict
 
@@ -81,6 +85,7 @@ class Model(Record):
     mobility: int
     formula: str
     formula_in_range: bool
+    links: bool = False
     assumed: list[str]
     not_stated: list[str]
     stiffness: Matrix
@@ -179,9 +184,22 @@ def read_result(path: str | os.PathLike[str]) -> Result:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the file"
-        raise BadInput(f"{path}: not a result of flexfem verify: {where}: {first['msg']}") from None
+        raise BadInput(f"{place_of(path)}: {_no_result(path, error)}") from None
+
+
+def _no_result(path: str | os.PathLike[str], error: ValidationError) -> str:
+    """What a file is that is no result: of another kind, of another version, or damaged."""
+    first = error.errors(include_url=False)[0]
+    if first["type"] == "json_invalid":
+        with contextlib.suppress(BadInput):
+            found = kind_of(read_toml(path).data)
+            return f"this is a {found or 'TOML file'}, expected a result of flexfem verify, <case>.json"
+        return "not a result of flexfem verify: no JSON"
+    keys = json.loads(Path(path).read_bytes())
+    if not isinstance(keys, dict) or not {"case", "curves"} <= set(keys):
+        return "this is JSON, but not a result of flexfem verify, <case>.json"
+    where = ".".join(map(str, first["loc"]))
+    return f"not a result of this version of flexfem verify, which would make it again: {where}: {first['msg']}"
 
 
 def read_fields(path: str | os.PathLike[str], result: Result) -> dict[str, Fields]:
