@@ -8,6 +8,7 @@ All dimensions are drawn, notches differ by position, and what cannot be made or
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,20 @@ def dimensions(rng: np.random.Generator) -> dict[str, Any]:
     return {**sheet, "chain": chain, "hinges": hinges, "platform": platform}
 
 
+def drawn(count: int, seed: int) -> Iterator[Stage]:
+    """So many stages that can be made and are on the hinge chart, one after the other."""
+    rng, found = np.random.default_rng(seed), 0
+    while found < count:
+        stage = draw(rng)
+        try:
+            check_feasible(stage)
+            linked_compliance(stage, "calibrated")
+        except BadInput:
+            continue
+        found += 1
+        yield stage
+
+
 def deviation(stage: Stage) -> Array:
     """Per cent (3,) by which the analytic compliance is off the extrapolated one, in x, y, theta."""
     analytic = np.diag(linked_compliance(stage, "calibrated"))
@@ -102,14 +117,8 @@ def main() -> None:
     parser.add_argument("--stages", type=int, default=40)
     parser.add_argument("--seed", type=int, default=2003)
     arguments = parser.parse_args()
-    rng, stages, found = np.random.default_rng(arguments.seed), [], []
-    while len(found) < arguments.stages:
-        stage = draw(rng)
-        try:
-            check_feasible(stage)
-            linked_compliance(stage, "calibrated")
-        except BadInput:
-            continue
+    stages, found = [], []
+    for stage in drawn(arguments.stages, arguments.seed):
         stages.append(stage)
         found.append(deviation(stage))
         print(f"{len(found):3}  {found[-1].round(3)}", flush=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem import warning
-from flexfem.analytic.links import body_compliance, linked
+from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.arrays import Array
@@ -89,6 +89,9 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
             formula = DEFAULT_FORMULA
             warnings.append(f"{refusal}; this summary takes {DEFAULT_FORMULA} instead")
     warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
+    analytic = _side(f"analytic, {formula}, elastic links", stage, linked_limits(stage, formula))
+    for axis, (direction, limit) in enumerate(analytic.limits.items()):
+        warnings += warning.of_motion(stage, limit.reach * np.eye(3)[axis], f"end of the safe range in {direction}")
     return Summary(
         name=stage.name,
         file=str(path),
@@ -96,7 +99,7 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
         model=stage.model,
         mobility=stage.mobility,
         yield_strength=stage.material.yield_strength,
-        analytic=_side(f"analytic, {formula}, elastic links", stage, linked_limits(stage, formula)),
+        analytic=analytic,
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(formula),
         warnings=warnings,
@@ -108,7 +111,7 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
 
 def linked_limits(stage: Stage, formula: str) -> Limits:
     """Limits by hinges of all freedoms between elastic pads, links and platform."""
-    return _limits(stage, linked(stage, formula), body_compliance(stage))
+    return _limits(stage, analyse(stage, 21, formula), body_compliance(stage))
 
 
 def rigid_limits(stage: Stage, formula: str, mobility: int | None = None) -> Limits:
@@ -128,7 +131,7 @@ def _limits(stage: Stage, model: AnalyticResult, bodies: Array | None) -> Limits
     chains = chain_wrenches(chain_compliance(placed, model.hinges, model.freedoms), bodies)
     pull = out_of_plane(stage.model, stage.material.poissons_ratio)
     sizes = (stage.array("radius"), stage.array("neck"), np.asarray(stage.thickness))
-    return Limits(model.stiffness, neck_stress(neck_wrenches(placed, chains), *sizes, pull))
+    return Limits(np.asarray(np.sum(chains, axis=0)), neck_stress(neck_wrenches(placed, chains), *sizes, pull))
 
 
 def _side(name: str, stage: Stage, limits: Limits) -> Side:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from flexfem.design import load_stage
+from flexfem.design import Stage, load_stage
+from flexfem.refusals import Problem, needed
 from flexfem.report.table import doubt_note, markdown_report
 from flexfem.study.plan import load_study
 from flexfem.tables import print_results
-from flexfem.verify.case import LoadedCase
+from flexfem.verify.case import Case, LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 
 ROOT = Path(__file__).parent.parent
@@ -85,3 +87,14 @@ def test_a_study_without_provenance_says_so(project):
 )
 def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
     assert doubt_note(assumed, not_stated) == note
+
+
+@pytest.mark.parametrize(("page", "file", "besides"), [("geometry", Stage, {"chain", "hinge"}), ("cases", Case, None)])
+def test_pages_mark_the_keys_that_a_file_must_give(page, file, besides):
+    """The first table of each page; `chain` and `hinge` only where there is an override, one amplitude of two."""
+    table = (ROOT / page / "README.md").read_text().partition("| key | meaning |\n")[2].partition("\n\n")[0]
+    marked = set(re.findall(r"`(\w+)` \*", table))
+    must = {key.rpartition(".")[2] for key in needed(Problem("missing", (), ""), file)}
+    if besides is None:
+        must, besides = must - {"curve"}, {"amplitude_mrad", "label", "stage"}
+    assert marked == must | besides

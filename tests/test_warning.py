@@ -12,7 +12,9 @@ import pytest
 from flexfem import warning
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import analyse
+from flexfem.analytic.notch import FORMULAS
 from flexfem.design import load_stage
+from flexfem.summary import element_limits, linked_limits
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.result import Triple, Uncertainty
 
@@ -108,3 +110,44 @@ def test_a_load_beyond_yield_is_said_once_to_people_and_in_the_json(flexfem):
     assert highest > 503 and len(facts["warnings"]) == 1 and f"{highest:.4g} MPa" in facts["warnings"][0]
     code, out, _ = flexfem(*load)
     assert code == 0 and out.count("warning:") == 1 and f"warning: {facts['warnings'][0]}\n" in out
+
+
+def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(project):
+    """Elastic links; t/R is 0.333 at every hinge of the one stage, 0.1 to 0.42 of the other, by elements of 0.5 %."""
+    other = project.edit(
+        "geometry/mobility6.toml",
+        ("neck_mm = 0.5\nprismatic", "neck_mm = 0.4\nprismatic"),
+        ("[180.0, -90.0, 90.0]", "[171.0, -77.0, 84.0]"),
+        ("radius_mm = 1.5\nneck_mm = 0.5\n\n[platform]", "radius_mm = 1.9\nneck_mm = 0.8\n\n[platform]"),
+    )
+    for path in (ROOT / "geometry/mobility3.toml", other):
+        stage = load_stage(path)
+        elements = element_limits(stage, solve_stage(stage, 5)).stress.max(axis=(0, 1))
+        for formula in ("paros-weisbord", "smith-chetwynd", "koster", "schotborgh", "calibrated"):
+            low, high = warning.STRESS_ABOVE[formula]
+            if warning.of_formula(stage, formula) == []:
+                above = 100 * (linked_limits(stage, formula).stress.max(axis=(0, 1)) / elements - 1)
+                assert np.all((above > low) & (above < high)), (path.stem, formula, above)
+                if formula in ("paros-weisbord", "calibrated") and path != other:
+                    np.testing.assert_allclose(above, {"calibrated": 0.5}.get(formula, 13.9), atol=0.4)
+    assert set(warning.STRESS_ABOVE) == set(FORMULAS)
+    for same in ("wu-zhou", "lobontiu", "quadrature"):  # the same beam integrals
+        assert warning.STRESS_ABOVE[same] == warning.STRESS_ABOVE["paros-weisbord"]
+    assert "+10 to +22 % off" in warning.stress_accuracy("paros-weisbord")
+
+
+def test_numbers_more_likely_in_another_unit_are_said(project):
+    """The limits themselves are judgements: a plain number passes, one a thousand times off does not."""
+    for old, new, key in (
+        ("thickness_mm = 10.0", "thickness_mm = 0.01", "thickness_mm"),
+        ("mpa = 503.0", "mpa = 0.503", "yield_strength_mpa"),
+        ("mpa = 503.0", "mpa = 503e3", "yield_strength_mpa"),
+        ("m3 = 2810.0", "m3 = 2.81", "density_kg_m3"),
+        ("m3 = 2810.0", "m3 = 2.81e6", "density_kg_m3"),
+        ("[180.0, -90.0, 90.0]", "[3.1416, -1.5708, 1.5708]", "joint_angles_deg"),
+    ):
+        project.path("geometry/mobility6.toml").write_text(SIX.read_text())
+        (said,) = warning.of_numbers(load_stage(project.edit("geometry/mobility6.toml", (old, new))))
+        assert key in said and said.endswith(": is the unit right?")
+    assert warning.of_numbers(load_stage(SIX)) == []
+    assert warning.of_stage(load_stage(SIX)) == []

@@ -41,7 +41,8 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 def check_format(path: Path) -> None:
     """Raise BadInput when no format is known by the file's extension."""
     if path.suffix not in FORMATS:
-        raise BadInput(f"{path}: extension {path.suffix or 'missing'!r}, expected one of {', '.join(FORMATS)}")
+        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
+        raise BadInput(f"{path}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
 
 
 def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array]) -> None:

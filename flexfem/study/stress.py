@@ -35,9 +35,10 @@ def concentration(ratio: Array) -> Concentration:
     The deep hyperbolic notch of H. Neuber, Kerbspannungslehre, Springer (1937): with `a = t/2R`, in bending
     `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))`, in tension
     `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)`. Recalled, not copied from a print; compared with plane-stress
-    finite elements of whole stages (t/R 0.13 to 0.52): the highest neck stress agrees within 0.4 % when the forces
-    are those of elastic links, within 2.5 % with rigid links. Smith and Chetwynd's `(1 + t/2R)^0.45` gives up to
-    1.4 % and 3.4 % too much, no concentration at all 6 to 9 % too little.
+    finite elements of whole stages (t/R 0.13 to 0.60): the highest neck stress agrees within 1 % when the forces are
+    those of calibrated hinges and elastic links; other forces are worse (`warning.STRESS_ABOVE`).
+    Smith and Chetwynd's `(1 + t/2R)^0.45` gives up to 1.4 % and 3.4 % too much, no concentration at all 6 to 9 % too
+    little.
     """
     a = 0.5 * ratio
     root = np.sqrt(a)
