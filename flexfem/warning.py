@@ -138,7 +138,7 @@ def of_numbers(stage: Stage) -> Warnings:
         f"material.density_kg_m3 = {metal.density:g} is that of no solid": (
             DENSITIES[0] <= metal.density <= DENSITIES[1]
         ),
-        f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} mm": (
+        f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
             chain.link_width <= SLENDER * stage.thickness
         ),
         "chain.joint_angles_deg are all within two pi": max(map(abs, chain.joint_angles)) > np.deg2rad(2 * np.pi),
