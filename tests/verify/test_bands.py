@@ -36,17 +36,19 @@ def truth_of(compliance, stiffness, lever):
     return fine + (fine - coarse) / (growth - 1)
 
 
+def kept_side(number):
+    """A stage of mobility three and its finite elements, from what is kept."""
+    by_level = dict(zip(LEVELS, KEPT["compliance"][number], strict=False))
+    stage = Stage.model_validate(json.loads(str(KEPT["stages"][number])))
+    return side_of(stage, 3, lambda _, n: SimpleNamespace(response=SimpleNamespace(compliance=by_level[n])))
+
+
 @pytest.fixture(scope="module")
 def ratios():
     """Band over actual error (60, 3, 3) of the error percentages, as the claims have them."""
     found = []
-    for compliance, stiffness, lever, drawn in zip(*(KEPT[name] for name in KEPT.files), strict=True):
-        by_level = dict(zip(LEVELS, compliance, strict=False))
-        side = side_of(
-            Stage.model_validate(json.loads(str(drawn))),
-            3,
-            lambda _, level, of=by_level: SimpleNamespace(response=SimpleNamespace(compliance=of[level])),
-        )
+    for number, (compliance, stiffness, lever) in enumerate(zip(*(KEPT[name] for name in KEPT.files[:3]), strict=True)):
+        side = kept_side(number)
         np.testing.assert_allclose(side.stiffness, stiffness, rtol=1e-9, atol=1e-9 * np.max(stiffness))
         np.testing.assert_allclose(side.percent, percents(compliance[2], stiffness, lever), atol=1e-9)
         found.append(side.band / np.abs(side.percent - truth_of(compliance, stiffness, lever)))
@@ -105,14 +107,29 @@ def test_an_error_in_proportion_to_the_compliance_moves_what_is_across_in_propor
     assert [each.band for each in found] == pytest.approx([1.25 * left[0], 3 * left[1], 3 * left[2]], rel=1e-3)
 
 
-def test_two_meshes_that_agree_across_by_chance_do_not_shrink_the_band():
-    """The index of the number alone would say 2e-5."""
+def test_a_number_that_converges_across_by_chance_does_not_shrink_the_band():
+    """The index of the number alone would say 0.014."""
     compliances = np.array([np.diag([0.02, 0.03, 4e-5]) * (1 - np.diag([30.0, 60, 90]) * n**-4.0) for n in (4, 6, 8)])
-    compliances[:, 0, 1] = compliances[:, 1, 0] = [1e-5, 2.001e-6, 2e-6]
+    compliances[:, 0, 1] = compliances[:, 1, 0] = [1e-5, 4e-6, 2e-6]
     errors = 100 * (compliances @ [50.0, 0, 0] - [1, 0, 0])
     found = command_convergence((4, 6, 8), errors, 0, compliances, np.array([50.0, 0, 0]), 1.0)
+    assert found[1].verdict == "converging" and found[1].order == 4.0 and found[1].observed < 3
+    assert found[1].extrapolated == pytest.approx(100 * 50 * (2e-6 - 2e-6 * 81 / 175))
     half_spread = (90 - 30) / 2 * 8.0**-4
     assert found[1].band == pytest.approx(100 * 3 * half_spread * np.sqrt(0.03 * 50 * 0.02 * 50), rel=0.03)
+
+
+@pytest.mark.parametrize(("pattern", "growth"), [("cff", 2**4 - (8 / 6) ** 4), ("ccf", (8 / 6) ** 4 - 1)])
+def test_two_meshes_that_agree_throughout_leave_the_difference_to_the_third(pattern, growth):
+    """Of the two differences the one that says more counts, taken to the finest mesh by order four."""
+    fine = np.diag([0.02, 0.03, 4e-5])
+    coarse = fine + np.diag([0.02, 0.03, 4e-5]) * np.diag([-0.01, 0.02, 0.05])
+    coarse[0, 1] = coarse[1, 0] = 1e-6
+    compliances = np.array([coarse if level == "c" else fine for level in pattern])
+    errors = 100 * (compliances @ [50.0, 0, 0] - [1, 0, 0])
+    found = command_convergence((4, 6, 8), errors, 0, compliances, np.array([50.0, 0, 0]), 1.0)
+    half_spread = (0.05 + 0.01) / 2 / growth
+    assert found[1].band == pytest.approx(100 * 3 * half_spread * np.sqrt(0.03 * 50 * 0.02 * 50), rel=1e-3)
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
@@ -125,6 +142,8 @@ def test_a_case_has_the_bands_of_its_own_command(direction):
     for name, each, values in zip(DIRECTIONS, bands, levels.T, strict=True):
         assert made[name].band == pytest.approx(each.band, rel=1e-9) and made[name].resolutions == [4, 6, 8]
         assert made[name].values == pytest.approx(values, abs=1e-10)
+    side = kept_side(7)
+    np.testing.assert_allclose(side.band[:, column], [each.band for each in bands], rtol=1e-9)
 
 
 def test_what_is_kept_comes_out_of_the_solver():
