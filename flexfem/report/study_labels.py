@@ -118,6 +118,8 @@ def caption_of(loaded: LoadedStudy, table: StudyTable, title: str, lines: Sequen
     study = loaded.study
     method, seed = METHODS[study.sampling.method], study.sampling.seed
     drawn = method if seed is None else f"{method}, seed {seed}"
+    if loaded.given is not None:
+        drawn = f"table {loaded.given.path.name}"
     about = f"Study: {study.name}. Base stage: {loaded.stage.name}."
     found = (
         f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn}): {counted(table.counts, loaded.count)}."

@@ -116,7 +116,9 @@ def scatters_of(source: Source, figure: Figure, found: Marks) -> tuple[list[Scat
         for name, marks in found.percentiles.items()
     ]
     line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
-    if source.loaded.study.sampling.method != "monte_carlo":
+    if source.loaded.given is not None:
+        line += " They hold if the designs of the table are independent draws."
+    elif source.loaded.study.sampling.method != "monte_carlo":
         line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
     return scatters, source.caption(figure, "How the values scatter", line)
 
