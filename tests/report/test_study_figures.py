@@ -449,7 +449,8 @@ def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None
     loaded = study(tmp_path, GRID)
     whole = answered(loaded)
     some = StudyTable(*(part[:20] for part in whole[:3]), {name: column[:20] for name, column in whole.columns.items()})
-    assert "8 open" in " ".join(map_of(Source(loaded, some, {}), loaded.study.figure[0]).caption.lines)
+    lines = " ".join(map_of(Source(loaded, some, {}), loaded.study.figure[0]).caption.lines)
+    assert "28 designs (grid): " in lines and ", 8 open" in lines
 
 
 def test_the_mesh_band_of_an_error_is_stated(tmp_path: Path) -> None:
@@ -491,7 +492,8 @@ def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> N
     table = answered(loaded)
     assert loaded.count == 80
     source = source_of(loaded, table)
-    (scatter, _), caption = scatters_of(source, *found_for(source, 0))
+    (scatter, other), caption = scatters_of(source, *found_for(source, 0))
+    assert other.nominal == source.nominal["coupling_xy"] != scatter.nominal
     median = scatter.percentiles[1]
     ordered = np.sort(scatter.values())
     ranks = np.searchsorted(ordered, [median.low, median.high])
