@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem import streams
+from flexfem.errors import BadInput, ComputationFailed, SourcesChanged
 from flexfem.study.commands import app as study_app
 
 app = typer.Typer(
@@ -469,38 +471,51 @@ def regression(
 
 
 def main() -> None:
-    """Run the command line; refusals are one line on standard error."""
-    _open_streams()
+    """Run the command line; whatever goes wrong is one line on standard error."""
+    streams.open_streams()
+    os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
+    with streams.stoppable(), streams.plain_streams():
+        code = _run()
+    if code:
+        sys.exit(code)
+
+
+def _run() -> int:
+    """Exit code of the command."""
     try:
         try:
             app(prog_name="flexfem")
+        except SystemExit as stop:
+            return int(stop.code or 0)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
     except BadInput as refusal:
-        sys.exit(_say(refusal, 2))
-    except ComputationFailed as failure:
-        sys.exit(_say(failure, 1))
+        return _say(str(refusal), 2)
+    except (ComputationFailed, SourcesChanged) as failure:
+        return _say(str(failure), 1)
+    except streams.Stopped as stop:
+        return stop.code
     except KeyboardInterrupt:
-        sys.exit(130)
+        return 130
     except BrokenPipeError:  # the reader, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        return _silence(1)
     except OSError as error:
+        return _silence(_say(streams.reason_of(error), 1))
+    except Exception as error:
+        if os.environ.get("FLEXFEM_TRACEBACK"):
+            raise
+        return _say(streams.reason_of(error), 1)
+    return 0
+
+
+def _silence(code: int) -> int:
+    """Let what standard output still holds go nowhere."""
+    with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(_say(error, 1))
+    return code
 
 
-def _open_streams() -> None:
-    """Open standard streams that are closed: else the next file or pipe would take their place."""
-    for stream in (0, 1, 2):
-        try:
-            os.fstat(stream)
-        except OSError:
-            opened = os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, this one
-            os.set_inheritable(opened, True)  # for child processes, whose pipes would take its place
-
-
-def _say(error: Exception, code: int) -> int:
-    print(f"flexfem: {error}", file=sys.stderr)
+def _say(text: str, code: int) -> int:
+    print(f"flexfem: {text}", file=sys.stderr)
     return code

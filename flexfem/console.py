@@ -14,6 +14,7 @@ from rich.progress import Progress
 
 from flexfem.design import Stage
 from flexfem.errors import BadInput
+from flexfem.streams import raw
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import Solved, run_case, solve_stage
 from flexfem.verify.result import Fields, Result
@@ -52,7 +53,7 @@ def run_cases(
 ) -> Iterator[tuple[Result, dict[str, Fields]]]:
     """Run cases one by one, each stage solved once; says on standard error how far it is."""
     solve = solve or solved_once()
-    console = Console(stderr=True)
+    console = Console(file=raw(sys.stderr))
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         for case in progress.track(loaded, description="verifying"):
             result, fields = run_case(case, solve)

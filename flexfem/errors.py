@@ -1,4 +1,4 @@
-"""The two ways flexfem refuses: what the user gave is wrong, or the computation cannot be trusted."""
+"""The ways flexfem refuses: what the user gave is wrong, the computation cannot be trusted, or its code has changed."""
 
 from __future__ import annotations
 
@@ -9,3 +9,7 @@ class BadInput(Exception):  # noqa: N818  the exit code says error, the name say
 
 class ComputationFailed(Exception):  # noqa: N818
     """A mesh or a solution that fails its own checks; its text is one line, shown as it is, and the exit code is 1."""
+
+
+class SourcesChanged(Exception):  # noqa: N818
+    """flexfem's own sources were edited under a command; its text is one line, and the exit code is 1."""

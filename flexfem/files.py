@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -17,11 +17,14 @@ from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
 
 
-def check_folder(folder: Path) -> None:
-    """Raise BadInput when files cannot go to a folder because something else is there; nothing is made."""
+def check_folder(folder: Path, written: bool = True) -> None:
+    """Raise BadInput when something else is in a folder's place, or it takes no file and is to be `written`.
+
+    Nothing is made.
+    """
     for place in (folder, *folder.parents):
         if place.is_dir():
-            if not os.access(place, os.W_OK):
+            if written and not os.access(place, os.W_OK):
                 raise BadInput(f"{folder}: no permission to write in {place}")
             return
         if place.exists() or place.is_symlink():
@@ -41,11 +44,10 @@ def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=suffix or path.suffix)
-        os.close(handle)
-        temporary = Path(name)
+        beside = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{suffix or path.suffix}")
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
+        temporary = beside
         yield temporary
-        temporary.chmod(0o644)  # mkstemp makes it private
         _sync(temporary)
         temporary.replace(path)
         if os.name == "posix":  # elsewhere folders cannot be opened

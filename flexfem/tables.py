@@ -31,7 +31,7 @@ from flexfem.verify.result import Result
 def _people() -> Console:
     """Standard output; wide when it is no terminal, so that no table is folded in a file."""
     terminal = sys.stdout is not None and sys.stdout.isatty()
-    return Console(soft_wrap=True, highlight=False, markup=False, width=None if terminal else 200)
+    return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
 
 
 def _plane(facts: Facts) -> str:

@@ -13,6 +13,7 @@ import re
 import stat
 import tomllib
 from collections.abc import Mapping
+from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
@@ -126,6 +127,7 @@ def validate(model_class: type[Model], path: Path) -> Model:
         first such value in the file is named, the others are counted; missing keys are named all.
     """
     data, lines = read_toml(path)
+    _require_plain_stem(path)
     try:
         return model_class.model_validate(data)
     except ValidationError as error:
@@ -157,6 +159,16 @@ def _is_json(text: str) -> bool:
         return isinstance(json.loads(text), dict)
     except (ValueError, RecursionError):
         return False
+
+
+def _require_plain_stem(path: Path) -> None:
+    """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
+    stem = PurePath(path).stem
+    if stem[:1] in ("", ".", "-") or not stem.isprintable() or "\\" in stem:
+        raise BadInput(
+            f"{place_of(path)}: expected a plain file name, for results are named after it: no dot or hyphen in front, "
+            "no control character, no backslash"
+        )
 
 
 def _text(path: Path) -> str:

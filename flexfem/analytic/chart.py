@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic import beam
 from flexfem.arrays import Array
+from flexfem.sources import read_data
 
 FREEDOMS = ("rotation", "axial", "shear")
 SPREADING = 4.0 / np.pi  # of two half-planes
@@ -110,11 +110,8 @@ def beam_integrals(tau: Array) -> Array:
 @cache
 def hinge_chart() -> HingeChart:
     """The chart in the package, read once."""
-    low, high = (files("flexfem") / "data" / f"{name}.json" for name in ("hinge_chart", "hinge_chart_high"))
-    return HingeChart(
-        read_patch(low.read_text(encoding="utf-8"), np.log, 0.0 * GROWTH),
-        read_patch(high.read_text(encoding="utf-8"), np.reciprocal, GROWTH),
-    )
+    low, high = (read_data(f"{name}.json") for name in ("hinge_chart", "hinge_chart_high"))
+    return HingeChart(read_patch(low, np.log, 0.0 * GROWTH), read_patch(high, np.reciprocal, GROWTH))
 
 
 def read_patch(text: str, measure: np.ufunc, growth: Array) -> Patch:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.chart import ROUND_OFF, Factors, beam_integrals, hinge_chart
 from flexfem.arrays import Array
+from flexfem.sources import read_data
 
 FREEDOMS = ("rotation", "axial")
 AXES = ("t/R", "b/t", "nu")
@@ -91,7 +91,7 @@ def covers(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ra
 @cache
 def thickness_chart() -> ThicknessChart:
     """The chart in the package, read once."""
-    return read_chart((files("flexfem") / "data" / "thickness_chart.json").read_text(encoding="utf-8"))
+    return read_chart(read_data("thickness_chart.json"))
 
 
 def read_chart(text: str) -> ThicknessChart:

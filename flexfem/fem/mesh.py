@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
-import subprocess
-import sys
+from subprocess import PIPE, Popen, TimeoutExpired
 from typing import NamedTuple
 
 import numpy as np
@@ -13,16 +12,19 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array, Index
+from flexfem.clock import Limit, Stopwatch
 from flexfem.design import HINGE_NAMES, Hinge, Stage
-from flexfem.errors import ComputationFailed
+from flexfem.errors import ComputationFailed, SourcesChanged
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesher import Export
 from flexfem.layout.bodies import draw_sector, necks
 from flexfem.layout.frames import CHAIN_TURN, turned
 from flexfem.layout.outline import area
+from flexfem.sources import CHANGED, child_command, manifest
 
 RESOLUTION = 8  # triangles across every neck
 TIME_LIMIT = 60.0  # s, for meshing one third
+LOOK = 0.25  # s between two looks at a child
 MOST_TRIANGLES = 1_000_000
 SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
 COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
@@ -139,21 +141,37 @@ def sector_job(stage: Stage, chain: int, resolution: int) -> Job:
     return Job(list(draw_sector(stage, chain).values()), sizes, float(ARC_DIVISIONS * max(resolution, 4)), divisions)
 
 
-def run_mesher(job: Job | Export, time_limit: float) -> dict[str, AnyArray]:
+def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArray]:
     """Mesh, or write a mesh, in a child process.
 
-    Raises ComputationFailed when it fails or is still busy after `time_limit` s.
+    Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
+    its sources are not those that this process began with.
     """
-    command = [sys.executable, "-c", "from flexfem.fem.mesher import main; main()"]
-    try:
-        child = subprocess.run(command, input=pickle.dumps(job), capture_output=True, timeout=time_limit, check=False)
-    except subprocess.TimeoutExpired:
-        raise MeshTimeout(f"gmsh was stopped: not done within {time_limit:g} s") from None
+    limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
+    with Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=PIPE) as child:
+        try:
+            made, said = _answer(child, pickle.dumps(dict(manifest())) + pickle.dumps(job), limit)
+        finally:
+            child.kill()
     if child.returncode != 0:
-        said = child.stderr.decode(errors="replace").strip().splitlines()
-        raise ComputationFailed(said[-1] if said else f"gmsh ended with exit code {child.returncode}")
-    with np.load(io.BytesIO(child.stdout)) as arrays:
+        lines = said.decode(errors="replace").strip().splitlines()
+        reason = lines[-1] if lines else f"gmsh ended with exit code {child.returncode}"
+        raise (SourcesChanged if child.returncode == CHANGED else ComputationFailed)(reason)
+    with np.load(io.BytesIO(made)) as arrays:
         return dict(arrays)
+
+
+def _answer(child: Popen[bytes], told: bytes, limit: Limit) -> tuple[bytes, bytes]:
+    """Standard output and error of a child. Raises MeshTimeout after the limit, in which no stop of flexfem counts."""
+    watch, allowed, untold = Stopwatch(), limit.left, told
+    while True:
+        try:
+            return child.communicate(untold, timeout=min(LOOK, max(limit.left, 0.0)))
+        except TimeoutExpired:
+            untold = b""  # communicate goes on with what it has
+            limit.left -= watch.step()
+            if limit.left <= 0:
+                raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s") from None
 
 
 def welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import cmath
 import math
-import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Index
+from flexfem.clock import Limit
 from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.drawing import Cone, Job
@@ -58,19 +58,20 @@ class Third(NamedTuple):
 
 
 def mesh_thirds(
-    stage: Stage, resolution: int, time_limit: float = TIME_LIMIT, inside: bool = False
+    stage: Stage, resolution: int, time_limit: float | Limit = TIME_LIMIT, inside: bool = False
 ) -> tuple[Third, ...]:
     """Mesh a feasible stage: three thirds, or the one that three alike chains share.
 
     Parameters
     ----------
     resolution : quadratic triangles across every neck, or more.
-    time_limit : s, for all thirds; not watched over inside.
+    time_limit : s, for gmsh on all thirds; not watched over inside.
     inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
 
     Raises ComputationFailed when the mesh would be too large or fails its checks, MeshTimeout when it takes too long.
     """
-    end, chains = time.monotonic() + time_limit, (1,) if stage.chains_alike else (1, 2, 3)
+    limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
+    chains = (1,) if stage.chains_alike else (1, 2, 3)
     jobs = [third_job(stage, chain, resolution) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
     refuse_size(estimate_drawn(stage, sum(areas) * 3 / len(chains), resolution))
@@ -78,8 +79,7 @@ def mesh_thirds(
     for chain, job, drawn in zip(chains, jobs, areas, strict=True):
         hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
         if hinges not in made:
-            left = max(end - time.monotonic(), 0.0)
-            made[hinges] = _third(_meshed_inside(job) if inside else run_mesher(job, left), drawn)
+            made[hinges] = _third(_meshed_inside(job) if inside else run_mesher(job, limit), drawn)
     thirds = tuple(made[tuple(stage.hinge(chain, name) for name in HINGE_NAMES)] for chain in chains)
     for one, following in zip(thirds, (*thirds[1:], thirds[0]), strict=True):
         _check_cut(one, following)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem.errors import BadInput
+from flexfem.study.worker import ONE_THREAD
 
 if TYPE_CHECKING:
     from flexfem.study.parts import Parts
@@ -23,6 +25,16 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+
+@app.callback()
+def _begin() -> None:
+    """Study many designs: run, see how far it is, collect the table, plot."""
+    from flexfem.sources import manifest
+
+    manifest()  # before what computes is loaded
+    os.environ.update(ONE_THREAD)  # as for the workers, before numpy is loaded: threads change last bits
+
 
 MOST_WORKERS = 1024
 StudyFile = Annotated[Path, typer.Argument(help="Study file, see cases/README.md.", metavar="STUDY")]
@@ -67,11 +79,18 @@ def run(
     for text in unseen(parts.loaded):
         _note(f"warning: {text}")
     tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
-    with _pool(min(workers or _processors(), tasks), scheduler) as pool, watching() as watch, _resumable(parts):
+    with _resumable(parts), _pool(min(workers or _processors(), tasks), scheduler) as pool, watching() as watch:
         run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
-    facts = _run_facts(parts, part)
+    facts, lost = _run_facts(parts, part), _lost(parts, part)
     console.show(facts, json, print_status)
-    raise typer.Exit(1 if facts["failed"] and not facts["ok"] else 0)
+    if lost:
+        _note(f"{lost} parts of this run are not in {parts.folder}: the same command computes them")
+    raise typer.Exit(1 if lost or (facts["failed"] and not facts["ok"]) else 0)
+
+
+def _lost(parts: Parts, part: Shard) -> int:
+    """How many parts of a share that has been computed are not there: removed meanwhile, or never taken."""
+    return sum(not parts.path(parts.chunk(number)).is_file() for number in part.chunks(parts))
 
 
 @contextmanager
@@ -79,7 +98,7 @@ def _pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
     from flexfem.study.cluster import DaskPool
     from flexfem.study.pool import LocalPool
 
-    pool = DaskPool(scheduler) if scheduler is not None else LocalPool(workers)
+    pool = DaskPool(scheduler, _note) if scheduler is not None else LocalPool(workers)
     try:
         yield pool
     finally:
@@ -113,7 +132,7 @@ def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> No
     from flexfem.study.status import status_facts
 
     parts = _parts(study, output)
-    check_folder(parts.folder)
+    check_folder(parts.folder, written=False)
     console.show(status_facts(parts), json, print_status)
 
 
@@ -208,7 +227,8 @@ def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
 
     facts = status_facts(parts, shard)
     file, folder = facts["file"], parts.folder.parent.parent
-    where = "" if folder == REPORTS else f" --output {folder}"
-    wanted = "run --retry" if facts["failed"] else "status" if facts["open"] or facts["open_elsewhere"] else "plot"
-    going_on = f"flexfem study {wanted} {file}{where}"
+    where = [] if folder == REPORTS else ["--output", str(folder)]
+    opened = facts["open"] or facts["open_elsewhere"]
+    wanted = ["run", "--retry"] if facts["failed"] else ["status"] if opened else ["plot"]
+    going_on = shlex.join(["flexfem", "study", *wanted, str(file), *where])
     return facts | {"shard": f"{shard.first + 1}/{shard.step}", "next": going_on}

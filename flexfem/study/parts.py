@@ -212,8 +212,8 @@ def _opened(path: Path) -> Iterator[Any]:
     if path.exists() and not path.is_file():
         raise BadInput(f"{path}: a pipe, device or folder in the place of a part")
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            yield file
+        with path.open("rb") as content, pq.ParquetFile(content, page_checksum_verification=True) as file:
+            yield file  # opened here: pyarrow takes no name that is not UTF-8
     except FileNotFoundError:
         raise
     except (OSError, ValueError, pa.ArrowException):

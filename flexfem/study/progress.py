@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from flexfem.streams import raw
 from flexfem.study.parts import RETRIED
 from flexfem.study.run import Progress as Step
 
@@ -21,7 +22,7 @@ SHOWN = 10  # reasons of a status
 @contextmanager
 def watching() -> Iterator[Callable[[Step], None]]:
     """Yield a function that shows on standard error how far a run is."""
-    console = Console(stderr=True)
+    console = Console(file=raw(sys.stderr))
     began = time.monotonic()
     if console.is_terminal:
         columns = (BarColumn(), TextColumn("{task.description}", markup=False))

@@ -16,7 +16,9 @@ import numpy as np
 
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.refusals import one_line
+from flexfem.sources import require_unchanged
 from flexfem.study.answer import Rows, answer
+from flexfem.study.journal import forget_rows, keep_row, kept_rows
 from flexfem.study.parts import (
     RETRIED,
     Chunk,
@@ -30,11 +32,12 @@ from flexfem.study.parts import (
     sweep,
     write_part,
 )
-from flexfem.study.pool import Answer, Died, Pool
+from flexfem.study.pool import Answer, Pool
 from flexfem.study.scheme import EXTENSIBLE
 from flexfem.study.shard import WHOLE, Shard, shuffled
 from flexfem.study.stale import candidates, set_apart
 from flexfem.study.status import survey
+from flexfem.study.worker import Died
 
 DEATHS = 3  # of workers over one task, after which it is the task's fault
 BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs
@@ -84,8 +87,11 @@ def run_study(
     BadInput
         The folder takes no file, or a worker has another flexfem.
     ComputationFailed
-        Workers cannot be started, or are lost. Parts that are written stay in either case.
+        Workers cannot be started, or are lost. Parts that are written stay in any case.
+    SourcesChanged
+        flexfem was edited since this process began.
     """
+    require_unchanged()  # what this process has loaded by now is what its parts are named after
     sweep(parts.folder)
     _set_apart(parts, say)
     run = _Run(parts, pool, solve, shard, retry, say)
@@ -128,12 +134,14 @@ class _Run:
     ) -> None:
         self.parts, self.pool, self.solve, self.say = parts, pool, solve, say
         found = survey(parts, shard, whole=True)
-        for text in found.damaged.values():
-            say(f"{text}; computing it again")
-        self.retry, unsure = retry, found.unsure if retry else {}
+        blocked = {number for number in found.damaged if parts.path(parts.chunk(number)).is_dir()}
+        for number, text in found.damaged.items():
+            say(f"{text}; {'its designs are left out' if number in blocked else 'computing it again'}")
+        unsure = found.unsure if retry else {}
         self.unsure = frozenset(unsure)  # parts that hold designs to try again
-        self.again = set(unsure) | set(found.damaged)  # parts to replace, though they are there
-        self.done = found.done - self.again
+        self.retry = retry
+        self.again = set(unsure) | set(found.damaged) - blocked  # parts to replace, though they are there
+        self.done = found.done - self.again | blocked
         self.counts = found.counts - sum(unsure.values(), Counter())
         self.known, self.designs = self.counts.total(), shard.designs(parts)
         self.candidates = candidates(parts) if parts.loaded.study.sampling.method in EXTENSIBLE else {}
@@ -169,7 +177,7 @@ class _Run:
     def _allowed(self) -> float:
         """Time for a task, s."""
         study = self.parts.loaded.study
-        return BROADCAST_LIMIT if study.model == "analytic" else study.time_limit
+        return BROADCAST_LIMIT if self._broadcast else study.time_limit
 
     def _next(self, writer: ThreadPoolExecutor) -> Task | None:
         """The next task to give out, of a chunk under way or else of a new one; None when all are given out."""
@@ -179,7 +187,7 @@ class _Run:
                 return None
             chunk = self.parts.chunk(number)
             if not self._is_there(chunk):
-                kept = self.pieces[chunk] = self._kept(chunk)
+                kept = self.pieces[chunk] = self._kept(chunk) | self._journalled(chunk)
                 missing = [k for k in range(chunk.start, chunk.stop) if k not in kept]
                 self.ready += [Task(chunk, *ends) for ends in self._ranges(missing)]
                 if not missing:
@@ -188,10 +196,20 @@ class _Run:
 
     def _ranges(self, designs: list[int]) -> list[tuple[int, int]]:
         """Designs as ranges: as long as they can be for a model that answers many at once, else of one."""
-        if self.parts.loaded.study.model != "analytic":
+        if not self._broadcast:
             return [(design, design + 1) for design in designs]
         runs = np.split(np.array(designs), np.flatnonzero(np.diff(designs) != 1) + 1)
         return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run)]
+
+    @property
+    def _broadcast(self) -> bool:
+        """Whether the model answers many designs at once."""
+        return self.parts.loaded.study.model == "analytic"
+
+    def _journalled(self, chunk: Chunk) -> dict[int, Rows]:
+        """Rows by design of a part under way that a killed run has left."""
+        rows = {} if self._broadcast else kept_rows(self.parts, chunk)
+        return {k: row for k, row in rows.items() if not (self.retry and row.status[0] in RETRIED)}
 
     def _kept(self, chunk: Chunk) -> dict[int, Rows]:
         """Rows by design that need not be computed: of a part that is tried again, or of one of a smaller sample."""
@@ -247,6 +265,8 @@ class _Run:
     def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
         """Put rows to those of their chunk, and write the part when they are all there."""
         self.pieces[task.chunk][task.start] = rows
+        if not self._broadcast:
+            keep_row(self.parts, task.chunk, task.start, rows)
         self._write_when_whole(task.chunk, writer)
 
     def _write_when_whole(self, chunk: Chunk, writer: ThreadPoolExecutor) -> None:
@@ -263,6 +283,7 @@ class _Run:
                 for mine, theirs in zip(rows, row, strict=True):
                     mine[design - chunk.start] = theirs[0]
             write_part(self.parts, chunk, rows)
+        forget_rows(self.parts, chunk)
         return counts_of(rows.status, rows.reason)
 
 

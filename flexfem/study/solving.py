@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.clock import Limit
 from flexfem.design import Stage
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import MeshTimeout
@@ -26,9 +26,9 @@ from flexfem.verify.convergence import CAUTIOUS, ORDER, grid_convergence, levels
 
 
 class _Clock(NamedTuple):
-    """When a design must be done, s of the monotonic clock, and whether gmsh runs in this process."""
+    """What is left of a design's time for gmsh, and whether gmsh runs in this process, where the limit is another's."""
 
-    end: float
+    limit: Limit
     inside: bool
 
 
@@ -60,7 +60,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     BadInput : the design is refused, by the finite elements or by the formula.
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
-    study, clock = loaded.study, _Clock(time.monotonic() + loaded.study.time_limit, inside)
+    study, clock = loaded.study, _Clock(Limit(loaded.study.time_limit), inside)
     analytic = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     ring = _solved(stage, study.resolution, clock)
     stiffness = np.linalg.inv(ring.compliance)
@@ -78,8 +78,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
 
 def _solved(stage: Stage, resolution: int, clock: _Clock) -> Ring:
     plate = plate_of(stage)
-    left = clock.end - time.monotonic()
-    return ring_response(mesh_thirds(stage, resolution, left, clock.inside), plate)
+    return ring_response(mesh_thirds(stage, resolution, *clock), plate)
 
 
 def _errors(stage: Stage, loaded: LoadedStudy, analytic: Array, ring: Ring, clock: _Clock) -> Array:

@@ -226,7 +226,8 @@ def read_table(path: Path, loaded: LoadedStudy) -> StudyTable:
 
 def _schema(path: Path, loaded: LoadedStudy) -> Any:
     try:
-        return pq.read_schema(path)
+        with path.open("rb") as content:  # pyarrow takes no name that is not UTF-8
+            return pq.read_schema(content)
     except (OSError, pa.ArrowException) as error:
         missing = isinstance(error, FileNotFoundError)
         reason = "no such file" if missing else "not a Parquet file, or a damaged one"
@@ -257,7 +258,10 @@ def with_derived_fields(loaded: LoadedStudy, schema: Any) -> Any:
 def _column(path: Path, name: str) -> Any:
     """One column of a file, its texts as codes. Raises BadInput when it is damaged: every page has a checksum."""
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=["status", "reason"]) as file:
+        with (
+            path.open("rb") as content,
+            pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=["status", "reason"]) as file,
+        ):
             return file.read(columns=[name], use_threads=False)[name]
     except (OSError, ValueError, pa.ArrowException):
         raise BadInput(f"{path}: a damaged Parquet file; flexfem study collect writes it again") from None

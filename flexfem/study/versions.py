@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 
-SOURCES = Path(__file__).parent.parent
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve, solve_triangular
+from scipy.special import ndtri
+
+from flexfem.sources import PACKAGE, hashes, manifest
+
 NUMERIC = ("flexfem", "numpy", "scipy", "shapely")
 MESHED = ("gmsh", "scikit-fem")
 DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module counts until it is named here
@@ -20,11 +26,13 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
     "files.py",
     "peers",
     "report",
+    "streams.py",
     "study/cells.py",
     "study/collect.py",
     "study/commands.py",
     "study/figure.py",
     "study/findings.py",
+    "study/journal.py",
     "study/pareto.py",
     "study/percentiles.py",
     "study/cluster.py",
@@ -36,6 +44,7 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
     "study/stale.py",
     "study/status.py",
     "study/table.py",
+    "study/worker.py",
     "tables.py",
     "verify/baseline",
     "verify/claims.py",
@@ -47,7 +56,7 @@ DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module cou
 def versions_of(meshed: bool) -> MappingProxyType[str, str]:
     """Versions by name of what decides the results of a study, `meshed` when finite elements take part in it."""
     names = (*NUMERIC, *MESHED) if meshed else NUMERIC
-    found = {name: _version(name) for name in names} | {"sources": digest()}
+    found = {name: _version(name) for name in names} | {"sources": digest(), "arithmetic": arithmetic()}
     if meshed:
         installed = _version("cvxopt")
         found["solver"] = "superlu" if installed == "none" else f"cvxopt {installed}"
@@ -55,13 +64,42 @@ def versions_of(meshed: bool) -> MappingProxyType[str, str]:
 
 
 @lru_cache
-def digest(sources: Path = SOURCES) -> str:
+def arithmetic() -> str:
+    """First 16 digits of the SHA-256 of what this machine makes of some sums that are never exact.
+
+    Notes
+    -----
+    The last bits of a result are those of the processor's kernels in BLAS, LAPACK, numpy and the C library. They are
+    asked for what studies use, on sizes around the kernels' blocks and too small for several threads.
+    """
+    total = hashlib.sha256()
+    for n in (8, 24, 48, 56):
+        a = np.sin(1.7 * np.arange(1.0, n * n + 1).reshape(n, n))
+        b = a @ a.T + n * np.eye(n)
+        factor, triangle = lu_factor(a + n * np.eye(n)), np.linalg.cholesky(b)
+        found = [
+            a @ a,
+            a @ a[0],
+            a[0] @ a[0],
+            np.einsum("ij,jk,k->i", a, b, a[1]),
+            np.linalg.inv(b),
+            lu_solve(factor, a),
+        ]
+        found += [triangle, solve_triangular(triangle, a, lower=True), np.linalg.solve(b, a), a.sum(axis=0), a.sum()]
+        found += [f(a) for f in (np.cos, np.arctan, np.exp, np.cbrt, np.tan)] + [np.hypot(a, b), np.arctan2(a, b)]
+        found += [np.log(b * b + 1), np.sqrt(b * b), np.abs(b) ** 1.7, ndtri(0.5 + a / 3)]
+        found += [np.array([math.sin(x) + math.atan2(x, 0.3) + math.exp(x) for x in a[0]])]
+        total.update(b"".join(np.ascontiguousarray(each).tobytes() for each in found))
+    return total.hexdigest()[:16]
+
+
+@lru_cache
+def digest(sources: Path = PACKAGE) -> str:
     """First 16 digits of the SHA-256 of every source and data file that decides results, paths included."""
     total = hashlib.sha256()
-    for path in sorted((*sources.rglob("*.py"), *sources.rglob("data/*.json"))):
-        name = path.relative_to(sources).as_posix()
+    for name, content in (manifest() if sources == PACKAGE else hashes(sources)).items():
         if counts(name):
-            total.update(f"{name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+            total.update(f"{name}\0{content}".encode())
     return total.hexdigest()[:16]
 
 

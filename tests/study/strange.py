@@ -99,4 +99,6 @@ def main(study: str, output: str, size: str, workers: str, shard: str, address: 
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    import strange  # whose functions workers can import
+
+    strange.main(*sys.argv[1:])
