@@ -474,8 +474,10 @@ def main() -> None:
     """Run the command line; whatever goes wrong is one line on standard error."""
     streams.open_streams()
     os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
-    with streams.stoppable(), streams.plain_streams():
+    with streams.stoppable() as signals, streams.plain_streams():
         code = _run()
+    if signals:
+        code = 128 + signals[0]
     if code:
         sys.exit(code)
 
@@ -494,8 +496,6 @@ def _run() -> int:
         return _say(str(refusal), 2)
     except (ComputationFailed, SourcesChanged) as failure:
         return _say(str(failure), 1)
-    except streams.Stopped as stop:
-        return stop.code
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # the reader, such as head, has seen enough

@@ -20,10 +20,6 @@ ENDING = 5.0  # s that a stopped command has to end in order, before the next si
 class Stopped(KeyboardInterrupt):
     """A signal asks the command to stop; its exit code is 128 and the signal's number."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.code = 128 + number
-
 
 class Plain:
     """A text stream through which control characters go escaped; `raw` is the stream itself, for progress bars.
@@ -94,10 +90,14 @@ def plain_streams() -> Iterator[None]:
 
 
 @contextmanager
-def stoppable() -> Iterator[None]:
-    """Raise Stopped at the first signal to stop; later ones wait until the command has ended, or `ENDING` s."""
+def stoppable() -> Iterator[list[int]]:
+    """Raise Stopped at the first signal to stop; later ones wait until the command has ended, or `ENDING` s.
+
+    Yields the numbers of signals that have come.
+    """
+    numbers: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield numbers
         return
     asked: list[float] = []
 
@@ -106,15 +106,16 @@ def stoppable() -> Iterator[None]:
             os._exit(128 + number)
         if not asked:
             asked.append(time.monotonic())
+            numbers.append(number)
             raise Stopped(number)
 
-    numbers = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
-    before = {number: signal.getsignal(number) for number in numbers}
-    for number in numbers:
+    taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {number: signal.getsignal(number) for number in taken}
+    for number in taken:
         if before[number] is not signal.SIG_IGN:  # nohup, and jobs in the background of a shell
             signal.signal(number, stop)
     try:
-        yield
+        yield numbers
     finally:
         if not asked:  # else they stay, until the process is gone
             for number, handler in before.items():
