@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 from subprocess import PIPE, Popen, TimeoutExpired
+from tempfile import TemporaryFile
 from typing import NamedTuple
 
 import numpy as np
@@ -148,11 +149,14 @@ def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArr
     its sources are not those that this process began with.
     """
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
-    with Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=PIPE) as child:
-        try:
-            made, said = _answer(child, pickle.dumps(dict(manifest())) + pickle.dumps(job), limit)
-        finally:
-            child.kill()
+    with TemporaryFile() as told:
+        told.write(pickle.dumps(dict(manifest())) + pickle.dumps(job))
+        told.seek(0)
+        with Popen(child_command("flexfem.fem.mesher"), stdin=told, stdout=PIPE, stderr=PIPE) as child:
+            try:
+                made, said = _answer(child, limit)
+            finally:
+                child.kill()
     if child.returncode != 0:
         lines = said.decode(errors="replace").strip().splitlines()
         reason = lines[-1] if lines else f"gmsh ended with exit code {child.returncode}"
@@ -161,14 +165,13 @@ def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArr
         return dict(arrays)
 
 
-def _answer(child: Popen[bytes], told: bytes, limit: Limit) -> tuple[bytes, bytes]:
+def _answer(child: Popen[bytes], limit: Limit) -> tuple[bytes, bytes]:
     """Standard output and error of a child. Raises MeshTimeout after the limit, in which no stop of flexfem counts."""
-    watch, allowed, untold = Stopwatch(), limit.left, told
+    watch, allowed = Stopwatch(), limit.left
     while True:
         try:
-            return child.communicate(untold, timeout=min(LOOK, max(limit.left, 0.0)))
+            return child.communicate(timeout=min(LOOK, max(limit.left, 0.0)))
         except TimeoutExpired:
-            untold = b""  # communicate goes on with what it has
             limit.left -= watch.step()
             if limit.left <= 0:
                 raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s") from None
