@@ -72,7 +72,12 @@ class Parts:
     @cached_property
     def count(self) -> int:
         """Number of parts."""
-        return -(-self.loaded.count // self.size)
+        return -(-self.designs // self.size)
+
+    @cached_property
+    def designs(self) -> int:
+        """Number of designs, which takes a study long to say where parts are many."""
+        return self.loaded.count
 
     @cached_property
     def _key(self) -> str:
@@ -109,7 +114,7 @@ class Parts:
 
     def chunk(self, number: int) -> Chunk:
         """The chunk of a number from 0."""
-        return Chunk(number, number * self.size, min((number + 1) * self.size, self.loaded.count))
+        return Chunk(number, number * self.size, min((number + 1) * self.size, self.designs))
 
     def name(self, chunk: Chunk) -> str:
         """What the part of a chunk is called."""
