@@ -114,7 +114,6 @@ def changes(folder: Path | None, was: Mapping[str, Keys], now: Mapping[str, Keys
         shown = file if folder is None else os.path.normpath(folder / file)
         for key in [*old, *(key for key in new if key not in old)]:
             before, after = old.get(key, MISSING), new.get(key, MISSING)
-            unused = before == MISSING and after is False  # a switch that came later, and is off
-            if before != after and not unused:
+            if before != after:
                 found.append(Change(shown, key, before, after))
     return found
