@@ -10,9 +10,9 @@ CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
 STAGES := $(wildcard geometry/*.toml)
 ACCEPTED := $(CASES) cases/claims.toml $(STAGES) $(wildcard tests/baselines/studies/*.toml flexfem/data/*.json)
-PLOT_CODE := $(wildcard flexfem/report/*.py)
-STUDY_CODE := $(wildcard flexfem/study/*.py)
-MODEL_CODE := $(filter-out $(PLOT_CODE) $(STUDY_CODE) flexfem/cli.py flexfem/console.py,$(wildcard flexfem/*.py flexfem/*/*.py))
+PLOT_CODE := $(wildcard flexfem/plot/*.py)
+OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
+MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
 
 .PHONY: install help reproduce-figures full-report test test-slow test-all check baselines regression studies chart bench clean
 .DELETE_ON_ERROR:

@@ -18,9 +18,9 @@ from random_stages import unlike
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.design import Stage
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.layout.feasibility import check_feasible
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import Stage
 from flexfem.verify.alternatives import error_matrix
 from flexfem.verify.convergence import ORDER, command_convergence
 from flexfem.verify.protocol import solve_stage

@@ -17,7 +17,7 @@ import numpy as np
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.notch import FORMULAS
 from flexfem.analytic.serial import serial_stiffness
-from flexfem.layout.frames import frames
+from flexfem.stage.frames import frames
 
 
 def draw(count: int) -> dict[str, Any]:

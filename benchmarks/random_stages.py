@@ -15,9 +15,9 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import BadInput
-from flexfem.layout.feasibility import check_feasible
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.convergence import grid_convergence
 from flexfem.verify.protocol import solve_stage
 

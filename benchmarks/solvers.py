@@ -83,7 +83,7 @@ def ngsolve(mesh: Any, plate: Any) -> Any:
 
     import numpy as np
 
-    from flexfem.peers.ngsolve import curved_mesh, import_ngsolve, rigid_motions
+    from flexfem.validate.ngsolve import curved_mesh, import_ngsolve, rigid_motions
 
     ng = import_ngsolve()
     with ng.TaskManager():
@@ -94,7 +94,7 @@ def ngsolve(mesh: Any, plate: Any) -> Any:
 
 
 def calculix(mesh: Any, plate: Any) -> Any:
-    from flexfem.peers.calculix import solve
+    from flexfem.validate.calculix import solve
 
     return solve(mesh, plate, uncoupled=True).compliance
 
@@ -116,8 +116,8 @@ def installed() -> list[str]:
 
 
 def child(name: str, path: Path) -> None:
+    from flexfem.commands.baseline.meshes import read_mesh
     from flexfem.fem.plane_stress import Plate
-    from flexfem.verify.baseline.meshes import read_mesh
 
     compliance = SOLVERS[name](read_mesh(path), Plate(*PLATE))
     print(f"{compliance[0, 0]:.12e} {sum(not_counted):.3f}")
@@ -141,10 +141,10 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
+    from flexfem.commands.baseline.meshes import write_mesh
     from flexfem.fem.mesh import build_mesh
     from flexfem.fem.response import tie_hub
-    from flexfem.layout.feasibility import load_feasible
-    from flexfem.verify.baseline.meshes import write_mesh
+    from flexfem.stage.feasibility import load_feasible
 
     path = folder / f"{resolution}.npz"
     mesh = build_mesh(load_feasible(STAGE), resolution, time_limit=600.0)

@@ -44,7 +44,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.plane_stress import integration
     from flexfem.fem.response import plate_of, platform_response, tie_hub
-    from flexfem.layout.feasibility import load_feasible
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.verify.protocol import compare
 
     clock = Clock()

@@ -17,9 +17,9 @@ from random_stages import drawn
 
 from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
-from flexfem.design import Stage, load_stage
-from flexfem.summary import Limits, element_limits, linked_limits, rigid_limits
+from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.protocol import solve_stage
+from flexfem.verify.summary import Limits, element_limits, linked_limits, rigid_limits
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 

@@ -17,17 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.model import analyse
 from flexfem.analytic.serial import chain_compliance
+from flexfem.analytic.stress import neck_wrenches, peak_stress
 from flexfem.errors import BadInput
-from flexfem.layout.feasibility import check_closed_form
-from flexfem.layout.frames import stage_frames
+from flexfem.stage.feasibility import check_closed_form
+from flexfem.stage.frames import stage_frames
 from flexfem.study.answer import answer
 from flexfem.study.designs import stage_of
 from flexfem.study.plan import LoadedStudy, load_study
 from flexfem.study.sampling import sample
-from flexfem.study.stress import neck_wrenches, peak_stress
 
 STAGE = Path(__file__).parent.parent / "geometry" / "mobility6.toml"
 CHUNK = 8192

@@ -24,12 +24,12 @@ import numpy as np
 from random_stages import draw
 
 from flexfem.arrays import Array
-from flexfem.design import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.errors import BadInput
 from flexfem.fem import sector
 from flexfem.fem.factor import Factor
 from flexfem.fem.mesh import RESOLUTION
-from flexfem.layout.feasibility import check_feasible
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.study import solving
 from flexfem.study.plan import LoadedStudy, Study
 from flexfem.verify.convergence import grid_convergence

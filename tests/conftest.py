@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from flexfem import cli
+from flexfem.commands import cli
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine

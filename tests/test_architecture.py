@@ -14,33 +14,19 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
-FORBIDDEN = {
-    "analytic": (
-        "flexfem.fem",
-        "flexfem.verify",
-        "flexfem.study",
-        "flexfem.report",
-        "gmsh",
-        "skfem",
-        "matplotlib",
-        "meshio",
-    ),
-    "fem": (
-        "flexfem.analytic",
-        "flexfem.benchmark",
-        "flexfem.peers",
-        "flexfem.verify",
-        "flexfem.study",
-        "flexfem.report",
-        "matplotlib",
-    ),
-    "layout": ("flexfem.analytic", "flexfem.fem", "flexfem.verify", "flexfem.report", "gmsh", "skfem", "matplotlib"),
-    "verify": ("flexfem.study", "flexfem.report", "gmsh", "skfem", "matplotlib", "meshio"),
-    "peers": ("flexfem.analytic", "flexfem.verify", "flexfem.report", "gmsh", "matplotlib", "meshio"),
-    "benchmark": ("flexfem.verify", "flexfem.report", "gmsh", "matplotlib", "meshio"),
-    "study": ("gmsh", "skfem", "matplotlib", "meshio"),
-    "report": ("flexfem.fem", "flexfem.analytic", "gmsh", "skfem", "meshio"),
-}
+LAYERS = (  # each takes from those before it, and from no other folder of its own layer
+    ("arrays", "errors", "units", "clock", "sources"),
+    ("files",),
+    ("stage",),
+    ("analytic", "fem"),
+    ("verify", "validate"),
+    ("study",),
+    ("plot",),
+    ("commands",),
+    ("__main__",),
+)
+LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
+HEAVY = {"skfem": ("fem", "validate"), "matplotlib": ("plot",), "meshio": ("fem",)}  # who may import what
 
 
 MODELS = ("flexfem.analytic.", "flexfem.fem.")
@@ -61,12 +47,26 @@ def imports(module: Path, types: bool = True) -> list[str]:
     return found
 
 
+def folder_of(module: Path) -> str:
+    return module.relative_to(ROOT / "flexfem").with_suffix("").parts[0]
+
+
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_arrows_go_one_way(module):
-    folder = module.relative_to(ROOT / "flexfem").parts[0]
-    for name in imports(module):
-        for forbidden in FORBIDDEN.get(folder, ()):
-            assert name != forbidden and not name.startswith(forbidden + "."), f"{module} imports {name}"
+    own = folder_of(module)
+    for name in imports(module, types=False):
+        parts = name.split(".")
+        assert own in HEAVY.get(parts[0], (own,)), f"{module} imports {name}"
+        if parts[0] == "flexfem" and own != "__init__" and parts[1] != "__version__":
+            below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
+            assert below or parts[1] == own, f"{module} imports {name}"
+
+
+def test_no_file_leads_back_to_itself():
+    for module in MODULES:
+        name = ".".join(module.relative_to(ROOT).with_suffix("").parts)
+        ahead = {part for each in imports(module, types=False) for part in (each, each.rpartition(".")[0])} - {name}
+        assert all(name not in reached(each) for each in ahead if each.startswith("flexfem.")), name
 
 
 @cache
@@ -83,7 +83,7 @@ def reached(name: str) -> frozenset[str]:
     return frozenset(seen)
 
 
-REPORTS = [f"flexfem.report.{path.stem}" for path in MODULES if path.parent.name == "report"]
+REPORTS = [f"flexfem.plot.{path.stem}" for path in MODULES if path.parent.name == "plot"]
 
 
 @pytest.mark.parametrize("report", REPORTS)
@@ -96,12 +96,12 @@ def test_from_a_module_that_may_solve_reports_take_records_and_no_function(repor
     """Results and settings are described beside what computes them; knowing them is no way to compute."""
     for name in imports(ROOT / f"{report.replace('.', '/')}.py", types=False):
         module, _, thing = name.rpartition(".")
-        if not name.startswith("flexfem.report.") and any(each.startswith(MODELS) for each in reached(module)):
+        if not name.startswith("flexfem.plot.") and any(each.startswith(MODELS) for each in reached(module)):
             assert not inspect.isroutine(getattr(import_module(module), thing)), f"{report} takes {name}"
 
 
 def test_reach_goes_through_other_modules():
-    assert "flexfem.fem.response" in reached("flexfem.study.commands")
+    assert "flexfem.fem.response" in reached("flexfem.commands.study")
     assert "flexfem.study.answer" in reached("flexfem.study.nominal")
 
 
@@ -114,7 +114,7 @@ def test_only_the_mesher_imports_gmsh():
 def test_light_commands_load_no_heavy_library(command):
     script = (
         "import sys; sys.argv = ['flexfem', *sys.argv[1:]]\n"
-        "from flexfem.cli import app\n"
+        "from flexfem.commands.cli import app\n"
         "try: app(standalone_mode=False)\n"
         "except SystemExit: pass\n"
         "heavy = {'gmsh', 'skfem', 'matplotlib', 'meshio'} & set(sys.modules)\n"

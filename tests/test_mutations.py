@@ -39,7 +39,7 @@ class Mutation(NamedTuple):
     test: str
 
 
-BENCHMARKS = "tests/verification/test_benchmarks.py::"
+BENCHMARKS = "tests/validate/test_benchmarks.py::"
 MUTATIONS = [
     Mutation(
         "Lame constants swapped",
@@ -99,24 +99,24 @@ MUTATIONS = [
     ),
     Mutation(
         "drawn notches turned by 90 degrees",
-        "layout/bodies.py",
+        "stage/bodies.py",
         "along = cmath.exp(1j * neck.heading)\n    radius",
         "along = 1j * cmath.exp(1j * neck.heading)\n    radius",
-        "tests/layout/test_bodies.py::test_narrowest_section_is_the_neck_across_its_axis_at_the_hinge_centre",
+        "tests/stage/test_bodies.py::test_narrowest_section_is_the_neck_across_its_axis_at_the_hinge_centre",
     ),
     Mutation(
         "hinge axes turned by 90 degrees in both models",
-        "layout/frames.py",
+        "stage/frames.py",
         "axis + np.where(backwards, np.pi, 0.0)",
         "axis + np.pi / 2 + np.where(backwards, np.pi, 0.0)",
-        "tests/layout/test_frames.py::test_default_necks_point_along_link_one_link_one_and_link_two",
+        "tests/stage/test_frames.py::test_default_necks_point_along_link_one_link_one_and_link_two",
     ),
     Mutation(
         "chains counted clockwise",
-        "layout/frames.py",
+        "stage/frames.py",
         "CHAIN_TURN = 2.0",
         "CHAIN_TURN = -2.0",
-        "tests/layout/test_frames.py::test_chains_are_chain_one_turned_by_120_degrees",
+        "tests/stage/test_frames.py::test_chains_are_chain_one_turned_by_120_degrees",
     ),
     Mutation(
         "1 per cent in hinge formula (2), seen by the finite elements",
@@ -155,17 +155,17 @@ MUTATIONS = [
     ),
     Mutation(
         "a neck bent as if it were half as strong",
-        "study/stress.py",
+        "analytic/stress.py",
         "(6.0 * K.bending",
         "(3.0 * K.bending",
-        "tests/study/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
+        "tests/analytic/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
     ),
     Mutation(
         "a pulled neck concentrates stress as a bent one",
-        "study/stress.py",
+        "analytic/stress.py",
         "(K.tension / area)",
         "(K.bending / area)",
-        "tests/study/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
+        "tests/analytic/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
     ),
     Mutation(
         "no safety factor in the mesh band",
@@ -225,7 +225,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a stage known without its platform's radius",
-        "design.py",
+        "stage/schema.py",
         '"override": True, "material": {"name"}}',
         '"override": True, "material": {"name"}, "platform": {"radius"}}',
         "tests/study/test_hash.py::test_every_key_of_a_stage_changes_its_hash_but_names_and_provenance",

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.layout.outline import Segment
+from flexfem.stage.outline import Segment
 
 PLACES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of the nodes in an element from -1 to 1: Gauss's, none at a corner
 SHARES = np.array([5.0, 8.0, 5.0]) / 18  # their weights, per length of the element

@@ -11,16 +11,16 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from flexfem.analytic.beam import SHEAR_CORRECTION
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import AnalyticResult, analyse, hinge_compliance
 from flexfem.analytic.platform import motions, platform_compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.arrays import Array
-from flexfem.design import CHAINS, Stage
-from flexfem.layout.bodies import centrelines
-from flexfem.layout.frames import CHAIN_TURN, stage_frames
-from flexfem.layout.outline import Segment
+from flexfem.stage.bodies import centrelines
+from flexfem.stage.frames import CHAIN_TURN, stage_frames
+from flexfem.stage.outline import Segment
+from flexfem.stage.schema import CHAINS, Stage
 
 POINTS = 12  # Gauss points along each line or arc: their integrands are quadratics and trigonometric functions
 RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius

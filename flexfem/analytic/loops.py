@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.kinematics import ROTATION, Joints, chain_poses, first_order, second_order
-from flexfem.analytic.linear import inverse
 from flexfem.arrays import Array, Index
-from flexfem.layout.frames import Frames
+from flexfem.stage.frames import Frames
 
 DEPENDENT = 6  # three equations in each of two loops
 

@@ -13,12 +13,12 @@ from flexfem.analytic.mobility import mobility as mobility_of
 from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Plane, elastic, key_of
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.layout.frames import stage_frames
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Plane, elastic, key_of
 
 if TYPE_CHECKING:
-    from flexfem.design import Stage
+    from flexfem.stage.schema import Stage
 
 DEFAULT_FORMULA = "paros-weisbord"
 

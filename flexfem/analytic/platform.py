@@ -17,11 +17,11 @@ import numpy as np
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.boundary import Boundary, displacements, divided
 from flexfem.arrays import AnyArray, Array
-from flexfem.design import CHAINS, Hinge, Stage
-from flexfem.layout.bodies import body_sides, cut_angle, necks, notch_side
-from flexfem.layout.frames import CHAIN_TURN
-from flexfem.layout.outline import Segment, polyline, reverse
-from flexfem.layout.strip import Pose
+from flexfem.stage.bodies import body_sides, cut_angle, necks, notch_side
+from flexfem.stage.frames import CHAIN_TURN
+from flexfem.stage.outline import Segment, polyline, reverse
+from flexfem.stage.schema import CHAINS, Hinge, Stage
+from flexfem.stage.strip import Pose
 
 # Sizes of the elements. Half of them all moves the compliances of forty random stages by at most 0.013 %.
 ACROSS = 0.6  # in the neck, per neck

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.equilibrium import at_pose
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.stiffness import Mechanism, Stiffness, stiffness
 from flexfem.arrays import Array
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.mobility import KINDS, Freedoms, checked
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
-from flexfem.layout.frames import Frames
+from flexfem.stage.frames import Frames
 
 
 def chain_compliance(frames: Frames, compliance: Compliance, freedoms: Freedoms) -> Array:

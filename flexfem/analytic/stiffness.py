@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.kinematics import Joints, joints_of
-from flexfem.analytic.linear import inverse
 from flexfem.analytic.loops import Choice, Influence, choose, columns, in_joint_order, influence
 from flexfem.analytic.mobility import Freedoms
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array, Index
-from flexfem.layout.frames import Frames
+from flexfem.stage.frames import Frames
 
 
 class Mechanism(NamedTuple):

@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.files import write_atomically
+from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
 

@@ -10,7 +10,7 @@ import numpy as np
 from flexfem.arrays import Array, Index
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.files import write_atomically
+from flexfem.files.writing import write_atomically
 
 PER_LINE = 8  # members of a set; CalculiX takes at most 16 entries a line
 UNIT_LOADS = np.eye(3)
@@ -46,7 +46,7 @@ def write_deck(
 
     In plane stress only E1, E2, nu12 and G12 of an orthotropic sheet matter. The uncoupled material keeps these and
     sets `nu13 = nu23 = 0`: the same sheet for a program that knows plane stress, and for one that makes wedges of the
-    triangles, as CalculiX does, the way to plane stress at any thickness (see `flexfem.peers.calculix`).
+    triangles, as CalculiX does, the way to plane stress at any thickness (see `flexfem.validate.calculix`).
     """
     text = "\n".join(_lines(mesh, plate, loads, plate.thickness if thickness is None else thickness, uncoupled))
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))

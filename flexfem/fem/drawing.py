@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.layout.outline import Face, Segment
+from flexfem.stage.outline import Face, Segment
 
 QUICK_OPTIONS: dict[str, float] = {
     "General.Terminal": 0,  # in a worker that shares its terminal

@@ -12,7 +12,7 @@ from flexfem.fem.deck import write_deck
 from flexfem.fem.mesh import StageMesh, run_mesher
 from flexfem.fem.mesher import Export
 from flexfem.fem.plane_stress import Plate
-from flexfem.files import replacing
+from flexfem.files.writing import replacing
 
 FORMATS = (".msh", ".vtu", ".inp")
 

@@ -9,7 +9,7 @@ import numpy as np
 from flexfem.arrays import Array, Index
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import StageMesh, ordered, run_mesher
-from flexfem.layout.outline import Face
+from flexfem.stage.outline import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh
 SIDES = ("left", "right", "bottom", "top")

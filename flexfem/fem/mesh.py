@@ -14,14 +14,14 @@ from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.clock import Limit, Stopwatch
-from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.errors import ComputationFailed, SourcesChanged
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesher import Export
-from flexfem.layout.bodies import draw_sector, necks
-from flexfem.layout.frames import CHAIN_TURN, turned
-from flexfem.layout.outline import area
 from flexfem.sources import CHANGED, child_command, manifest
+from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.outline import area
+from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
 RESOLUTION = 8  # triangles across every neck
 TIME_LIMIT = 60.0  # s, for meshing one third

@@ -8,13 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
-from flexfem.design import HINGE_NAMES, Stage, out_of_plane
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.assembly import blocks, with_rigid_part
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
-from flexfem.layout.frames import stage_frames
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
 MOST_SOLVES = 12  # with iterative refinement; three do for necks of some um and more

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
 from flexfem.fem.response import plate_of, pull_of
 from flexfem.fem.sector import Ring, rotation, under_loads
 from flexfem.fem.thirds import Third
 from flexfem.fem.triangle import NODES, gradients
-from flexfem.layout.bodies import BODIES, necks
+from flexfem.stage.bodies import BODIES, necks
+from flexfem.stage.schema import HINGE_NAMES, Stage
 
 BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
 

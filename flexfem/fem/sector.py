@@ -34,7 +34,7 @@ from flexfem.fem.response import (
 )
 from flexfem.fem.thirds import Third
 from flexfem.fem.triangle import whole_strip
-from flexfem.layout.frames import CHAIN_TURN
+from flexfem.stage.frames import CHAIN_TURN
 
 SETTLED = 0.1 * BALANCE  # refined no further
 

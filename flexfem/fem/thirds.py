@@ -17,7 +17,6 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Index
 from flexfem.clock import Limit
-from flexfem.design import HINGE_NAMES, Hinge, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.drawing import Cone, Job
 from flexfem.fem.mesh import (
@@ -32,9 +31,10 @@ from flexfem.fem.mesh import (
     run_mesher,
 )
 from flexfem.fem.mesher import mesh_faces
-from flexfem.layout.bodies import draw_sector, necks
-from flexfem.layout.frames import CHAIN_TURN, turned
-from flexfem.layout.outline import Face, area
+from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.outline import Face, area
+from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
 BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
 GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it

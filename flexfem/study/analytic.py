@@ -12,18 +12,18 @@ from flexfem.analytic.mobility import freedoms_of, stage_freedoms
 from flexfem.analytic.model import compliances
 from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
+from flexfem.analytic.stress import neck_wrenches, peak_stress
 from flexfem.arrays import AnyArray, Array
-from flexfem.design import HINGE_NAMES, Plane, out_of_plane
 from flexfem.errors import BadInput
-from flexfem.layout.conditions import Broken, broken, conditions
-from flexfem.layout.feasibility import check_feasible
-from flexfem.layout.frames import Frames, direction, frames
+from flexfem.stage.conditions import Broken, broken, conditions
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.frames import Frames, direction, frames
+from flexfem.stage.schema import HINGE_NAMES, Plane, out_of_plane
 from flexfem.study.derived import refusals_of
 from flexfem.study.designs import Designs, designs_of, stage_of
 from flexfem.study.keys import keys
 from flexfem.study.outputs import common_columns, travel_columns
 from flexfem.study.plan import LoadedStudy
-from flexfem.study.stress import neck_wrenches, peak_stress
 
 
 class Response(NamedTuple):

@@ -3,30 +3,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
 from flexfem.study.plan import LoadedStudy
+from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
 
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
-
-
-class Rows(NamedTuple):
-    """What a model answers for n designs.
-
-    Attributes
-    ----------
-    status : (n,) text: "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
-    reason : (n,) one line why not, or where ok what to know of the answer, mostly "".
-    values : (n, outputs) in the columns' units; nan where not ok.
-    """
-
-    status: AnyArray
-    reason: AnyArray
-    values: Array
 
 
 def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> Rows:

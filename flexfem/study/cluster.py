@@ -18,10 +18,10 @@ from typing import Any
 
 from flexfem.clock import Stopwatch
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.refusals import one_line
-from flexfem.study.answer import Rows
+from flexfem.files.refusals import one_line
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.pool import Answer, answered, deciding, deciding_sources, outcome_of
+from flexfem.study.rows import Rows
 from flexfem.study.worker import Died, Worker
 
 CONNECT = 10.0  # s, for a scheduler to answer

@@ -15,7 +15,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from flexfem.errors import BadInput
-from flexfem.files import replacing
+from flexfem.files.writing import replacing
 from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed
 from flexfem.study.table import FILE, with_derived, with_derived_fields

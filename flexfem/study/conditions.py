@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.design import Label
-from flexfem.refusals import refusal
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Table
+from flexfem.stage.schema import Label
 from flexfem.study.expression import names_in
-from flexfem.tomlfile import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_]{0,59}$"
 

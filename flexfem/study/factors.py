@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
-from flexfem.refusals import refusal, suggestion
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Table
+from flexfem.stage.schema import Label, Stage
 from flexfem.study.keys import keys, starred
-from flexfem.tomlfile import Table
 
 MANY = 100_000  # values of one factor; more are a range
 MANY_KEYS = 100  # more than the format has

@@ -6,9 +6,9 @@ from typing import Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.design import Label
-from flexfem.refusals import refusal
-from flexfem.tomlfile import Table
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Table
+from flexfem.stage.schema import Label
 
 FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
 Better: TypeAlias = Literal["larger", "smaller"]

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexfem.arrays import Array
-from flexfem.design import Stage
 from flexfem.errors import BadInput
-from flexfem.layout.feasibility import check_feasible
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import Stage
 from flexfem.study.cells import cells_of
 from flexfem.study.designs import stage_of
 from flexfem.study.figure import Figure

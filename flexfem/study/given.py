@@ -14,7 +14,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
-from flexfem.refusals import one_line, place_of, shown, suggestion
+from flexfem.files.refusals import one_line, place_of, shown, suggestion
 from flexfem.study.keys import keys
 
 if TYPE_CHECKING:

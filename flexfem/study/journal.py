@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.study.answer import Rows
 from flexfem.study.parts import Chunk, Parts
+from flexfem.study.rows import Rows
 
 
 def journal_path(parts: Parts, chunk: Chunk) -> Path:

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.design import CHAINS, HINGE_NAMES, Override, Stage
-from flexfem.refusals import problem_of
+from flexfem.files.refusals import problem_of
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 
 _PROBE = 0.25  # possible for every key, and a power of two: the unit comes out exact
 

@@ -25,9 +25,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flexfem.errors import BadInput
-from flexfem.files import write_atomically
-from flexfem.study.answer import Rows
+from flexfem.files.writing import write_atomically
 from flexfem.study.plan import LoadedStudy
+from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
 from flexfem.study.versions import versions_of
 

@@ -15,11 +15,12 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
-from flexfem.layout.feasibility import load_feasible
-from flexfem.provenance import Sourced, is_assumed
-from flexfem.refusals import dotted, place_of, refusal, shown, suggestion
+from flexfem.files.provenance import Sourced, is_assumed
+from flexfem.files.refusals import dotted, place_of, refusal, shown, suggestion
+from flexfem.files.toml import read_toml, validate
+from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import Label, Stage
 from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
 from flexfem.study.expression import names_in
 from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean
@@ -28,7 +29,6 @@ from flexfem.study.given import Given, given_of
 from flexfem.study.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Method, Sampling
-from flexfem.tomlfile import read_toml, validate
 from flexfem.verify.case import known_formula
 
 UNCORRELATED: dict[Method, str] = {

@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias
 
 from flexfem.errors import BadInput, ComputationFailed, SourcesChanged
-from flexfem.refusals import one_line
+from flexfem.files.refusals import one_line
 from flexfem.sources import manifest
-from flexfem.study.answer import Rows
 from flexfem.study.plan import LoadedStudy
+from flexfem.study.rows import Rows
 from flexfem.study.versions import counts, versions_of
 from flexfem.study.worker import Died, Worker
 

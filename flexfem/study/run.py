@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.refusals import one_line
+from flexfem.files.refusals import one_line
 from flexfem.sources import require_unchanged
-from flexfem.study.answer import Rows, answer
+from flexfem.study.answer import answer
 from flexfem.study.journal import forget_rows, keep_row, kept_rows
 from flexfem.study.parts import (
     RETRIED,
@@ -33,6 +33,7 @@ from flexfem.study.parts import (
     write_part,
 )
 from flexfem.study.pool import Answer, Pool
+from flexfem.study.rows import Rows
 from flexfem.study.scheme import EXTENSIBLE
 from flexfem.study.shard import WHOLE, Shard, shuffled
 from flexfem.study.stale import candidates, set_apart

@@ -6,9 +6,9 @@ from typing import Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.design import Label
-from flexfem.refusals import refusal
-from flexfem.tomlfile import Table
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Table
+from flexfem.stage.schema import Label
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; a design and 100 columns are a kilobyte

@@ -9,18 +9,18 @@ import numpy as np
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.clock import Limit
-from flexfem.design import Stage
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.response import plate_of
 from flexfem.fem.ring_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.sector import Ring, ring_response
 from flexfem.fem.thirds import mesh_thirds
-from flexfem.layout.feasibility import check_feasible
-from flexfem.study.answer import Rows
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
 from flexfem.study.outputs import common_columns, travel_columns
 from flexfem.study.plan import LoadedStudy
+from flexfem.study.rows import Rows
 from flexfem.verify.alternatives import error_matrix
 from flexfem.verify.convergence import CAUTIOUS, ORDER, grid_convergence, levels
 

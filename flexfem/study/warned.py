@@ -15,7 +15,7 @@ from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import at_quantile, sample
 
 if TYPE_CHECKING:
-    from flexfem.study.answer import Rows
+    from flexfem.study.rows import Rows
 
 BASES, MOVED = (0.37, 0.61), (0.11, 0.89)  # quantiles of all factors, and of one that is moved
 LOOKED_AT = 1000  # rows of a table of designs

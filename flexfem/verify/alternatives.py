@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
@@ -21,12 +21,12 @@ from flexfem.analytic.notch import formula
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Hinge, Stage, elastic
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_mesher, sector_job, welded
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
-from flexfem.layout.frames import stage_frames
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage, elastic
 from flexfem.units import MICROMETRE
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.case import DIRECTIONS

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem import warning
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.analytic.thick import covers
 from flexfem.arrays import Array
-from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import load_case, plate_of
+from flexfem.stage.schema import Stage
+from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import command_convergence, levels
 from flexfem.verify.protocol import Solved, compare, percentages, solve_stage

@@ -12,13 +12,13 @@ from pydantic import AfterValidator, Field, model_validator
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.analytic.notch import formula
 from flexfem.arrays import Array
-from flexfem.design import Label, Stage
 from flexfem.errors import BadInput
 from flexfem.fem.mesh import RESOLUTION
-from flexfem.layout.feasibility import load_feasible
-from flexfem.provenance import Sourced
-from flexfem.refusals import refusal
-from flexfem.tomlfile import Table, validate
+from flexfem.files.provenance import Sourced
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Table, validate
+from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import Label, Stage
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
 Analysis: TypeAlias = Literal["linear", "nonlinear"]

@@ -10,12 +10,12 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem import warning
-from flexfem.design import Label, Stage
-from flexfem.layout.feasibility import load_feasible
-from flexfem.provenance import Sourced, doubts
-from flexfem.refusals import refusal, suggestion
-from flexfem.tomlfile import Table, validate
+from flexfem.files.provenance import Sourced, doubts
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Table, validate
+from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import Label, Stage
+from flexfem.verify import warning
 from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
 from flexfem.verify.measures import MEASURES, Evidence, Finding, side_of
 from flexfem.verify.protocol import solve_stage

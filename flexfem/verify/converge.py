@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem import warning
-from flexfem.design import Stage
 from flexfem.errors import BadInput
+from flexfem.stage.schema import Stage
+from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import COARSER, grid_convergence
 from flexfem.verify.protocol import Solved, solve_stage, stored

@@ -12,8 +12,8 @@ from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.second_order import missed
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
 from flexfem.arrays import Array
-from flexfem.design import Stage
 from flexfem.fem.mesh import RESOLUTION
+from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS
 from flexfem.verify.alternatives import Solve, error_matrix
 from flexfem.verify.case import DIRECTIONS

@@ -8,19 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem import warning
 from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
-from flexfem.layout.feasibility import naming
-from flexfem.layout.frames import stage_frames
-from flexfem.provenance import doubts
+from flexfem.files.provenance import doubts
+from flexfem.stage.feasibility import naming
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
 from flexfem.verify.convergence import Convergence, command_convergence, levels
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions

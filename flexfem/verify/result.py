@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flexfem.arrays import AnyArray
 from flexfem.errors import BadInput
-from flexfem.files import read_arrays, write_atomically
-from flexfem.refusals import place_of
-from flexfem.tomlfile import kind_of, read_toml
+from flexfem.files.refusals import place_of
+from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.verify.case import Analysis, Direction
 from flexfem.verify.convergence import Verdict
 

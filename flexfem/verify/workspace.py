@@ -14,15 +14,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from flexfem import warning
 from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, assemble
 from flexfem.analytic.second_order import along, missed, summed_loads, tangents
 from flexfem.analytic.stiffness import Mechanism, stiffness
 from flexfem.arrays import Array, Index
-from flexfem.design import Stage
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import load_case, plate_of
+from flexfem.stage.schema import Stage
+from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved, percentages, solve_stage
 from flexfem.verify.result import versions

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.links import _bar, body_compliance, linked_compliance
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
-from flexfem.design import Stage
-from flexfem.layout.feasibility import check_feasible
-from flexfem.layout.frames import CHAIN_TURN, stage_frames
-from flexfem.layout.outline import Segment
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.frames import CHAIN_TURN, stage_frames
+from flexfem.stage.outline import Segment
+from flexfem.stage.schema import Stage
 from flexfem.verify.protocol import solve_stage
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.boundary import Boundary, _moments, displacements, divided
-from flexfem.layout.outline import Segment, polyline
+from flexfem.stage.outline import Segment, polyline
 
 NU = 0.29
 EXACT = 1e-10  # fields that the elements hold: round-off

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.equilibrium import close_loops
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.kinematics import chain_poses, first_order, joints_of
-from flexfem.analytic.linear import inverse
 from flexfem.analytic.loops import choose, chosen, influence, rank_revealing
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.stiffness import mechanism, stiffness
-from flexfem.layout.frames import Frames
+from flexfem.stage.frames import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
 DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3

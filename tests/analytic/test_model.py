@@ -8,9 +8,9 @@ import pytest
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.notch import FORMULAS, formula
 from flexfem.analytic.serial import serial_stiffness
-from flexfem.design import load_stage
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.layout.frames import stage_frames
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import load_stage
 
 STAGE = """
 name = "generic"

@@ -16,7 +16,7 @@ from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.notch import Compliance
 from flexfem.analytic.serial import serial_stiffness
 from flexfem.analytic.stiffness import effective_load, inverse_kinematics, mechanism, platform_force, stiffness
-from flexfem.layout.frames import Frames, turned
+from flexfem.stage.frames import Frames, turned
 
 SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while G_p stays below LEVER
 LEVER = (

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.design import Stage, load_stage
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import Response, plate_of, platform_response
+from flexfem.stage.schema import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 RESOLUTION = 3  # triangles across a neck: within 0.5 % of the converged compliance, and a mesh takes 0.3 s

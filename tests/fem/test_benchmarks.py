@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from flexfem.design import Hinge, load_stage
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import ARC_DIVISIONS, SLOPE, StageMesh, ordered, run_mesher
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
-from flexfem.layout.bodies import notch_side
-from flexfem.layout.outline import Face, Segment, reverse
-from flexfem.layout.strip import Pose
+from flexfem.stage.bodies import notch_side
+from flexfem.stage.outline import Face, Segment, reverse
+from flexfem.stage.schema import Hinge, load_stage
+from flexfem.stage.strip import Pose
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 ST_VENANT = 1e-6  # what the ends of a bar three heights long feel of each other

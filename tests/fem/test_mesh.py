@@ -14,7 +14,6 @@ import pytest
 from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import (
@@ -29,10 +28,11 @@ from flexfem.fem.mesh import (
     run_mesher,
     sector_job,
 )
-from flexfem.layout.bodies import BODIES, draw_sector
-from flexfem.layout.feasibility import check_feasible
-from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
-from flexfem.layout.outline import area
+from flexfem.stage.bodies import BODIES, draw_sector
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.stage.outline import area
+from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm: a few roundings
 ON_ARC = 1e-8  # mm; OpenCASCADE draws to its own tolerance

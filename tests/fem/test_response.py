@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import blocks, stiffness_matrix, with_rigid_part
 from flexfem.fem.mesh import StageMesh, ordered
@@ -22,7 +21,8 @@ from flexfem.fem.response import (
     platform_response,
     tie_hub,
 )
-from flexfem.layout.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off
 THREEFOLD = 1e-10  # symmetry of the solution on an exactly symmetric mesh: conditioning times round-off

@@ -10,7 +10,6 @@ import pytest
 
 import flexfem.fem.sector
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.factor import factor_of
 from flexfem.fem.mesh import StageMesh, welded
@@ -18,7 +17,8 @@ from flexfem.fem.response import Response, load_case, plate_of, platform_respons
 from flexfem.fem.ring_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.sector import Ring, ring_response, rotation, under_loads
 from flexfem.fem.thirds import Third, mesh_thirds
-from flexfem.layout.frames import CHAIN_TURN, turned
+from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.schema import HINGE_NAMES, Stage
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both
 LOADS = np.array([[1.3, -0.7, 0.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm

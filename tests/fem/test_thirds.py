@@ -14,7 +14,6 @@ import pytest
 
 import flexfem.fem.thirds
 from flexfem.arrays import Array
-from flexfem.design import HINGE_NAMES, Stage
 from flexfem.errors import ComputationFailed
 from flexfem.fem.mesh import MeshTimeout, estimate_triangles, run_mesher
 from flexfem.fem.mesher import mesh_faces
@@ -23,9 +22,10 @@ from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sector import ring_response
 from flexfem.fem.thirds import Third, curved, mesh_thirds, third_job
 from flexfem.fem.triangle import whole_strip
-from flexfem.layout.bodies import draw_sector, necks
-from flexfem.layout.frames import CHAIN_TURN, turned
-from flexfem.layout.outline import area
+from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.outline import area
+from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.convergence import grid_convergence
 
 ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm, relative on weights

@@ -13,12 +13,13 @@ import numpy as np
 
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesher import Job, mesh_faces
-from flexfem.layout.outline import Face, Segment
-from flexfem.study.answer import Rows, answer
+from flexfem.stage.outline import Face, Segment
+from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool
 from flexfem.study.parts import parts_of
 from flexfem.study.plan import LoadedStudy, load_study
 from flexfem.study.pool import LocalPool
+from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
 from flexfem.study.shard import shard_of
 

@@ -8,25 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.analytic.linear import inverse
+from flexfem.analytic.inverse import inverse
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.notch import FORMULAS
 from flexfem.analytic.serial import chain_compliance
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
+from flexfem.analytic.stress import concentration, neck_wrenches, peak_stress
 from flexfem.arrays import Array
-from flexfem.design import Plane
 from flexfem.errors import BadInput
-from flexfem.layout.bodies import draw_sector
-from flexfem.layout.feasibility import check_closed_form, check_feasible
-from flexfem.layout.frames import stage_frames
-from flexfem.layout.outline import polygon_points
+from flexfem.stage.bodies import draw_sector
+from flexfem.stage.feasibility import check_closed_form, check_feasible
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.outline import polygon_points
+from flexfem.stage.schema import Plane
 from flexfem.study.answer import answer
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
-from flexfem.study.stress import concentration, neck_wrenches, peak_stress
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
 ROUND_OFF = 1e-11  # the same sums in another order

@@ -86,7 +86,7 @@ def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solve
     studies, monkeypatch: pytest.MonkeyPatch, head: str
 ) -> None:
     import flexfem.study.solving
-    from flexfem.study.answer import Rows
+    from flexfem.study.rows import Rows
 
     limit = '[[constraint]]\nlabel = "t/R"\nvalue = "slenderness / 1.0"\nleast = 0.12\nmost = 0.15\n'
     loaded = studies.of(FEW, NECK, RADIUS, head=head, tail=OUTPUTS + limit)

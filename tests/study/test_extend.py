@@ -11,10 +11,10 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from flexfem.study.answer import Rows
 from flexfem.study.collect import collect
 from flexfem.study.parts import Parts, parts_of
 from flexfem.study.plan import LoadedStudy
+from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
 from flexfem.study.shard import Shard
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.report.study_pareto import thinned
-from flexfem.report.study_shown import Source, front_of, scatters_of
+from flexfem.plot.study_pareto import thinned
+from flexfem.plot.study_shown import Source, front_of, scatters_of
 from flexfem.study import table as tables
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
@@ -50,7 +50,7 @@ def test_figures_read_the_columns_they_show(studies: Any, tmp_path: Path, monkey
 def test_of_very_many_designs_some_are_drawn_always_the_same_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(1).normal(size=(1000, 2))
     assert thinned(points) is points
-    monkeypatch.setattr("flexfem.report.study_pareto.MOST_DOTS", 100)
+    monkeypatch.setattr("flexfem.plot.study_pareto.MOST_DOTS", 100)
     some = thinned(points)
     assert len(np.unique(some, axis=0)) == 100 and set(some[:, 0]) <= set(points[:, 0])
     np.testing.assert_array_equal(some, thinned(points))

@@ -16,10 +16,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from flexfem.errors import BadInput
-from flexfem.study.answer import Rows
 from flexfem.study.collect import collect
 from flexfem.study.parts import kind_of, parts_of, read_part, sweep, write_part
 from flexfem.study.plan import load_study
+from flexfem.study.rows import Rows
 from flexfem.study.shard import Shard
 from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.status import status_facts, survey

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from flexfem.design import Override
 from flexfem.errors import BadInput
+from flexfem.stage.schema import Override
 from flexfem.study.keys import keys
 from flexfem.study.plan import load_study
 

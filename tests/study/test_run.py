@@ -17,12 +17,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexfem.commands.progress import said
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.study.collect import collect
 from flexfem.study.parts import parts_of, read_part
 from flexfem.study.plan import load_study
 from flexfem.study.pool import LocalPool
-from flexfem.study.progress import said
 from flexfem.study.run import Progress, run_study
 from flexfem.study.shard import Shard, shard_of, shuffled
 from flexfem.study.status import status_facts
@@ -139,15 +139,15 @@ def test_every_module_that_answers_decides_which_parts_are_valid():
     assert {"flexfem.study.solving", "flexfem.fem.factor", "flexfem.analytic.notch"} <= answering
     paths = {name.removeprefix("flexfem.").replace(".", "/") + ".py" for name in answering}
     silent = {path for path in paths if not counts(path)}
-    assert silent <= {"files.py", "study/figure.py"}  # writes what others decide; drawn afterwards
+    assert silent <= {"files/writing.py", "study/figure.py"}  # writes what others decide; drawn afterwards
 
 
 def test_results_of_other_sources_are_not_taken_for_these(tmp_path):
-    for name in ("fem/factor.py", "data/chart.json", "report/style.py"):
+    for name in ("fem/factor.py", "data/chart.json", "plot/style.py"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1")
     before = digest(tmp_path)
-    for name, changes in (("report/style.py", False), ("data/chart.json", True), ("fem/factor.py", True)):
+    for name, changes in (("plot/style.py", False), ("data/chart.json", True), ("fem/factor.py", True)):
         (tmp_path / name).write_text("2")
         digest.cache_clear()
         assert (digest(tmp_path) != before) is changes, name

@@ -11,12 +11,12 @@ import pytest
 import flexfem.fem.thirds
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.design import Override, Stage
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.thirds import mesh_thirds
+from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, REACHES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.plan import LoadedStudy

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexfem.commands.study import app
 from flexfem.study.answer import answer
-from flexfem.study.commands import app
 from flexfem.study.parts import parts_of, write_part
 from flexfem.study.sampling import sample
 from flexfem.study.status import status_facts

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.design import Stage
+from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.convergence import command_convergence, grid_convergence
 from flexfem.verify.measures import side_of

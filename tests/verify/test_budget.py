@@ -12,7 +12,7 @@ import pytest
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import analyse
 from flexfem.errors import BadInput
-from flexfem.layout.feasibility import load_feasible
+from flexfem.stage.feasibility import load_feasible
 from flexfem.verify import budget as module
 from flexfem.verify.budget import budget
 from flexfem.verify.case import DIRECTIONS, LoadedCase

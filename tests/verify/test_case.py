@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.design import load_stage
 from flexfem.errors import BadInput
 from flexfem.fem.response import load_case
-from flexfem.report.table import markdown_report
+from flexfem.plot.table import markdown_report
+from flexfem.stage.schema import load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 

@@ -11,11 +11,11 @@ import pytest
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
-from flexfem.design import load_stage
 from flexfem.errors import BadInput
 from flexfem.fem.mesh import build_mesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response
+from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import measures
 from flexfem.verify.budget import CALIBRATED

@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import analyse, assemble
-from flexfem.design import load_stage
+from flexfem.stage.schema import load_stage
 from flexfem.verify.claims import Claim
 from flexfem.verify.measures import MEASURES, Evidence, Side, side_of
 

@@ -1,0 +1,334 @@
+"""How far every number may move from its accepted value, and its unit: by where it is in what a command prints.
+
+A baseline stores values only; what they may move by is said here alone. Numbers that no rule names may not move but by
+`EXACT`, texts not at all; what is not compared is in `NOT_COMPARED`. A round-off zero is gated by its own size.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem import units
+from flexfem.commands.baseline.leaves import Leaf, Path, at, leaves, matches, named, printable
+
+ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
+
+
+class Gate(NamedTuple):
+    """What a number may move by: a part of itself, and a part of the size of its neighbours.
+
+    zero : part of that size by which a number that is zero but for round-off may move.
+    """
+
+    own: float
+    size: float = 0.0
+    zero: float = 1e-12
+
+
+# What was observed: gmsh 4.13 to 4.15 mesh the reference stages alike. Sizes that grow by 1.402 instead of 1.4 from a
+# neck, another mesh as good, move compliances by 1.4e-6 at resolution 8, by 4.4e-5 at resolution 4, stresses by 5e-4.
+EXACT = Gate(1e-12, 1e-12)  # closed forms and 6 x 6 algebra
+SOLVED = Gate(1e-9, 1e-9, 1e-9)  # iterated to a tolerance, or differences of such
+COMMITTED = Gate(1e-8, 1e-8)  # finite elements on a committed mesh, solved by another library
+FRESH = Gate(1.5e-5, 1.5e-5)  # finite elements on a mesh made now, at resolution 8
+COARSER = Gate(3e-4, 3e-4)  # the same on coarser meshes, and what is extrapolated from them
+CHANGE = Gate(1e-3, 3e-6)  # what large displacements change on one mesh
+PEAK = Gate(5e-3)  # stress, by such a mesh
+BENT = Gate(3e-4, 1e-6)  # loads and poses at large displacement, at resolution 4; those across are small
+STRAIN = Gate(3e-2)  # strain, at resolution 4
+MESH_SIZE = Gate(0.05)  # triangles and unknowns
+BAND = Gate(1e-3)  # bands and orders: other meshes move them by 0.16 and 0.09, and are to be accepted again
+UNLIKE = Gate(1.5e-5, 1e-8, 5e-9)  # meshes bad by intent, and elements solved without iterative refinement
+
+Size: TypeAlias = Callable[[Any, Path], float]
+
+
+class Kind(NamedTuple):
+    """Units by place in a vector or matrix, and the size of a number's neighbours in the same unit."""
+
+    units: Any
+    size: Size
+
+    def unit(self, path: Path) -> str:
+        """The unit of the number at a path."""
+        found = self.units
+        for place in [part for part in path if isinstance(part, int)][-np.ndim(found) :] if np.ndim(found) else ():
+            found = found[place]
+        return str(found)
+
+
+def _own(record: Any, path: Path) -> float:
+    return abs(float(at(record, path)))
+
+
+def _largest(record: Any, path: Path) -> float:
+    return max(abs(float(value)) for value in at(record, path[:-1]) if value is not None)
+
+
+def _matrix(record: Any, path: Path) -> float:
+    matrix = at(record, path[:-2])
+    return float(np.sqrt(abs(matrix[path[-2]][path[-2]] * matrix[path[-1]][path[-1]])))
+
+
+def lever_of(record: Any, path: Path) -> float:
+    """l3, mm, of the stage that a path of a record belongs to."""
+    if path[0] in ("result", "committed") and "result" in record:
+        at_curve = path[2] if path[0] == "result" else path[1]
+        return float(record["result"]["models"][at_curve]["lever"])
+    return float(record["check"]["dimensions"]["chain"]["link_lengths"][2])
+
+
+def _vector(power: int) -> Size:
+    """Largest of a vector (3,) in the unit of its component: moments are forces times the lever, to a power."""
+
+    def size(record: Any, path: Path) -> float:
+        weights = np.array([1.0, 1.0, lever_of(record, path) ** power])
+        return float(np.max(np.abs(at(record, path[:-1])) / weights) * weights[path[-1]])
+
+    return size
+
+
+def _command(record: Any, path: Path) -> float:
+    """The command at which a point of a curve is, in the unit of the curve."""
+    result, lever = record["result"], lever_of(record, path)
+    own = lever if path[-2] == "theta" else 1.0
+    commanded = lever if result["direction"] == "theta" else 1.0
+    return float(abs(result["commanded"][path[-1]]) * commanded / own)
+
+
+def _coupled(record: Any, path: Path) -> float:
+    """For the columns `kxy_...` of a study: the root of the product of the two directions' own stiffnesses."""
+    table, name = at(record, path[:-2]), str(path[-2])
+    own = [next(column for key, column in table.items() if key.startswith(f"k{axis}{axis}_")) for axis in name[1:3]]
+    return float(np.sqrt(abs(own[0][path[-1]] * own[1][path[-1]])))
+
+
+NUMBER = Kind("", _own)
+LENGTH = Kind(units.LENGTH.name, _largest)
+STIFFNESS = Kind([[unit.name for unit in row] for row in units.STIFFNESS], _matrix)
+COMPLIANCE = Kind([[unit.name for unit in row] for row in units.COMPLIANCE], _matrix)
+WRENCH = Kind([unit.name for unit in units.FORCES], _vector(1))
+POSE = Kind([unit.name for unit in units.POSES], _vector(-1))
+CURVE = Kind("mm or rad", _command)
+PERCENT = Kind("%", lambda record, path: 100.0)
+POINTS = Kind("percentage points", lambda record, path: 100.0)
+ENERGY = Kind(units.FORCES[2].name, _own)
+MPA = Kind(units.STRESS.name, _own)
+LIST = Kind("", _largest)
+RATIO = Kind("", lambda record, path: 1.0)
+COUPLED = Kind(f"{units.STIFFNESS[0][1]} or {units.STIFFNESS[0][2]}", _coupled)
+
+
+class Rule(NamedTuple):
+    """The gate of the numbers whose paths have a pattern."""
+
+    pattern: tuple[str, ...]
+    gate: Gate
+    kind: Kind
+
+
+def _rules(*lines: tuple[str, Gate, Kind]) -> tuple[Rule, ...]:
+    return tuple(Rule(tuple(pattern.split()), gate, kind) for pattern, gate, kind in lines)
+
+
+def _uncertainty(start: str, kind: Kind) -> tuple[tuple[str, Gate, Kind], ...]:
+    return (
+        (f"{start} values #", COARSER, kind),
+        (f"{start} extrapolated", COARSER, kind),
+        (f"{start} band", BAND, Kind(kind.units, _own)),
+        (f"{start} observed", BAND, NUMBER),
+        (f"{start} order", BAND, NUMBER),
+    )
+
+
+def _solution(start: str, gate: Gate, stress: Gate, mesh: Gate) -> tuple[tuple[str, Gate, Kind], ...]:
+    return (
+        (f"{start} stiffness # #", gate, STIFFNESS),
+        (f"{start} compliance # #", gate, COMPLIANCE),
+        (f"{start} displacement #", gate, POSE),
+        (f"{start} reaction #", gate, WRENCH),
+        (f"{start} energy", gate, ENERGY),
+        (f"{start} neck_stress # #", stress, MPA),
+        (f"{start} triangles", mesh, NUMBER),
+        (f"{start} unknowns", mesh, NUMBER),
+    )
+
+
+RULES = _rules(
+    # a case: what `verify` stores, and the same on the committed mesh
+    ("result commanded #", EXACT, LIST),
+    ("result curves * * #", FRESH, CURVE),
+    ("result error_percent * *", FRESH, PERCENT),
+    *_uncertainty("result uncertainty * *", POINTS),
+    ("result models * stiffness # #", EXACT, STIFFNESS),
+    ("result models * force # #", EXACT, WRENCH),
+    ("result models * hinges # centre #", EXACT, LENGTH),
+    *_solution("result models *", FRESH, PEAK, MESH_SIZE),
+    ("committed * model stiffness # #", EXACT, STIFFNESS),
+    ("committed * model force # #", EXACT, WRENCH),
+    ("committed * percent #", COMMITTED, PERCENT),
+    *_solution("committed *", COMMITTED, COMMITTED, EXACT),
+    # a stage: `check`, `stiffness`, `solve`, `budget`, `workspace`, `converge`
+    ("check hinges # centre_mm #", EXACT, LENGTH),
+    ("stiffness * stiffness # #", EXACT, STIFFNESS),
+    ("stiffness * compliance # #", EXACT, COMPLIANCE),
+    *_solution("mesh", COMMITTED, COMMITTED, EXACT),
+    *_solution("solve", FRESH, PEAK, MESH_SIZE),
+    ("budget split * shares 0 points *", SOLVED, POINTS),
+    ("budget split * shares 1 points *", SOLVED, POINTS),
+    ("budget split * shares 2 points *", SOLVED, POINTS),
+    ("budget split * shares 3 points *", FRESH, POINTS),
+    ("budget split * shares 4 points *", CHANGE, POINTS),
+    ("budget split * total *", FRESH, POINTS),
+    ("budget split * band", BAND, POINTS),
+    ("budget split * out_of_plane *", SOLVED, POINTS),
+    ("workspace unknowns", MESH_SIZE, NUMBER),
+    ("workspace travel * commanded #", EXACT, LIST),
+    ("workspace travel * load # #", SOLVED, WRENCH),
+    ("workspace travel * stiffness * #", SOLVED, PERCENT),
+    ("workspace travel * position * # #", SOLVED, PERCENT),
+    ("workspace travel * elements commanded #", EXACT, LIST),
+    ("workspace travel * elements load # #", BENT, WRENCH),
+    ("workspace travel * elements stiffness #", CHANGE, PERCENT),
+    ("workspace travel * elements position # #", CHANGE, PERCENT),
+    ("workspace travel * elements strain #", STRAIN, LIST),
+    ("workspace travel * elements loaded # #", BENT, POSE),
+    ("workspace travel * elements loaded_position # #", CHANGE, PERCENT),
+    ("workspace travel * points # * elements", CHANGE, PERCENT),
+    ("workspace travel * points # * loaded", CHANGE, PERCENT),
+    ("workspace travel * points # * *", SOLVED, PERCENT),
+    ("workspace small *", SOLVED, PERCENT),
+    ("workspace box *", SOLVED, PERCENT),
+    ("converge triangles #", MESH_SIZE, NUMBER),
+    ("converge unknowns #", MESH_SIZE, NUMBER),
+    ("converge compliance # # #", COARSER, COMPLIANCE),
+    *_uncertainty("converge uncertainty *", NUMBER),
+    # claims
+    ("claims verdicts # values #", FRESH, PERCENT),
+    ("claims alternatives # along *", UNLIKE, PERCENT),
+    ("claims alternatives # across *", UNLIKE, PERCENT),
+    # studies: the collected table and what the figures show
+    *((f"analytic table k{axes}_* #", EXACT, COUPLED) for axes in ("xy", "xt", "yt")),
+    *((f"* table k{axes}_* #", COARSER, COUPLED) for axes in ("xy", "xt", "yt")),
+    ("analytic table coupling_* #", EXACT, RATIO),
+    ("* table coupling_* #", COARSER, RATIO),
+    ("analytic table * #", EXACT, LIST),
+    ("analytic findings **", SOLVED, RATIO),
+    ("fe table stress_* #", STRAIN, LIST),
+    ("fe table reach_* #", STRAIN, LIST),
+    ("fe table * #", COARSER, LIST),
+    ("fe findings **", STRAIN, NUMBER),
+    ("verify table band_* #", BAND, POINTS),
+    ("verify table error_* #", COARSER, PERCENT),
+    ("verify table cross_* #", COARSER, PERCENT),
+    ("verify table * #", COARSER, LIST),
+    ("verify findings **", COARSER, PERCENT),
+)
+NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
+SENTENCES = (  # their numbers are rounded
+    ("claims", "verdicts", "#", "found"),
+    ("*", "warnings", "#"),
+    ("*", "*", "warnings", "#"),
+)
+DECIMAL = re.compile(r"-?\d+(?:\.(\d+))?(?:e([+-]?\d+))?")
+LAST_PLACES = 2  # units of the last place that a rounded number may move
+EMPTY = 1e-9  # of a rounded round-off zero only the size is said
+DEFAULT = Rule(("**",), EXACT, NUMBER)
+
+
+class Move(NamedTuple):
+    """A leaf that is not where the baseline has it; `MISSING` where there is none."""
+
+    file: str
+    name: str
+    was: Leaf
+    now: Leaf
+    allowed: float | None
+    unit: str
+
+    def __str__(self) -> str:
+        """One line for people: was, is, moved, allowed."""
+        if self.was == MISSING:
+            said = f"is new: {_said(self.now)}"
+        elif self.now == MISSING:
+            said = f"is gone: {_said(self.was)}"
+        else:
+            said = f"was {_said(self.was)}, is {_said(self.now)}{self._moved}"
+        return printable(f"{self.file}: {self.name} {said}")
+
+    @property
+    def _moved(self) -> str:
+        if self.allowed is None:
+            return ""
+        return f", moved {self.now - self.was:+.3g}, allowed {self.allowed:.2g} {self.unit}".rstrip()  # type: ignore[operator]
+
+
+MISSING = "\0missing"
+
+
+def _said(value: Leaf) -> str:
+    return f"{value:.15g}" if _number(value) else "none" if value is None else str(value)
+
+
+def _number(value: Leaf) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool)
+
+
+def compared(path: Path) -> bool:
+    """Whether a leaf is compared at all."""
+    return not any(matches(pattern, path) for pattern in NOT_COMPARED)
+
+
+@cache
+def rule_of(path: Path) -> Rule:
+    """The first rule whose pattern a path has, else the default."""
+    likely = (rule for rule in RULES if rule.pattern[0] in ("*", path[0]))
+    return next((rule for rule in likely if matches(rule.pattern, path)), DEFAULT)
+
+
+def allowed(record: Any, path: Path) -> float:
+    """What the accepted number at a path may move by."""
+    rule, was = rule_of(path), abs(float(at(record, path)))
+    size = rule.kind.size(record, path)
+    if was <= max(ROUND_OFF, rule.gate.zero) * size:
+        return rule.gate.zero * size
+    return rule.gate.own * was + rule.gate.size * size
+
+
+def moves(file: str, accepted: Any, now: Any) -> list[Move]:
+    """Leaves that moved by more than allowed, came or went, in the order of the baseline."""
+    was, new = leaves(accepted), leaves(now)
+    found = []
+    for path in [*was, *(path for path in new if path not in was)]:
+        old, fresh = was.get(path, MISSING), new.get(path, MISSING)
+        limit = allowed(accepted, path) if _number(old) and _number(fresh) else None
+        if compared(path) and not _stands(path, old, fresh, limit):
+            found.append(Move(file, named(path), old, fresh, limit, rule_of(path).kind.unit(path)))
+    return found
+
+
+def _stands(path: Path, was: Leaf, now: Leaf, limit: float | None) -> bool:
+    if limit is not None:
+        return bool(abs(now - was) <= limit)  # type: ignore[operator]
+    if isinstance(was, str) and isinstance(now, str) and any(matches(pattern, path) for pattern in SENTENCES):
+        return _says_the_same(was, now)
+    return type(was) is type(now) and was == now
+
+
+def _says_the_same(was: str, now: str) -> bool:
+    """Whether two sentences have the same words, and the same numbers but for their last places."""
+    if DECIMAL.sub("#", was) != DECIMAL.sub("#", now):
+        return False
+    pairs = zip(DECIMAL.finditer(was), DECIMAL.finditer(now), strict=True)
+    return all(_rounded_alike(old, new) for old, new in pairs)
+
+
+def _rounded_alike(was: re.Match[str], now: re.Match[str]) -> bool:
+    old, new = float(was[0]), float(now[0])
+    place = 10.0 ** (int(was[2] or 0) - len(was[1] or ""))
+    return abs(new - old) <= LAST_PLACES * place or max(abs(old), abs(new)) <= EMPTY

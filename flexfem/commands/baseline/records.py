@@ -1,0 +1,225 @@
+"""What flexfem prints of an input file, section by section: what a baseline holds."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flexfem.analytic.links import linked
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
+from flexfem.commands import facts
+from flexfem.commands.baseline.leaves import Leaf, leaves, named
+from flexfem.commands.baseline.meshes import COARSE, committed_mesh, mesh_name
+from flexfem.commands.baseline.sources import Kind, kind_of
+from flexfem.errors import BadInput, ComputationFailed
+from flexfem.fem.mesh import RESOLUTION
+from flexfem.fem.response import load_case, plate_of, platform_response
+from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import Stage
+from flexfem.verify import budget, workspace
+from flexfem.verify.alternatives import Solve
+from flexfem.verify.case import Curve, LoadedCase
+from flexfem.verify.claims import load_claims, report_claims
+from flexfem.verify.converge import converge
+from flexfem.verify.convergence import levels
+from flexfem.verify.protocol import Solved, compare, run_case
+
+Section: TypeAlias = Callable[[], Any]
+FORCE = (1.0, -2.0, 30.0)  # N, N, N mm: of `solve`; no two components alike
+LEVELS = levels(RESOLUTION)  # of `converge`: the meshes that budget and cases need anyway
+
+
+def sections(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    """What is recorded of an input file, to be called by name; committed meshes are kept in `folder`.
+
+    Raises BadInput when the file cannot be used.
+    """
+    return _SECTIONS[kind_of(path)](path, folder, solve)
+
+
+def record(path: Path, folder: Path, solve: Solve, made: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Every section of an input file, as plain data, but for those made already. Raises BadInput, ComputationFailed."""
+    ready = made or {}
+    return {
+        name: plain(ready[name] if name in ready else make()) for name, make in sections(path, folder, solve).items()
+    }
+
+
+def settings(kind: Kind) -> dict[str, Leaf]:
+    """What the record of a kind depends on beside the input file, by key."""
+    of_stage = {
+        "solve": {"force": FORCE, "resolution": RESOLUTION},
+        "mesh": {"resolution": COARSE},
+        "converge": {"resolutions": LEVELS},
+        "budget": {"amplitudes": budget.AMPLITUDES, "resolution": RESOLUTION},
+        "workspace": {"amplitude": workspace.AMPLITUDE, "turn": workspace.TURN, "resolution": workspace.RESOLUTION},
+    }
+    of_case = {"committed": {"resolution": COARSE}}
+    found = {"stage": of_stage, "case": of_case, "claims": {"resolution": RESOLUTION}}.get(kind, {})
+    return {named(path): value for path, value in leaves(found).items()}
+
+
+def meshes(path: Path) -> dict[str, Stage]:
+    """Names of the committed meshes that an input file needs, with their stages."""
+    match kind_of(path):
+        case "stage":
+            stage = load_feasible(path)
+            return {mesh_name(path, stage): stage}
+        case "case":
+            loaded = LoadedCase(path)
+            files = {curve.label: loaded.stage_path(curve) for curve in loaded.case.curve}
+            return {mesh_name(files[label], stage): stage for label, stage in loaded.stages.items()}
+        case _:
+            return {}
+
+
+def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    stage, named_file = load_feasible(path), Path(path.name)
+    mesh = folder / mesh_name(path, stage)
+    return {
+        "check": lambda: facts.stage_facts(named_file, stage),
+        "stiffness": lambda: _stiffness(named_file, stage),
+        "mesh": lambda: _or_refused(lambda: _solution(named_file, stage, _on_committed(stage, mesh), FORCE, COARSE)),
+        "solve": lambda: _or_refused(lambda: _solution(named_file, stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
+        "budget": lambda: _or_refused(lambda: _dumped(budget.budget(named_file, stage, solve=solve))),
+        "workspace": lambda: _or_refused(lambda: _dumped(workspace.workspace(named_file, stage, solve=solve))),
+        "converge": lambda: _or_refused(lambda: _dumped(converge(named_file, stage, LEVELS, solve))),
+    }
+
+
+def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
+    """What `stiffness` says by the paper's model and by the finest one, without and with elastic links."""
+    models: dict[str, Callable[[], AnalyticResult]] = {
+        DEFAULT_FORMULA: lambda: analyse(stage),
+        budget.CALIBRATED: lambda: analyse(stage, 21, budget.CALIBRATED),
+        "links": lambda: linked(stage, budget.CALIBRATED),
+    }
+    return {
+        name: _or_refused(partial(lambda found: facts.analytic_facts(file, stage, found()), found))
+        for name, found in models.items()
+    }
+
+
+def _solution(file: Path, stage: Stage, solved: Solved, force: Any, resolution: int) -> dict[str, Any]:
+    full = load_case(stage, solved.mesh, solved.response, np.array(force))
+    return facts.solution_facts(file, stage, solved, full, resolution)
+
+
+def _on_committed(stage: Stage, path: Path) -> Solved:
+    plate = plate_of(stage)
+    mesh = committed_mesh(stage, path)
+    return Solved(mesh, platform_response(mesh, plate))
+
+
+def _of_case(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    loaded = LoadedCase(path)
+    return {
+        "committed": lambda: {curve.label: _curve(loaded, curve, folder) for curve in loaded.case.curve},
+        "result": lambda: _dumped(run_case(loaded, solve)[0]),
+    }
+
+
+def _curve(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
+    """The linear comparison of one curve on its committed mesh."""
+    case, stage, file = loaded.case, loaded.stages[curve.label], loaded.stage_path(curve)
+    K, lever = analyse(stage, curve.mobility, curve.formula).stiffness, stage.chain.link_lengths[2]
+    solved = _on_committed(stage, folder / mesh_name(file, stage))
+    found = compare(K, solved.response.compliance, case.direction, case.commanded, lever)
+    model = {"stiffness": K.tolist(), "force": found.force.tolist()}
+    full = _solution(Path(file.name), stage, solved, found.force[-1], COARSE)
+    return {"model": model, "percent": found.percent.tolist(), **full}
+
+
+def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    load_claims(path)
+    return {"claims": lambda: {**_dumped(report_claims(path, solve)), "file": path.name}}
+
+
+def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    """What the analytic model reads from a chart of flexfem itself."""
+    if path.stem == "thickness_chart":
+        return {"thickness": facts.thickness_review}
+    middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
+    return {
+        "formulas": facts.formula_facts,
+        "hinges": facts.hinge_review,
+        "middle": lambda: facts.hinge_review(middle),
+    }
+
+
+def plain(value: Any) -> Any:
+    """Named tuples and arrays as plain data."""
+    if hasattr(value, "_asdict"):
+        return {name: plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, dict):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def _of_study(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
+    from flexfem.files.toml import read_toml
+
+    data = read_toml(path).data
+    return {str(data.get("model")): lambda: _study(path, "figure" in data)}
+
+
+def _study(path: Path, figures: bool) -> dict[str, Any]:
+    """The collected table, column by column, and what the figures show; by the commands, as users run them."""
+    with tempfile.TemporaryDirectory() as made:
+        table = Path(made) / "table.csv"
+        _flexfem("study", "run", str(path), "--output", made)
+        _flexfem("study", "collect", str(path), "--output", made, "--to", str(table))
+        with table.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        columns = {name: [_cell(row[name]) for row in rows] for name in (rows[0] if rows else ())}
+        shown = _flexfem("study", "plot", str(path), "--output", made, "--json") if figures else "{}"
+        return {"table": columns, "findings": json.loads(shown).get("findings", {})}
+
+
+def _flexfem(*arguments: str) -> str:
+    command = [sys.executable, "-m", "flexfem", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines()
+        raise ComputationFailed(said[-1].removeprefix("flexfem: ") if said else f"flexfem {arguments[1]} failed")
+    return done.stdout
+
+
+def _cell(text: str) -> Leaf:
+    try:
+        return float(text)
+    except ValueError:
+        return text or None
+
+
+def _dumped(found: Any) -> dict[str, Any]:
+    dumped: dict[str, Any] = found.model_dump(mode="json")
+    return dumped
+
+
+def _or_refused(make: Section) -> Any:
+    """What is made, or why a stage cannot have it."""
+    try:
+        return make()
+    except BadInput as refusal:
+        return {"refused": str(refusal)}
+
+
+_SECTIONS: dict[Kind, Callable[[Path, Path, Solve], dict[str, Section]]] = {
+    "stage": _of_stage,
+    "case": _of_case,
+    "claims": _of_claims,
+    "study": _of_study,
+    "chart": _of_chart,
+}

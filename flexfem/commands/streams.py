@@ -1,0 +1,140 @@
+"""Standard streams and signals of a command: nothing printed can command a terminal, nothing unprintable ends it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
+
+COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
+ENDING = 5.0  # s that a stopped command has to end in order, before the next signal ends it at once
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asks the command to stop; its exit code is 128 and the signal's number."""
+
+
+class Plain:
+    """A text stream through which control characters go escaped; `raw` is the stream itself, for progress bars.
+
+    Parameters
+    ----------
+    silent : what cannot be written is lost without a word: progress to a full or closed stream ends no run.
+    """
+
+    def __init__(self, raw: Any, silent: bool) -> None:
+        self.raw, self._silent = raw, silent
+        if hasattr(raw, "reconfigure"):
+            raw.reconfigure(errors="backslashreplace")  # a title that the terminal's encoding lacks
+
+    def write(self, text: str) -> int:
+        """Write text, its control characters escaped but for new lines and tabs."""
+        with self._lossless():
+            self.raw.write(COMMANDS.sub(lambda found: repr(found[0])[1:-1], text))
+        return len(text)
+
+    def flush(self) -> None:
+        """As of any stream."""
+        with self._lossless():
+            self.raw.flush()
+
+    @contextmanager
+    def _lossless(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError:
+            if not self._silent:
+                raise
+            with suppress(OSError, ValueError):  # what it still holds goes nowhere
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self.raw.fileno())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+
+def raw(stream: Any) -> Any:
+    """The stream under one that escapes."""
+    return stream.raw if isinstance(stream, Plain) else stream
+
+
+def open_streams() -> None:
+    """Open standard streams that are closed: else the next file or pipe would take their place."""
+    for stream in (0, 1, 2):
+        try:
+            os.fstat(stream)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, this one
+            os.set_inheritable(opened, True)  # for child processes, whose pipes would take its place
+
+
+@contextmanager
+def plain_streams() -> Iterator[None]:
+    """Let nothing but text reach standard output and error, and losing the latter end nothing."""
+    before = sys.stdout, sys.stderr
+    sys.stdout = Plain(sys.stdout, False) if sys.stdout is not None else None
+    sys.stderr = Plain(sys.stderr, True) if sys.stderr is not None else None
+    try:
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()
+        sys.stdout, sys.stderr = before
+
+
+@contextmanager
+def stoppable() -> Iterator[list[int]]:
+    """Raise Stopped at the first signal to stop; later ones wait until the command has ended, or `ENDING` s.
+
+    Yields the numbers of signals that have come.
+    """
+    numbers: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield numbers
+        return
+    asked: list[float] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if asked and time.monotonic() - asked[0] > ENDING:
+            os._exit(128 + number)
+        if not asked:
+            asked.append(time.monotonic())
+            numbers.append(number)
+            raise Stopped(number)
+
+    taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {number: signal.getsignal(number) for number in taken}
+    for number in taken:
+        if before[number] is not signal.SIG_IGN:  # nohup, and jobs in the background of a shell
+            signal.signal(number, stop)
+    try:
+        yield numbers
+    finally:
+        if not asked:  # else they stay, until the process is gone
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def reason_of(error: BaseException) -> str:
+    """What went wrong in one line, for an error that nobody has put into words."""
+    from flexfem.files.refusals import one_line  # heavy
+
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    what = one_line(" ".join(str(error).split()), 300)
+    if isinstance(error, OSError):
+        return what or type(error).__name__
+    if isinstance(error, ImportError):
+        return f"a library cannot be loaded: {what}"
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
+    return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows all of it"

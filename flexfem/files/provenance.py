@@ -1,0 +1,114 @@
+"""Where the numbers of a file come from: stated with a source, assumed, or not stated at all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Label, Table
+
+
+class Sourced(Table):
+    """A file with a `[provenance]`: the source of its numbers, by key path of the number or of a table above it."""
+
+    provenance: Mapping[str, Label] = Field(default_factory=dict)
+
+    @field_validator("provenance", mode="before")
+    @classmethod
+    def _key_paths_are_quoted(cls, provenance: Any) -> Any:
+        for key, value in provenance.items() if isinstance(provenance, dict) else ():
+            if isinstance(value, dict):
+                raise refusal('text; write the whole key path in quotes, like "chain.link_lengths_mm"', key)
+        return provenance
+
+    @model_validator(mode="after")
+    def _provenance_names_keys(self) -> Sourced:
+        known = key_paths(self)
+        for key in self.provenance:
+            if key not in known:
+                raise refusal(f"a key path of this file{suggestion(key, known)}", "provenance", key)
+        return self
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: all that are measured, none that only set up a computation."""
+        return numeric_key_paths(self)
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Key paths of the values, in order, whose provenance (their own or their table's) starts with "assumed"."""
+        sources = {path: provenance_of(self, path) or "" for path, value in _walk(self) if not _is_table(value)}
+        return tuple(path for path, source in sources.items() if is_assumed(source))
+
+    @property
+    def not_stated(self) -> tuple[str, ...]:
+        """Key paths of the numbers, in order, of which the file does not say where they come from."""
+        return tuple(path for path in self.numbers if provenance_of(self, path) is None)
+
+
+class Doubts(NamedTuple):
+    """Key paths of the numbers behind an answer that are assumed, and of those whose source is not stated, sorted."""
+
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def doubts(files: Iterable[tuple[str, Sourced]]) -> Doubts:
+    """Doubts of several files, each with what its key paths are to begin with; "" for stages, by agreement."""
+    found = list(files)
+    assumed = {f"{prefix}{key}" for prefix, file in found for key in file.assumed}
+    return Doubts(sorted(assumed), sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}))
+
+
+def is_assumed(source: str) -> bool:
+    """Whether the text of a provenance says that the number is assumed."""
+    return source.strip().lower().startswith("assumed")
+
+
+def key_paths(file: Table) -> tuple[str, ...]:
+    """Return the key path of every table and value the file gives, provenance excepted, an array counting as one."""
+    return tuple(path for path, _ in _walk(file))
+
+
+def numeric_key_paths(file: Table) -> tuple[str, ...]:
+    """Return the key paths of all measured numbers the file gives; `override[0].chain` is an address, not a number."""
+    return tuple(path for path, value in _walk(file) if _is_number(value))
+
+
+def provenance_of(file: Sourced, key_path: str) -> str | None:
+    """Return where the value at `key_path` comes from, by its own provenance or else its nearest table's, or None.
+
+    Raises
+    ------
+    KeyError
+        The file gives no such key.
+    """
+    if key_path not in key_paths(file):
+        raise KeyError(key_path)
+    while key_path and key_path not in file.provenance:
+        key_path = re.sub(r"(^|\.)[^.\[]+$|\[\d+\]$", "", key_path)
+    return file.provenance.get(key_path)
+
+
+def _walk(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, field in type(table).model_fields.items():
+        if name in table.model_fields_set and name != "provenance":
+            path, value = prefix + (field.alias or name), getattr(table, name)
+            yield path, value
+            if isinstance(value, BaseModel):
+                yield from _walk(value, f"{path}.")
+            for index, item in enumerate(value if _is_table(value) and isinstance(value, tuple) else ()):
+                yield f"{path}[{index}]", item
+                yield from _walk(item, f"{path}[{index}].")
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, BaseModel) or (isinstance(value, tuple) and all(isinstance(v, BaseModel) for v in value))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float) or (isinstance(value, tuple) and any(isinstance(v, float) for v in value))

@@ -1,0 +1,215 @@
+"""TOML files read with suspicion: every refusal is one line that names file, line, key, value and expectation.
+
+Stage, case and study files all come through here. A model of such a file is built from `Table`; `validate` reads and
+checks in one step. The text is scanned once before `tomllib` sees it: that gives the line of every key, and refuses
+nesting and dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
+
+from flexfem.errors import BadInput
+from flexfem.files.lines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
+from flexfem.files.refusals import (
+    SHOWN,
+    merged,
+    missing_sentence,
+    needed,
+    one_line,
+    place_of,
+    problem_of,
+    refusal,
+    sentence,
+)
+
+MAX_BYTES = 2**20
+
+LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
+
+Path: TypeAlias = str | os.PathLike[str]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _label(value: str) -> str:
+    if not value.strip() or not value.isprintable() or len(value) > LABEL_LENGTH:
+        raise refusal(f"one line of 1 to {LABEL_LENGTH} printable characters")
+    return value
+
+
+Label: TypeAlias = Annotated[str, AfterValidator(_label)]
+
+
+KINDS = {  # by the keys that only files of that kind have
+    "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
+    "case file": ("direction", "curve", "points"),
+    "claims file": ("claim", "stages"),
+    "study file": ("sampling", "factor", "figure", "model"),
+}
+
+
+def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
+    """The kind of file that most keys speak for, `expected` where as many speak for it, None where none do."""
+    votes = {kind: sum(key in data for key in keys) for kind, keys in KINDS.items()}
+    most = max(votes.values())
+    leading = [kind for kind, count in votes.items() if count == most]
+    return None if most == 0 else expected if expected in leading else leading[0]
+
+
+class Table(BaseModel):
+    """A table of a file: strict, frozen, no unknown keys, no nan or inf; its arrays are tuples.
+
+    Field aliases are the keys of the file, with the unit as suffix; attributes carry no suffix and hold N-mm-MPa-rad.
+    `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _arrays_are_tuples(cls, data: Any) -> Any:
+        return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
+
+
+class TomlFile(NamedTuple):
+    """What a TOML file says, and on which lines."""
+
+    data: dict[str, Any]
+    lines: LineIndex
+
+
+def read_toml(path: Path) -> TomlFile:
+    """Read a TOML file of at most `MAX_BYTES`.
+
+    Raises
+    ------
+    BadInput
+        The file is missing, not a regular file (a directory, pipe or device is never read), unreadable, too large, not
+        UTF-8 without a byte order mark, nested deeper than `MAX_DEPTH`, or not TOML.
+    """
+    text = _text(path)
+    try:
+        lines = LineIndex(text, Scan().read(text))
+        return TomlFile(tomllib.loads(text), lines)
+    except DepthError as error:
+        place = place_of(path, line_of(text, error.offset))
+        raise BadInput(f"{place}: nested deeper than {MAX_DEPTH} levels") from None
+    except tomllib.TOMLDecodeError as error:
+        reason, _, at = str(error).rpartition(" (at ")
+        found = re.match(r"line (\d+)", at)
+        place = place_of(path, int(found[1]) if found else text.count("\n", 0, len(text.rstrip())) + 1)
+        reason = "this is JSON, such as flexfem writes" if _is_json(text) else reason
+        raise BadInput(f"{place}: not TOML: {one_line(reason, 2 * SHOWN)}") from None
+    except ValueError:  # tomllib passes on what int() says of more than 4300 digits, without a line
+        digits = re.search(r"[0-9_]{4000}", text)
+        place = place_of(path, line_of(text, digits.start()) if digits else None)
+        raise BadInput(f"{place}: not TOML: a number of too many digits") from None
+    except RecursionError:
+        raise BadInput(f"{place_of(path)}: nested too deeply") from None
+
+
+def validate(model_class: type[Model], path: Path) -> Model:
+    """Read a TOML file into a model of it.
+
+    Raises
+    ------
+    BadInput
+        As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
+        first such value in the file is named, the others are counted; missing keys are named all.
+    """
+    data, lines = read_toml(path)
+    _require_plain_stem(path)
+    try:
+        return model_class.model_validate(data)
+    except ValidationError as error:
+        _refuse_other_kind(model_class, path, data)
+        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
+        wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
+        missing = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class)]
+        said = [sentence(wrong[0], model_class, data) + _more(len(wrong) - 1)] if wrong else []
+        said += [missing_sentence(missing)] if missing else []
+        first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
+        place = place_of(path, lines.line(first.path))
+        raise BadInput(one_line(f"{place}: {'; '.join(said)}")) from None
+
+
+def _more(count: int) -> str:
+    return f" (and {count} more)" if count else ""
+
+
+def _refuse_other_kind(model_class: type[BaseModel], path: Path, data: Mapping[str, Any]) -> None:
+    """Raise BadInput when a file is plainly of another kind than the one that was expected."""
+    expected = getattr(model_class, "kind", None)
+    found = kind_of(data, expected)
+    if expected and found and found != expected:
+        raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
+
+
+def _is_json(text: str) -> bool:
+    try:
+        return isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+def _require_plain_stem(path: Path) -> None:
+    """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
+    stem = PurePath(path).stem
+    if stem[:1] in ("", ".", "-") or not stem.isprintable() or "\\" in stem:
+        raise BadInput(
+            f"{place_of(path)}: expected a plain file name, for results are named after it: no dot or hyphen in front, "
+            "no control character, no backslash"
+        )
+
+
+def _text(path: Path) -> str:
+    data = _bytes(path)
+    if data.startswith(b"\xef\xbb\xbf"):
+        raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")
+    if b"\0" in data:
+        place = place_of(path, data.count(b"\n", 0, data.index(0)) + 1)
+        raise BadInput(f"{place}: a NUL byte, expected UTF-8 text")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        place = place_of(path, data.count(b"\n", 0, error.start) + 1)
+        raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        _require_small_regular(path, os.stat(path))
+        # never wait, should a pipe have taken the file's place since
+        with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            _require_small_regular(path, os.fstat(file.fileno()))
+            data = file.read(MAX_BYTES + 1) or b""
+    except FileNotFoundError:
+        raise BadInput(f"{place_of(path)}: no such file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}") from None
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"{place_of(path)}: more than {MAX_BYTES} bytes, expected at most 1 MiB")
+    return data
+
+
+def _require_small_regular(path: Path, status: os.stat_result) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise BadInput(f"{place_of(path)}: a directory, expected a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise BadInput(f"{place_of(path)}: a pipe, socket or device, expected a regular file")
+    if status.st_size > MAX_BYTES:
+        raise BadInput(f"{place_of(path)}: {status.st_size} bytes, expected at most 1 MiB")
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

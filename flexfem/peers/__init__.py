@@ -1,1 +1,0 @@
-"""Other solvers on our meshes: what NGSolve and CalculiX make of the same triangles."""

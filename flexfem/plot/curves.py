@@ -1,0 +1,185 @@
+"""Figs. 5 to 7: finite-element minus commanded displacement against the commanded displacement."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexfem.arrays import Array
+from flexfem.plot.numbers import banded, scientific
+from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
+from flexfem.units import LENGTH, Unit, unit_for
+from flexfem.verify.case import DIRECTIONS, Analysis, Direction
+from flexfem.verify.result import Result
+
+ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
+HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
+FORCES: dict[Analysis, str] = {"linear": "force by (18)", "nonlinear": "large displacements in both models"}
+NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
+DASHES: tuple[Any, ...] = (
+    "solid",
+    (0, (5, 2)),
+    (0, (1.2, 1.2)),
+    (0, (7, 2, 1.2, 2)),
+    (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2)),
+    (0, (10, 3)),
+    (0, (2.5, 2.5)),
+)
+THINNEST, SPREAD = 1.4, 1.0  # points: earlier curves are broader and show below later ones
+THICKEST = 3.4  # points
+WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, PANEL_GAP, FOOT = 8.27, 9.6, 0.95, 4.75, 0.42, 0.62  # in
+
+
+class Panel(NamedTuple):
+    """What one panel shows.
+
+    unit : of the errors.  half : half the height of the axis, in that unit.
+    largest : largest |error|, in that unit.  round_off : whether all of it is round-off.
+    """
+
+    unit: Unit
+    half: float
+    largest: float
+    round_off: bool
+
+
+def panel_of(result: Result, freedom: Direction) -> Panel:
+    """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
+    amplitude = max(map(abs, result.commanded))
+    largest, relative, honest = 0.0, 0.0, 0.0
+    for label, series in result.curves.items():
+        lever = result.models[label].lever
+        comparable = (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
+        error = max(map(abs, getattr(series, freedom)))
+        largest = max(largest, error)
+        relative = max(relative, error / (amplitude * comparable))
+        honest = max(honest, HONEST * amplitude * comparable)
+    round_off = relative < ROUND_OFF
+    half = honest if round_off else 1.1 * largest
+    unit = unit_for(freedom, honest if round_off else largest)
+    return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
+
+
+def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
+    """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
+    lever = result.models[label].lever
+    comparable = (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
+    return np.abs(result.commanded) * comparable * result.uncertainty[label][freedom].band / 100.0
+
+
+def normalisation(result: Result) -> str:
+    """How the percentages of the figure are normalised, in words."""
+    levers = sorted({model.lever for model in result.models.values()})
+    l3 = "l₃ = " + ", ".join(f"{lever:g}" for lever in levers) + f" {LENGTH}"
+    command = NAMES[result.direction]
+    if result.direction == "theta":
+        cross = f"X and Y relative to the commanded rotation times {l3}"
+    else:
+        other = "Y" if command == "X" else "X"
+        cross = f"{other} relative to the commanded translation; {NAMES['theta']} times {l3} likewise"
+    return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
+
+
+@in_house_style
+def error_figure(result: Result) -> Figure:
+    """Draw a verification as one page of three panels, X, Y and theta.
+
+    Parameters
+    ----------
+    result : a stored verification; mm and rad, shown with the SI prefix that suits the numbers.
+
+    Notes
+    -----
+    Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
+    """
+    figure = new_figure(WIDTH, HEIGHT)
+    lines = [
+        f"Finite-element displacement minus commanded displacement, {FORCES[result.analysis]}. ±, shaded: mesh band.",
+        normalisation(result),
+    ]
+    top = HEIGHT - header(figure, result.name, lines, result.assumed, result.not_stated) - 0.3
+    height = (top - FOOT - 2 * PANEL_GAP) / 3
+    for row, freedom in enumerate(DIRECTIONS):
+        axes = add_axes(figure, AXES_LEFT, FOOT + (2 - row) * (height + PANEL_GAP), AXES_WIDTH, height)
+        kind = "commanded direction" if freedom == result.direction else "cross direction"
+        axes.set_title(f"({'abc'[row]}) {NAMES[freedom]}, {kind}", loc="left")
+        _draw_panel(axes, result, freedom)
+        _draw_legend(axes, result, freedom, height)
+        axes.tick_params(labelbottom=row == 2)
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_panel(axes: Axes, result: Result, freedom: Direction) -> None:
+    panel = panel_of(result, freedom)
+    command = unit_for(result.direction, max(map(abs, result.commanded)))
+    x = np.array(result.commanded) * command.factor
+    axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
+    for index, (label, series) in enumerate(result.curves.items()):
+        y = np.array(getattr(series, freedom)) * panel.unit.factor
+        style = curve_style(index, len(result.curves), len(x))
+        axes.plot(x, y, label=f"{label} ", **style)
+        band = mesh_band(result, label, freedom) * panel.unit.factor
+        if not panel.round_off:
+            axes.fill_between(x, y - band, y + band, color=style["color"], alpha=0.3, linewidth=0, zorder=1.5)
+    if panel.half > 0:
+        axes.set_ylim(-panel.half, panel.half)
+    axes.margins(x=0.03)
+    axes.grid(color="#D5D5D5", linewidth=0.5)
+    axes.set_axisbelow(True)
+    axes.locator_params(axis="y", nbins=7)
+    axes.set_ylabel(f"error in {NAMES[freedom]} ({panel.unit.name})")
+    if freedom == DIRECTIONS[-1]:
+        axes.set_xlabel(f"commanded {NAMES[result.direction]} ({command.name})")
+    if panel.round_off:
+        text = f"round-off only: largest {scientific(panel.largest)} {panel.unit.name}"
+        box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
+        axes.text(0.5, 0.8, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
+
+
+def error_text(result: Result, label: str, freedom: Direction) -> str:
+    """Error percentage of one curve in one direction, with the band of its meshes."""
+    return banded(getattr(result.error_percent[label], freedom), result.uncertainty[label][freedom].band)
+
+
+def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
+    """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
+    step = max(1, points // 7)
+    return {
+        "color": COLOURS[index % len(COLOURS)],
+        "linestyle": DASHES[index % len(DASHES)],
+        "marker": MARKERS[index % len(MARKERS)],
+        "markevery": (index * max(1, step // 2) % step, step),
+        "markersize": 6.0,
+        "markerfacecolor": "white",
+        "markeredgewidth": 1.2,
+        "linewidth": THINNEST + min(SPREAD, (THICKEST - THINNEST) / max(1, curves - 1)) * (curves - 1 - index),
+        "zorder": 2 + index / 100,
+        "clip_on": True,
+    }
+
+
+def _draw_legend(axes: Axes, result: Result, freedom: Direction, height: float) -> None:
+    """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
+    width = WIDTH - AXES_LEFT - AXES_WIDTH - 0.9
+    entries = {label: error_text(result, label, freedom) for label in result.curves}
+    for size in np.arange(9.0, 4.0, -0.5):
+        texts = [wrapped(f"{label}: {value}", width, size) for label, value in entries.items()]
+        if sum((text.count("\n") + 1) * 1.25 + 0.6 for text in texts) * size / 72 <= height:
+            break
+    axes.legend(
+        axes.get_lines()[1:],
+        [f" {text}" if text.startswith("_") else text for text in texts],  # matplotlib hides names with an underscore
+        loc="upper left",
+        bbox_to_anchor=(1.02, 1.0),
+        borderaxespad=0.0,
+        frameon=False,
+        fontsize=size,
+        handlelength=4.4,
+        labelspacing=0.6,
+    )

@@ -1,0 +1,183 @@
+"""The stage with its mesh, and its necks close up."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from flexfem.arrays import Array, Index
+from flexfem.plot.marks import arrow, clear_spot, frame_cross, hatch_ground, write
+from flexfem.plot.numbers import SPACE
+from flexfem.plot.style import GREY, INK, PALE, add_axes, header, in_house_style, new_figure
+from flexfem.plot.triangles import Edges, clamped_edges, drawn_edges, edges_of, loops_of, polygon
+from flexfem.units import LENGTH
+from flexfem.verify.result import Fields, HingeDrawing, Model
+
+MESH_COLOUR = "#5B7FA6"
+CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
+KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
+MOST_VECTORS = 2500  # sides of triangles; more are rasterised in a PDF
+
+
+@in_house_style
+def stage_figure(model: Model, fields: Fields) -> Figure:
+    """Draw the stage with its mesh, the numbers of its hinges and chains, its clamped edges and its rigid hub, in mm.
+
+    Parameters
+    ----------
+    model, fields : of one curve of a stored verification; nodes in mm.
+    """
+    across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
+    height = 7.2 * min(max(up / across, 0.5), 1.5) + 1.85
+    figure = new_figure(8.27, height)
+    lines = [mesh_size(model), KEY]
+    used = header(figure, model.stage, lines, model.assumed, model.not_stated)
+    axes = add_axes(figure, 0.75, 0.6, 7.2, height - used - 0.75)
+    edges = edges_of(fields.triangles)
+    draw_mesh(axes, fields.nodes, edges, width=0.18)
+    size = _fit(axes, fields.nodes)
+    hatch_ground(axes, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
+    axes.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
+    frame_cross(axes, max(0.6 * model.hub_radius, 0.04 * size))
+    _number_hinges(axes, model, fields.nodes, size)
+    axes.set_xlabel(f"x ({LENGTH})")
+    axes.set_ylabel(f"y ({LENGTH})")
+    return figure
+
+
+def mesh_size(model: Model) -> str:
+    """Size of the mesh, in words."""
+    triangles, unknowns = (f"{count:,}".replace(",", SPACE) for count in (model.triangles, model.unknowns))
+    across = f"{model.resolution} triangles across every neck"
+    return f"{triangles} curved quadratic triangles, {unknowns} unknowns, {across}."
+
+
+def draw_mesh(axes: Axes, nodes: Array, edges: Edges, width: float) -> None:
+    """Draw filled bodies, every side of the triangles in a thin line and the outline in a thicker one."""
+    loops = [polygon(nodes, loop) for loop in loops_of(edges.boundary)]
+    fill = PolyCollection([loops[0]], facecolors=PALE, edgecolors="none", zorder=1)
+    holes = PolyCollection(loops[1:], facecolors="white", edgecolors="none", zorder=1.1)
+    lines = drawn_edges(nodes, edges.every, 6)
+    mesh = LineCollection(lines, linewidths=width, colors=MESH_COLOUR, zorder=2, rasterized=True)
+    outline = LineCollection(loops, linewidths=max(0.8, 2 * width), colors=INK, zorder=3)
+    for collection in (fill, holes, mesh, outline):
+        axes.add_collection(collection, autolim=False)
+
+
+def _fit(axes: Axes, nodes: Array) -> float:
+    """Equal scales with room for labels around the nodes; returns the size of the stage, mm."""
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    size = float(max(high - low))
+    axes.set_xlim(low[0] - 0.1 * size, high[0] + 0.1 * size)
+    axes.set_ylim(low[1] - 0.1 * size, high[1] + 0.1 * size)
+    axes.set_aspect("equal", anchor="N")
+    return size
+
+
+def _number_hinges(axes: Axes, model: Model, nodes: Array, size: float) -> None:
+    """Write the hinges' numbers and the chains' names where there is room."""
+    taken = [nodes[::4], *(np.array([hinge.centre]) for hinge in model.hinges)]
+    for number, hinge in enumerate(model.hinges, start=1):
+        colour = CHAIN_COLOURS[hinge.chain - 1]
+        at = np.array(hinge.centre)
+        spot = clear_spot(at, 0.06 * size, np.concatenate(taken), 0.05 * size)
+        taken.append(np.linspace(at, spot, 4))
+        axes.plot(*np.transpose([at, spot]), color=colour, linewidth=0.9, zorder=5)
+        axes.plot(*at, "o", color=colour, markersize=3.5, zorder=6)
+        box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
+        write(axes, spot, str(number), colour, weight="bold", bbox=box)
+    for chain in (1, 2, 3):
+        elbow, platform = (np.array(hinge.centre) for hinge in model.hinges[3 * chain - 2 : 3 * chain])
+        spot = clear_spot((elbow + platform) / 2, 0.09 * size, np.concatenate(taken), 0.05 * size, 0.05 * size)
+        taken.append(spot + size * np.array([[-0.05, 0.0], [0.0, 0.0], [0.05, 0.0]]))
+        colour = CHAIN_COLOURS[chain - 1]
+        write(axes, spot, f"chain {chain}", colour, size=10, weight="bold")
+
+
+@in_house_style
+def neck_figure(model: Model, fields: Fields) -> Figure:
+    """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm.
+
+    Parameters
+    ----------
+    model, fields : of one curve of a stored verification; nodes in mm. Coordinates run along and across each neck.
+    """
+    figure = new_figure(10.0, 7.9)
+    title = f"{model.stage}: necks of chain 1"
+    line = f"{mesh_size(model)} Curved sides are drawn as curves."
+    top = 7.9 - header(figure, title, [line], model.assumed, model.not_stated) - 0.3
+    edges = edges_of(fields.triangles)
+    height = (top - 1.15) / 2
+    for column, hinge in enumerate(model.hinges[:3]):
+        local = _along_neck(fields.nodes, hinge)
+        whole = hinge.radius + hinge.neck
+        for row, half in enumerate((1.2 * whole, 1.1 * hinge.neck)):
+            axes = add_axes(figure, 0.75 + 3.2 * column, 0.55 + (1 - row) * (height + 0.6), 2.6, height)
+            _draw_neck(axes, local, edges, half, height / 2.6)
+            axes.set_xlabel(f"along the neck ({LENGTH})")
+            if column == 0:
+                axes.set_ylabel(f"across the neck ({LENGTH})")
+            if row == 0:
+                axes.set_title(f"{hinge.hinge} hinge")
+                _dimension_notch(axes, hinge)
+            else:
+                _dimension_neck(axes, hinge)
+    return figure
+
+
+def _along_neck(nodes: Array, hinge: HingeDrawing) -> Array:
+    """Nodes (n, 2) seen from the centre of a neck: along and across it."""
+    c, s = np.cos(hinge.axis), np.sin(hinge.axis)
+    return np.asarray((nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
+
+
+def _draw_neck(axes: Axes, local: Array, edges: Edges, half: float, ratio: float) -> None:
+    """Draw the part of the mesh in a window so wide to each side."""
+    axes.set_xlim(-half, half)
+    axes.set_ylim(-half * ratio, half * ratio)
+    axes.set_aspect("equal")
+    axes.locator_params(nbins=4)
+    axes.set_facecolor("white")
+    near = Edges(*(_inside(local, group, 1.5 * half * max(1.0, ratio)) for group in edges))
+    outer, *holes = (
+        _clipped(polygon(local, loop, 8), 2.0 * half * max(1.0, ratio)) for loop in loops_of(edges.boundary)
+    )
+    axes.add_collection(PolyCollection([outer], facecolors=PALE, edgecolors="none", zorder=1), autolim=False)
+    axes.add_collection(PolyCollection(holes, facecolors="white", edgecolors="none", zorder=1.1), autolim=False)
+    lines, many = drawn_edges(local, near.every, 12), len(near.every) > MOST_VECTORS
+    mesh = LineCollection(lines, linewidths=0.45, colors=MESH_COLOUR, zorder=2, rasterized=many)
+    outline = LineCollection(drawn_edges(local, near.boundary, 12), linewidths=1.3, colors=INK, zorder=3)
+    for collection in (mesh, outline):
+        axes.add_collection(collection, autolim=False)
+
+
+def _clipped(points: Array, reach: float) -> Array:
+    """A polygon (n, 2) with what is beyond the window pushed to its border, where it does no harm and is left out."""
+    pushed = np.clip(points, -reach, reach)
+    return np.asarray(pushed[np.any(pushed != np.roll(pushed, 1, axis=0), axis=1)]).reshape(-1, 2)
+
+
+def _inside(local: Array, edges: Index, reach: float) -> Index:
+    seen = np.asarray((np.abs(local[edges]) < reach).all(axis=2))
+    return np.asarray(edges[seen.any(axis=1)])
+
+
+def _dimension_notch(axes: Axes, hinge: HingeDrawing) -> None:
+    """Radius, from the centre of the lower arc."""
+    middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
+    tip = middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)])
+    axes.plot(*middle, "+", color=INK, markersize=8, zorder=5)
+    arrow(axes, middle, tip)
+    axes.text(
+        middle[0], middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top"
+    )
+
+
+def _dimension_neck(axes: Axes, hinge: HingeDrawing) -> None:
+    """Width of the narrowest section, between two arrows."""
+    arrow(axes, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
+    box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
+    axes.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)

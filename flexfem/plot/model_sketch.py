@@ -1,0 +1,162 @@
+"""Figs. 3 and 4: the stage as rigid links between joints that have the freedoms of a mobility model."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from flexfem.arrays import Array
+from flexfem.plot.joints import KEY_LINE, LINK, MEANING, draw_ground, draw_joint, draw_key, side_of, symbol_radius
+from flexfem.plot.marks import clear_spot, frame_cross, show_window, write
+from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, text_width
+from flexfem.units import DEGREE, LENGTH
+from flexfem.verify.result import HingeDrawing, Model
+
+WIDTH = 8.27  # in
+
+
+@in_house_style
+def model_sketch(model: Model) -> Figure:
+    """Draw the pseudo-rigid-body model: links, joints with their freedoms, ground, platform and its frame.
+
+    Notes
+    -----
+    Figs. 3 and 4 of the paper. Lengths and angles of (19) and (20) are written at chain 1.
+    """
+    kinds = [kind for kind in MEANING if any(kind in hinge.freedoms for hinge in model.hinges)]
+    points = np.array([hinge.centre for hinge in model.hinges])
+    span = np.ptp(points, axis=0)
+    size = float(max(span))
+    key = KEY_LINE * len(kinds) + 0.1
+    high = 7.6 * min(max((span[1] + 0.3 * size) / (span[0] + 0.3 * size), 0.5), 1.4)
+    figure = new_figure(WIDTH, high + key + 1.7)
+    used = header(
+        figure,
+        f"{model.stage}: model of mobility {model.mobility}",
+        [mobility_line(model)],
+        model.assumed,
+        model.not_stated,
+    )
+    axes = add_axes(figure, 0.33, key + 0.2, 7.6, high + 1.4 - used)
+    low, up = points.min(axis=0) - 0.15 * size, points.max(axis=0) + 0.15 * size
+    show_window(axes, low, up)
+    axes.set_axis_off()
+    _draw_platform(axes, model, size)
+    for chain in (1, 2, 3):
+        _draw_chain(axes, model.hinges[3 * chain - 3 : 3 * chain], symbol_radius(model, size))
+    _write_labels(axes, model, size)
+    draw_key(add_axes(figure, 0.33, 0.15, 7.6, key), kinds, key)
+    return figure
+
+
+def mobility_line(model: Model) -> str:
+    """Mobility by (1), in words."""
+    counts = [len(hinge.freedoms) for hinge in model.hinges]
+    return (
+        f"Mobility by (1): M = 3 (8 \N{MINUS SIGN} 1) + {sum(counts)} \N{MINUS SIGN} 3 · 9 = {sum(counts) - 6}, "
+        f"with {sum(counts)} joint freedoms in nine hinges and eight links with the ground."
+    )
+
+
+def links_of_chain(model: Model) -> tuple[Array, Array]:
+    """Lengths l1, l2, l3 (3,), mm, and angles phi_1 to phi_3 (3,), rad in (-pi, pi], of chain 1 as in (19), (20)."""
+    points = np.array([*(hinge.centre for hinge in model.hinges[:3]), (0.0, 0.0)])
+    links = np.diff(points, axis=0)
+    headings = np.arctan2(links[:, 1], links[:, 0])
+    relative = np.diff(headings, prepend=0.0)
+    wrapped = -((-relative + np.pi) % (2 * np.pi) - np.pi)  # half a turn counts as +pi
+    return np.linalg.norm(links, axis=1), wrapped
+
+
+def _draw_platform(axes: Axes, model: Model, size: float) -> None:
+    corners = [model.hinges[k].centre for k in (2, 5, 8)]
+    axes.add_patch(Polygon(corners, facecolor="#DDE3EA", edgecolor=LINK, linewidth=2.0, joinstyle="round", zorder=1))
+    frame_cross(axes, 0.09 * size)
+    axes.plot(0, 0, "o", color=NOTE_COLOUR, markersize=4, zorder=6)
+
+
+def _draw_chain(axes: Axes, hinges: list[HingeDrawing], radius: float) -> None:
+    for one, other in pairwise(hinges):
+        axes.plot(
+            *np.transpose([one.centre, other.centre]), color=LINK, linewidth=4.0, solid_capstyle="round", zorder=2
+        )
+    draw_ground(axes, hinges[0], radius)
+    for hinge in hinges:
+        draw_joint(axes, np.array(hinge.centre), hinge.axis, hinge.freedoms, side_of(hinge) * radius)
+
+
+def _write_labels(axes: Axes, model: Model, size: float) -> None:
+    """Write lengths and angles at chain 1 and the chains' numbers at their ground."""
+    points = np.array([*(hinge.centre for hinge in model.hinges[:3]), (0.0, 0.0)])
+    lengths, angles = links_of_chain(model)
+    axes.plot(*points[2:].T, color=GREY, linewidth=1.2, linestyle=(0, (6, 2, 1.5, 2)), zorder=3)
+    radius = symbol_radius(model, size)
+    taken = _occupied(model, size, radius)
+    arc = min(0.1 * size, 0.45 * float(lengths.min()))
+    headings = np.cumsum(angles)
+    for point, heading, angle in zip(points, headings, angles, strict=False):
+        taken.append(_draw_angle(axes, point, heading - angle, angle, arc))
+    for k, (point, heading, angle) in enumerate(zip(points, headings, angles, strict=False), start=1):
+        middle = heading - angle / 2
+        name = rf"$\varphi_{k}$ = {DEGREE.factor * angle:.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
+        _place(axes, point + arc * np.array([np.cos(middle), np.sin(middle)]), name, taken, size, NOTE_COLOUR)
+    for k, (start, end) in enumerate(pairwise(points), start=1):
+        _place(axes, (start + end) / 2, rf"$l_{k}$ = {lengths[k - 1]:.5g} {LENGTH}", taken, size, LINK)
+    for hinge in model.hinges[::3]:
+        _place(axes, _behind(hinge, 4.0 * radius), f"chain {hinge.chain}", taken, size, INK)
+
+
+def _occupied(model: Model, size: float, radius: float) -> list[Array]:
+    """Points along all that is drawn before the labels."""
+    chains = [np.array([hinge.centre for hinge in model.hinges[3 * k : 3 * k + 3]]) for k in range(3)]
+    corners = np.array([chain[2] for chain in (*chains, chains[0])])
+    frame = 0.09 * size * np.array([[-0.3, 0.9], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.9, -0.3]])
+    lines = [*chains, corners, frame, np.array([chains[0][2], [0.0, 0.0]])]
+    for hinge in model.hinges:
+        first = 4.6 if hinge.hinge == "base" else -1.0
+        reach = 1.0 + 3.6 * (len(hinge.freedoms) - 1)
+        for side in (-1.5, 0.0, 1.5):
+            ends = [_behind(hinge, side_of(hinge) * length * radius) for length in (first, -reach)]
+            shift = side * radius * np.array([-np.sin(hinge.axis), np.cos(hinge.axis)])
+            lines.append(np.array(ends) + shift)
+    return [_along(line) for line in lines]
+
+
+def _behind(hinge: HingeDrawing, distance: float) -> Array:
+    """The place so far behind the centre of a hinge, against the direction of its neck."""
+    return np.array(hinge.centre) - distance * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+
+
+def _draw_angle(axes: Axes, at: Array, start: float, angle: float, arc: float) -> Array:
+    """Reference line and arc with an arrow from `start` over `angle`, rad; returns points (n, 2) on them."""
+    reference = np.array([at, at + 1.35 * arc * np.array([np.cos(start), np.sin(start)])])
+    axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
+    turn = start + angle * np.linspace(0, 1, 60)
+    curve = at + arc * np.column_stack([np.cos(turn), np.sin(turn)])
+    axes.plot(*curve.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
+    if abs(angle) * arc > 0:
+        style = {"arrowstyle": "-|>", "color": NOTE_COLOUR, "linewidth": 0.01, "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate("", curve[-1], curve[-4], arrowprops=style, zorder=6)
+    return np.concatenate([curve[::3], _along(reference)])
+
+
+def _place(axes: Axes, anchor: Array, text: str, taken: list[Array], size: float, colour: str) -> None:
+    """Write a label near its anchor where it is clear of all that is taken, and take its place."""
+    plain = text.replace("$", "").replace(r"\varphi", "m").replace("_", "")
+    left, right = axes.get_xlim()
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    half = text_width(plain, 10) / 2 * (right - left) / (axes.get_position().width * figure.get_size_inches()[0])
+    spot = clear_spot(anchor, 0.05 * size, np.concatenate(taken), 0.03 * size, half)
+    taken.append(spot + half * np.column_stack([np.linspace(-1, 1, 9), np.zeros(9)]))
+    write(axes, spot, text, colour, size=10, parse_math=True)
+
+
+def _along(corners: Array) -> Array:
+    """Points (n, 2) along a polyline."""
+    steps = np.linspace(0, 1, 24)[:, None]
+    return np.concatenate([a + steps * (b - a) for a, b in pairwise(corners)])

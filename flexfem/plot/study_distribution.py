@@ -1,0 +1,123 @@
+"""How the values of a study scatter: histograms with their percentiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from flexfem.arrays import Array
+from flexfem.plot.curves import DASHES
+from flexfem.plot.numbers import SPACE, significant
+from flexfem.plot.study_labels import Caption, Quantity
+from flexfem.plot.style import INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure
+from flexfem.study.percentiles import Percentile
+
+WIDTH, AXES_LEFT, AXES_WIDTH, PANEL, PANEL_GAP, FOOT = 8.27, 0.85, 4.55, 1.35, 0.62, 0.55  # in
+LETTERS = 8.5  # points, of the legend
+MOST_DECIMALS = 7
+ROUND_OFF = 1e-12  # of the largest value
+BARS = (10, 60)  # fewest and most in a histogram
+BAR_COLOUR = "#A9C4DE"
+
+
+class Scatter(NamedTuple):
+    """How one value scatters.
+
+    quantity : what it is.   values : (n,), finite, or what reads them: they are needed one after the other.
+    percentiles : three of them, from low to high.
+    nominal : value of the base stage, where known.
+    """
+
+    quantity: Quantity
+    values: Array | Callable[[], Array]
+    percentiles: Sequence[Percentile]
+    nominal: float | None = None
+
+
+@in_house_style
+def distribution_figure(scatters: Sequence[Scatter], caption: Caption) -> Figure:
+    """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
+    probe = new_figure(WIDTH, 10.0)
+    used = header(probe, *caption)
+    height = used + 0.15 + len(scatters) * (PANEL + PANEL_GAP) - PANEL_GAP + FOOT
+    figure = new_figure(WIDTH, height)
+    top = height - header(figure, *caption) - 0.15
+    for row, scatter in enumerate(scatters):
+        axes = add_axes(figure, AXES_LEFT, top - PANEL - row * (PANEL + PANEL_GAP), AXES_WIDTH, PANEL)
+        _draw_panel(axes, scatter)
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_panel(axes: Axes, scatter: Scatter) -> None:
+    values = scatter.values() if callable(scatter.values) else scatter.values
+    counts, borders = histogram(values)
+    axes.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
+    axes.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.03), "borderaxespad": 0.0}
+    look: dict[str, Any] = {"frameon": False, "fontsize": LETTERS, "handlelength": 2.6, "labelspacing": 0.6}
+    axes.legend(handles=_draw_marks(axes, scatter, float(np.abs(values).max())), **place, **look)
+    axes.set_xlabel(scatter.quantity.label, parse_math=bool(scatter.quantity.symbol))
+    axes.set_ylabel("designs")
+    axes.set(xlim=(borders[0], borders[-1]), ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
+    axes.ticklabel_format(useOffset=False, axis="x")
+
+
+def _draw_marks(axes: Axes, scatter: Scatter, size: float) -> list[Any]:
+    """Percentiles with their intervals, and the base stage; returns their entries in the legend.
+
+    `size` : the largest of the values, against which round-off is measured.
+    """
+    entries: list[Any] = []
+    width = narrowest(scatter.percentiles)
+    for dash, one in zip((DASHES[1], DASHES[0], DASHES[1]), scatter.percentiles, strict=True):
+        axes.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3)
+        if np.isfinite([one.low, one.high]).all():
+            axes.axvspan(one.low, one.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
+        text = described(one, scatter.quantity.after, width)
+        entries.append(Line2D([], [], color=INK, linestyle=dash, linewidth=1.5, label=text))
+    if scatter.nominal is not None:
+        axes.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle=DASHES[2], zorder=4)
+        nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * size else 0.0
+        text = f"base stage: {to_digits(nominal, width) if nominal else '0'}{scatter.quantity.after}"
+        entries.append(Line2D([], [], color=NOTE_COLOUR, linestyle=DASHES[2], linewidth=1.5, label=text))
+    return entries
+
+
+def histogram(values: Array) -> tuple[Array, Array]:
+    """Counts (k,) and borders (k + 1,) of the bars, as wide as D. Freedman, P. Diaconis (1981) say."""
+    if np.ptp(values) <= ROUND_OFF * np.abs(values).max():
+        counts, borders = np.histogram(values, 1)
+    else:
+        wanted = len(np.histogram_bin_edges(values, "fd")) - 1 if len(values) > 1 else 1
+        counts, borders = np.histogram(values, int(np.clip(wanted, *BARS)))
+    return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
+
+
+def described(one: Percentile, after: str, width: float) -> str:
+    """A percentile with its confidence interval, in words, to the second digit of a width."""
+    text = f"{one.percent:g}{SPACE}%: "
+    if np.isinf([one.low, one.high]).any():
+        return f"{text}{to_digits(one.value, width)}{after}\n(too few designs for an interval)"
+    low, value, high = (to_digits(number, width) for number in (one.low, one.value, one.high))
+    return f"{text}{value}{after}\n({low}{SPACE}to{SPACE}{high})"
+
+
+def narrowest(found: Sequence[Percentile]) -> float:
+    """Width of the narrowest interval that there is, else nought."""
+    widths = [one.high - one.low for one in found if 0 < one.high - one.low < np.inf]
+    return min(widths, default=0.0)
+
+
+def to_digits(value: float, width: float) -> str:
+    """A number to the second digit of a width, or with four digits where that is long or there is no width."""
+    decimals = 1 - math.floor(math.log10(width)) if width > 0 else MOST_DECIMALS + 1
+    if decimals > MOST_DECIMALS:
+        return significant(value)
+    return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")

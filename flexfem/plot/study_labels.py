@@ -1,0 +1,155 @@
+"""What the columns of a study are called on an axis, and what is written above every figure of a study."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexfem.plot.numbers import SPACE
+from flexfem.study.factors import Column
+from flexfem.study.scheme import Method
+from flexfem.units import unit_of, without_unit
+
+if TYPE_CHECKING:
+    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.table import StudyTable
+
+OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
+    "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
+    "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
+    "ktt_n_mm_per_rad": ("stiffness θθ", r"stiffness $K_{\theta\theta}$"),
+    "kxy_n_per_mm": ("stiffness XY", r"stiffness $K_{xy}$"),
+    "kxt_n": ("stiffness Xθ", r"stiffness $K_{x\theta}$"),
+    "kyt_n": ("stiffness Yθ", r"stiffness $K_{y\theta}$"),
+    "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
+    "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
+    "coupling_yt": ("coupling Yθ", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
+    "stress_x_mpa_per_um": ("peak neck stress per X", ""),
+    "stress_y_mpa_per_um": ("peak neck stress per Y", ""),
+    "stress_theta_mpa_per_mrad": ("peak neck stress per θ", ""),
+    "reach_x_um": ("reach in X at yield", ""),
+    "reach_y_um": ("reach in Y at yield", ""),
+    "reach_theta_mrad": ("reach in θ at yield", ""),
+    "envelope_mm": ("diameter of the envelope", ""),
+    "travel_x_um": ("travel in X for the stroke", ""),
+    "travel_y_um": ("travel in Y for the stroke", ""),
+    "travel_theta_mrad": ("travel in θ for the stroke", ""),
+    "error_x_percent": ("error along X", ""),
+    "error_y_percent": ("error along Y", ""),
+    "error_theta_percent": ("error along θ", ""),
+    "cross_x_percent": ("largest cross error under X", ""),
+    "cross_y_percent": ("largest cross error under Y", ""),
+    "cross_theta_percent": ("largest cross error under θ", ""),
+    "band_x_percent": ("mesh band of the error along X", ""),
+    "band_y_percent": ("mesh band of the error along Y", ""),
+    "band_theta_percent": ("mesh band of the error along θ", ""),
+}
+METHODS: dict[Method, str] = {
+    "grid": "grid",
+    "latin_hypercube": "Latin hypercube",
+    "sobol": "Sobol",
+    "monte_carlo": "Monte Carlo",
+    "saltelli": "Saltelli",
+    "table": "a table of designs",
+}
+WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
+
+
+class Quantity(NamedTuple):
+    """What an axis shows: its name, its unit or nothing, the name with a symbol in it, whether it is logarithmic."""
+
+    name: str
+    unit: str = ""
+    symbol: str = ""
+    log: bool = False
+
+    @property
+    def label(self) -> str:
+        """Name, with its symbol, and unit; mathematics where there is a symbol."""
+        name = self.symbol or self.name
+        return f"{name} in {self.unit}" if self.unit else name
+
+    @property
+    def after(self) -> str:
+        """The unit as it follows a number, with a space that does not break."""
+        return SPACE + self.unit.replace(" ", SPACE) if self.unit else ""
+
+
+class Caption(NamedTuple):
+    """What stands above a figure: its title, lines on how the numbers came about, the key paths in doubt."""
+
+    title: str
+    lines: Sequence[str]
+    assumed: Sequence[str]
+    not_stated: Sequence[str] = ()
+
+
+def output(column: str) -> Quantity:
+    """What an output column is called."""
+    name, symbol = OUTPUTS[column]
+    return Quantity(name, unit_of(column).name, symbol)
+
+
+def factor(column: Column) -> Quantity:
+    """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
+    units = {unit_of(key).name for key in column.keys}
+    name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
+    return Quantity(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
+
+
+def words(key: str) -> str:
+    """A key path, without its unit, in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
+    *tables, leaf = key.split(".")
+    leaf = re.sub(r"s?\[(\d)\]$", lambda index: f" {int(index[1]) + 1}", leaf).replace("_", " ")
+    leaf = WORDS.get(leaf, leaf)
+    match tables:
+        case ["override", chain, hinge]:
+            return f"{leaf}, chain {chain} {hinge}"
+        case ["hinges", hinge]:
+            return f"{leaf} of {hinge} hinges"
+        case ["platform"]:
+            return f"{leaf} of the platform"
+    return leaf
+
+
+def caption_of(loaded: LoadedStudy, table: StudyTable, title: str, lines: Sequence[str]) -> Caption:
+    """Title, study, model, sampling and how many designs have an answer, then the lines of the figure."""
+    study = loaded.study
+    method, seed = METHODS[study.sampling.method], study.sampling.seed
+    drawn = method if seed is None else f"{method}, seed {seed}"
+    if loaded.given is not None:
+        drawn = f"table {loaded.given.path.name}"
+    about = f"Study: {study.name}. Base stage: {loaded.stage.name}."
+    found = (
+        f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn}): {counted(table.counts, loaded.count)}."
+    )
+    return Caption(title, [about, found, *lines], loaded.assumed, loaded.not_stated)
+
+
+def model_words(loaded: LoadedStudy) -> str:
+    """What answered, in words."""
+    study = loaded.study
+    mobility = study.mobility or loaded.stage.mobility
+    analytic = f"{study.formula}, mobility {mobility}" + (", elastic links" if study.links else "")
+    meshed = f"{study.resolution} triangles across every neck"
+    plane = "" if loaded.stage.model == "plane_stress" else f", {loaded.stage.model.replace('_', ' ')}"
+    return {
+        "analytic": f"Analytic model: {analytic}{plane}",
+        "fe": f"Finite elements: {meshed}{plane}",
+        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic}){plane}",
+    }[study.model]
+
+
+def counted(counts: Mapping[str, int], wanted: int = 0) -> str:
+    """How many designs have which status, and how many of those wanted are still open: `9 871 ok, 129 refused`."""
+    found = dict(counts)
+    missing = wanted - sum(found.values())
+    if missing > 0:
+        found["open"] = missing
+    return ", ".join(f"{thousands(count)} {status}" for status, count in found.items())
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart."""
+    return f"{count:,}".replace(",", SPACE)

@@ -1,0 +1,132 @@
+"""One look for all figures, whatever the user's matplotlibrc says, and the same bytes every time."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+
+from flexfem.plot.table import doubt_note
+
+P = ParamSpec("P")
+
+STYLE: Any = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.labelsize": 9.5,
+    "axes.linewidth": 0.8,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "legend.fontsize": 8.5,
+    "hatch.linewidth": 0.7,
+    "path.simplify": False,
+    "pdf.fonttype": 3,
+    "text.parse_math": False,  # a label of the user may hold a dollar
+    "agg.path.chunksize": 0,
+}
+NOTE_COLOUR = "#B00000"
+INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
+MARGIN = 0.3  # in, left and right of the header
+RESOLUTION = {"png": 150, "pdf": 200}  # dots per inch, in a PDF of the rasterised meshes only
+METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": "flexfem", "Producer": "matplotlib"},
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's own defaults and STYLE on top, whatever was set before, which comes back afterwards."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def in_house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Decorate a plot function so that it draws in the house style."""
+
+    @wraps(draw)
+    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with house_style():
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, in inches, that no window and no pyplot knows of."""
+    figure = Figure(figsize=(width, height), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def rendered(figure: Figure, form: str) -> bytes:
+    """The figure as the bytes of a file, `form` png or pdf; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    with house_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box stands for it
+        figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata=METADATA[form])
+    return buffer.getvalue()
+
+
+def text_width(text: str, size: float, weight: str = "normal") -> float:
+    """Width, in inches, of a line of text at a size in points."""
+    font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
+    return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0]) / 72.0
+
+
+def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:
+    """The text broken into lines no wider than `width`, in inches; a word that is too long is broken too."""
+    lines = [""]
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if text_width(longer, size, weight) <= width:
+            lines[-1] = longer
+            continue
+        if lines[-1]:
+            lines.append("")
+        for letter in word:
+            if lines[-1] and text_width(lines[-1] + letter, size, weight) > width:
+                lines.append("")
+            lines[-1] += letter
+    return "\n".join(lines)
+
+
+def header(
+    figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str], not_stated: Sequence[str] = ()
+) -> float:
+    """Write title, lines below it and the note on numbers in doubt; returns the height used, in inches."""
+    width, height = figure.get_size_inches()
+    note = doubt_note(assumed, not_stated)
+    room = width - 2 * MARGIN
+    beside = room - (text_width(note, 11, "bold") + 0.5 if note else 0.0)
+    used = 0.22
+    for text, size, weight, colour in [(title, 13, "bold", INK), *((line, 9, "normal", "#404040") for line in lines)]:
+        shown = wrapped(text, beside if weight == "bold" else room, size, weight)
+        figure.text(
+            MARGIN / width, 1 - used / height, shown, size=size, weight=weight, color=colour, va="top", linespacing=1.25
+        )
+        used += (shown.count("\n") + 1) * size * 1.32 / 72 + 0.06
+    if note:
+        box = {"boxstyle": "round,pad=0.35", "facecolor": "#FFF3E0", "edgecolor": NOTE_COLOUR, "linewidth": 1.2}
+        at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / height)
+        figure.text(*at, note, size=11, weight="bold", color=NOTE_COLOUR, ha="right", va="top", bbox=box)
+    return used
+
+
+def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place given in inches from the lower left corner of the figure."""
+    w, h = figure.get_size_inches()
+    return figure.add_axes((left / w, bottom / h, width / w, height / h))

@@ -1,0 +1,112 @@
+"""All figures and the page of text of stored verifications, as files; the same results give the same bytes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+from matplotlib.figure import Figure
+
+from flexfem.files.writing import write_atomically
+from flexfem.plot.curves import error_figure
+from flexfem.plot.deformed import deformed_figure
+from flexfem.plot.hinge_sketch import hinge_sketch
+from flexfem.plot.mesh_pictures import neck_figure, stage_figure
+from flexfem.plot.model_sketch import model_sketch
+from flexfem.plot.style import rendered
+from flexfem.plot.table import markdown_report
+from flexfem.verify.result import Fields, Model, Result
+
+Stored: TypeAlias = tuple[Result, dict[str, Fields]]
+FORMS = ("png", "pdf")
+PAGE = "verification.md"
+
+
+class Plan(NamedTuple):
+    """A figure to draw and the name of its files, without extension."""
+
+    name: str
+    draw: Callable[[], Figure]
+
+
+def write_figures(results: list[Stored], folder: Path) -> list[Path]:
+    """Draw every figure of the results as PNG and PDF and write the page of text beside them.
+
+    Parameters
+    ----------
+    results : stored verifications, each with its fields by label.
+    folder : where the files go; made when missing.
+
+    Returns the paths written. Raises BadInput when the folder does not take a file.
+    """
+    paths = []
+    for name, draw in plans(results):
+        figure = draw()
+        for form in FORMS:
+            content = rendered(figure, form)
+            paths.append(_written(folder / f"{name}.{form}", content))
+    pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in plans(results))
+    page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
+    return [*paths, _written(folder / PAGE, page.encode())]
+
+
+def write_beside(stored: Path, figure: Figure) -> list[Path]:
+    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
+    return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
+
+
+def plans(results: list[Stored]) -> list[Plan]:
+    """The figures of the results, each stage once, under names that differ even where case does not matter."""
+    named: dict[str, Plan] = {}
+    for wanted, draw in [*_of_cases(results), *_of_stages(results)]:
+        name, count = wanted, 1
+        while name.casefold() in named:
+            count += 1
+            name = f"{wanted}-{count}"
+        named[name.casefold()] = Plan(name, draw)
+    return list(named.values())
+
+
+def _of_cases(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+    for result, fields in results:
+        stem = _file_name(result.case)
+        yield stem, partial(error_figure, result)
+        yield f"{stem}-deformed", partial(deformed_figure, result, fields)
+
+
+def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+    """Mesh, necks and hinge of every distinct stage, the model of every distinct mobility of it."""
+    drawn = [(model, fields[label]) for result, fields in results for label, model in result.models.items()]
+    hashes: dict[str, set[str]] = {}
+    for model, _ in drawn:
+        hashes.setdefault(_stem(model).casefold(), set()).add(model.hash)
+    seen = set()
+    for model, field in drawn:
+        stem = _stem(model)
+        if len(hashes[stem.casefold()]) > 1:
+            stem = f"{stem}-{model.hash[:6]}"
+        freedoms = str([hinge.freedoms for hinge in model.hinges])
+        if model.hash not in seen:
+            yield f"stage-{stem}", partial(stage_figure, model, field)
+            yield f"neck-{stem}", partial(neck_figure, model, field)
+            yield f"hinge-{stem}", partial(hinge_sketch, model)
+        if (model.hash, freedoms) not in seen:
+            yield f"model-{stem}-mobility{model.mobility}", partial(model_sketch, model)
+        seen |= {model.hash, (model.hash, freedoms)}
+
+
+def _stem(model: Model) -> str:
+    return _file_name(Path(model.file).stem)
+
+
+def _file_name(text: str) -> str:
+    """The text as a file name in this folder and no other."""
+    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "unnamed"
+
+
+def _written(path: Path, content: bytes) -> Path:
+    write_atomically(path, lambda file: file.write(content))
+    return path

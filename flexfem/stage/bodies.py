@@ -1,0 +1,187 @@
+"""The drawn stage: pads, links, platform and the notches between them, as loops of lines and arcs.
+
+All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
+
+Drawing rules (the stage file gives the skeleton, these give it flesh; `geometry/README.md` shows them):
+
+- Every body is as wide as the link. Pads are as long as they are wide, and clamped along their back edge.
+- A link is a strip along the shortest path of lines and arcs from neck to neck; its inner bends are rounded, because
+  a sharp re-entrant corner would spoil the convergence of the finite elements.
+- A notch is two quarter arcs on each side of the neck, cut through to the edge of the link.
+- The platform is a disc with a lug at each platform hinge. A side of a lug follows the hinge's own face where that
+  face meets the disc, else runs on along the neck into the disc, else goes tangentially to it.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from flexfem.errors import BadInput
+from flexfem.stage.cache import of_last_stage
+from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.stage.outline import Face, Segment, polyline, reverse
+from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage, key_of
+from flexfem.stage.strip import Pose, offset, shortest_path
+
+FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
+LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
+NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two thirds
+BODIES = ("pad", "link 1", "link 2", "platform")
+
+
+@of_last_stage
+def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
+    """Neck centres and directions of one chain (1 to 3), base to platform."""
+    placed = stage_frames(stage)
+    back = -(chain - 1) * CHAIN_TURN
+    centres = turned(placed.centres[chain - 1], back)
+    axes = placed.axes[chain - 1] + back
+    return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
+
+
+def centrelines(stage: Stage, chain: int) -> list[list[Segment]]:
+    """Paths along the middle of pad, link 1 and link 2 of one chain, from notch to notch.
+
+    Raises BadInput when a link finds no room between its hinges.
+    """
+    poses, width = necks(stage, chain), stage.chain.link_width
+    radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
+    stub = FILLET * width
+    lines = [polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point)]
+    for k in (1, 2):
+        leave, arrive = poses[k - 1].ahead(radii[k - 1]), poses[k].ahead(-radii[k])
+        bend = shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
+        if bend is None:
+            raise BadInput(
+                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for link {k} of "
+                f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge"
+            )
+        lines.append([*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)])
+    return lines
+
+
+def turn(path: list[Segment], chain: int) -> list[Segment]:
+    """A path of one chain (1 to 3) in its place on the stage."""
+    return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
+
+
+def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
+    """The notch on one side (1 left, -1 right), walked along the neck: wall and arc, then arc and wall."""
+    along = cmath.exp(1j * neck.heading)
+    radius, across = hinge.radius, 1j * side * along
+    bottom = neck.point + hinge.neck / 2 * across
+    middle = bottom + radius * across
+    enter, leave = middle - radius * along, middle + radius * along
+    edge = (width / 2 - hinge.neck / 2 - radius) * across
+    return (
+        [*polyline(enter + edge, enter), Segment(enter, bottom, middle)],
+        [Segment(bottom, leave, middle), *polyline(leave, leave + edge)],
+    )
+
+
+def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
+    """One side (1 left, -1 right) of pad, link 1, link 2 and platform lug, each from neck to neck."""
+    width = stage.chain.link_width
+    lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
+    notches = [
+        notch_side(neck, stage.hinge(chain, name), width, side)
+        for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True)
+    ]
+    pad, first, second = ([*line, *notch[0]] for line, notch in zip(lines, notches, strict=True))
+    return [pad, notches[0][1] + first, notches[1][1] + second, [*notches[2][1], *lug_side(stage, chain, side)]]
+
+
+@of_last_stage
+def lug_side(stage: Stage, chain: int, side: int) -> tuple[Segment, ...]:
+    """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
+
+    Raises BadInput when the lug cannot reach the disc.
+    """
+    neck, width = necks(stage, chain)[2], stage.chain.link_width
+    along = cmath.exp(1j * neck.heading)
+    across = 1j * side * along
+    corner = neck.ahead(stage.hinge(chain, "platform").radius).point + width / 2 * across
+    front, aside = -(corner / along).real, side * (-(corner / along)).imag  # the disc's centre seen from the corner
+    disc, fillet = stage.platform.radius, FILLET * width
+    if front < width - disc:
+        raise BadInput(
+            f"{key_of(stage, chain, 'platform', 'axis_deg')}: the neck of chain {chain} points past the platform, "
+            f"expected the platform centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
+            f"hinge's face, is {front:g}"
+        )
+    if aside > 0 and front < disc:  # the hinge's own face meets the disc
+        return tuple(_filleted(corner, across, -along, disc, fillet))
+    if abs(aside) < disc - fillet:
+        return tuple(_filleted(corner, along, across, disc, fillet))
+    end = corner + LUG * width * along
+    touch = cmath.phase(end) - side * np.arccos(disc / abs(end))
+    return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
+
+
+def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
+    """A line from `start` that runs into the disc, with a fillet on the side `outside` (unit vectors)."""
+    height = ((start + fillet * outside) / outside).real
+    centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
+    foot = centre - fillet * outside
+    if ((foot - start) / heading).real < 0:
+        raise BadInput(
+            f"platform.radius_mm = {disc:g}, the platform swallows the platform hinge; expected a smaller disc or a "
+            "longer chain.link_lengths_mm[2]"
+        )
+    return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
+
+
+@of_last_stage
+def cut_angle(stage: Stage) -> float:
+    """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
+
+    Raises BadInput when the lugs leave no free rim between them.
+    """
+    seen = cmath.phase(sum(necks(stage, chain)[2].point for chain in (1, 2, 3)))
+    first, last = (
+        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * seen)) for chain in (1, 2, 3)]
+        for side in (1, -1)
+    )
+    covered = max(last) - min(first)
+    if covered > CHAIN_TURN - NARROWEST_RIM:
+        raise BadInput(
+            f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
+            f"each takes {np.rad2deg(covered):.0f} of 120 degrees"
+        )
+    return float(seen + (min(first) + max(last) - CHAIN_TURN) / 2)
+
+
+@of_last_stage
+def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
+    """Draw the bodies of the third of the stage that holds one chain (1 to 3).
+
+    Raises BadInput when they cannot be drawn.
+    """
+    left, right = (body_sides(stage, chain, side) for side in (1, -1))
+    faces = {}
+    sections = ["ground", *(f"neck {name}" for name in HINGE_NAMES)]
+    for k, (towards, back) in enumerate(zip(right, left, strict=True)):
+        start, end = Segment(back[0].start, towards[0].start), Segment(towards[-1].end, back[-1].end)
+        far = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
+        pieces = [(sections[k], [start]), ("free", towards), *far, ("free", reverse(back))]
+        path = [(segment, label) for label, piece in pieces for segment in piece]
+        faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
+    return MappingProxyType(faces)
+
+
+def _platform(stage: Stage, rim: Segment) -> list[tuple[str, list[Segment]]]:
+    """The platform's third from the end of the lug's right side to the end of its left side."""
+    first = cut_angle(stage)
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
+    return [
+        ("free", [Segment(rim.start, disc * ahead, 0j)]),
+        ("cut ahead", polyline(disc * ahead, hub * ahead)),
+        ("hub", [Segment(hub * ahead, hub * middle, 0j), Segment(hub * middle, hub * behind, 0j)]),
+        ("cut behind", polyline(hub * behind, disc * behind)),
+        ("free", [Segment(disc * behind, rim.end, 0j)]),
+    ]

@@ -1,0 +1,124 @@
+"""Two membranes whose targets are agreed numbers: NAFEMS LE1 and Cook's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.fem.grids import mapped
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate, nodal_stress
+from flexfem.fem.problem import (
+    Solution,
+    Support,
+    clamp,
+    edge_force,
+    nearest_node,
+    nodes_on,
+    pressure,
+    solve,
+    uniform,
+)
+from flexfem.validate.finding import Finding, extrapolated, finding
+
+NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB rev. 3 (1990), test LE1"
+COOK = (
+    "R. D. Cook, J. Struct. Div. ASCE 100 (ST9), 1851-1863 (1974), with 23.96 as it is widely"
+    " quoted for the converged value (its origin not seen; P. Krysl's FinEtools has 23.97)"
+)
+LE1_PLATE = Plate(youngs_modulus=210e3, poissons_ratio=0.3, thickness=100.0)
+LE1_PRESSURE = 10.0  # MPa, outwards
+LE1_STRESS, LE1_ROUNDED = 92.7, 0.05  # MPa
+LE1_CELLS = (11, 22, 33)  # across, twice as many around; the last gives about 18,000 unknowns
+LE1_LIMIT = (16, 32, 64)  # for the extrapolation
+COOK_PLATE = Plate(youngs_modulus=1.0, poissons_ratio=1 / 3, thickness=1.0)
+COOK_DISPLACEMENT, COOK_SPREAD = 23.96, 0.01
+COOK_CELLS = (16, 32, 64)
+
+
+def elliptic_membrane(cells: int) -> StageMesh:
+    """A quarter between two ellipses, mm: `left` the inner, `right` the outer one, `bottom` and `top` the axes."""
+
+    def place(u: Array, v: Array) -> Array:
+        u, v = u * (1 + u) / 2, v * (1 + v) / 2  # smaller triangles at D
+        angle = v * np.pi / 2
+        a, b = 2000.0 + 1250.0 * u, 1000.0 + 1750.0 * u
+        return np.stack([a * np.cos(angle), b * np.sin(angle)], axis=-1)
+
+    return mapped(cells, 2 * cells, place)
+
+
+def solve_le1(mesh: StageMesh) -> tuple[float, Solution]:
+    """Stress yy at D, MPa, and the solution."""
+    force = edge_force(mesh, LE1_PLATE, mesh.edges["right"], pressure(LE1_PRESSURE))
+    axes = [Support(nodes_on(mesh, "top"), 0), Support(nodes_on(mesh, "bottom"), 1)]
+    solution = solve(mesh, LE1_PLATE, force, axes)
+    stress = nodal_stress(mesh, LE1_PLATE, solution.field)
+    return float(stress[nearest_node(mesh, 2000.0, 0.0), 1]), solution
+
+
+def nafems_le1() -> list[Finding]:
+    """Stress at the inner ellipse's end on the long axis."""
+    found = [solve_le1(elliptic_membrane(cells)) for cells in LE1_CELLS]
+    stresses, unknowns = [stress for stress, _ in found], found[-1][1].unknowns
+    fine = [solve_le1(elliptic_membrane(cells)) for cells in LE1_LIMIT]
+    limit = extrapolated([1 / cells for cells in LE1_LIMIT], [stress for stress, _ in fine])
+    note = ", ".join(f"{stress:.3f}" for stress in stresses) + f" on {LE1_CELLS} cells across"
+    return [
+        finding(
+            "NAFEMS LE1",
+            NAFEMS,
+            "stress yy at D (MPa)",
+            LE1_STRESS,
+            stresses[-1],
+            0.005 * LE1_STRESS,
+            uncertainty=LE1_ROUNDED,
+            unknowns=unknowns,
+            note=note,
+        ),
+        finding(
+            "NAFEMS LE1",
+            NAFEMS,
+            "stress yy at D (MPa), extrapolated",
+            LE1_STRESS,
+            limit,
+            LE1_ROUNDED,
+            uncertainty=LE1_ROUNDED,
+            unknowns=fine[-1][1].unknowns,
+            note=", ".join(f"{stress:.3f}" for stress, _ in fine) + f" on {LE1_LIMIT} cells; seen elsewhere: 92.657",
+        ),
+    ]
+
+
+def cooks_membrane(cells: int) -> StageMesh:
+    """The tapered panel (0, 0), (48, 44), (48, 60), (0, 44)."""
+    return mapped(cells, cells, lambda u, v: np.stack([48.0 * u, (1 - v) * 44.0 * u + v * (44.0 + 16.0 * u)], axis=-1))
+
+
+def solve_cook(mesh: StageMesh) -> tuple[float, Solution]:
+    """Displacement y at the middle of the free end under a unit shear force, and the solution."""
+    force = edge_force(mesh, COOK_PLATE, mesh.edges["right"], uniform(0.0, 1.0 / 16.0))
+    solution = solve(mesh, COOK_PLATE, force, clamp(nodes_on(mesh, "left")))
+    return float(solution.field[nearest_node(mesh, 48.0, 52.0), 1]), solution
+
+
+def cook() -> list[Finding]:
+    """Displacement of Cook's membrane, on the finest mesh and extrapolated."""
+    found = [solve_cook(cooks_membrane(cells)) for cells in COOK_CELLS]
+    values, unknowns = [value for value, _ in found], found[-1][1].unknowns
+    limit = extrapolated([1 / cells for cells in COOK_CELLS], values)
+    note = ", ".join(f"{value:.4f}" for value in values) + f" on {COOK_CELLS} cells"
+    return [
+        finding(
+            "Cook's membrane",
+            COOK,
+            quantity,
+            COOK_DISPLACEMENT,
+            value,
+            0.001 * COOK_DISPLACEMENT,
+            uncertainty=COOK_SPREAD,
+            unknowns=unknowns,
+            note=note,
+        )
+        for quantity, value in (("displacement at (48, 52)", values[-1]), ("the same, extrapolated", limit))
+    ]

@@ -1,0 +1,151 @@
+"""One stage in one table: how far it may go in each direction, what that takes, and which hinge sets the limit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.links import body_compliance
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
+from flexfem.analytic.serial import chain_compliance, chain_wrenches
+from flexfem.analytic.stress import neck_stress, neck_wrenches
+from flexfem.arrays import Array
+from flexfem.errors import BadInput
+from flexfem.fem.response import load_case
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
+from flexfem.verify import warning
+from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.protocol import Solved
+from flexfem.verify.result import Matrix, Record, Triple, versions
+
+CALIBRATED = "calibrated"
+
+
+class Limits(NamedTuple):
+    """What one model says: stiffness (3, 3), order x, y, theta, and the highest stress at each neck,
+    (3 chains, 3 hinges, 3 directions), MPa per mm and rad of the platform, the other directions held."""
+
+    stiffness: Array
+    stress: Array
+
+
+class Limit(Record):
+    """One direction, the others held: how far until the first neck yields, mm or rad on either side of rest.
+
+    force : there, N, N, N mm.   chain, hinge : the neck.   stress : there per displacement, MPa per mm or rad.
+    """
+
+    reach: float
+    force: Triple
+    chain: int
+    hinge: str
+    stress: float
+
+
+class Side(Record):
+    """One model's stiffness and limits by direction."""
+
+    model: str
+    stiffness: Matrix
+    limits: dict[Direction, Limit]
+
+
+class Summary(Record):
+    """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked."""
+
+    name: str
+    file: str
+    hash: str
+    model: str
+    mobility: int
+    yield_strength: float
+    analytic: Side
+    elements: Side | None
+    accuracy: str
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+    versions: dict[str, str]
+
+
+def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved | None = None) -> Summary:
+    """Summarise a feasible stage; `solved` adds finite elements.
+
+    Parameters
+    ----------
+    formula : of the hinges; None takes the calibrated one, or the default where some hinge is not on its chart.
+
+    Raises BadInput as `model.hinge_compliance` for a formula that was asked for, ComputationFailed.
+    """
+    warnings = list(warning.of_stage(stage))
+    if formula is None:
+        formula = CALIBRATED
+        try:
+            hinge_compliance(stage, CALIBRATED)
+        except BadInput as refusal:
+            formula = DEFAULT_FORMULA
+            warnings.append(f"{refusal}; this summary takes {DEFAULT_FORMULA} instead")
+    warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
+    analytic = _side(f"analytic, {formula}, elastic links", stage, linked_limits(stage, formula))
+    for axis, (direction, limit) in enumerate(analytic.limits.items()):
+        warnings += warning.of_motion(stage, limit.reach * np.eye(3)[axis], f"end of the safe range in {direction}")
+    return Summary(
+        name=stage.name,
+        file=str(path),
+        hash=stage.hash,
+        model=stage.model,
+        mobility=stage.mobility,
+        yield_strength=stage.material.yield_strength,
+        analytic=analytic,
+        elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
+        accuracy=warning.stress_accuracy(formula),
+        warnings=warnings,
+        assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
+        versions=versions(),
+    )
+
+
+def linked_limits(stage: Stage, formula: str) -> Limits:
+    """Limits by hinges of all freedoms between elastic pads, links and platform."""
+    return _limits(stage, analyse(stage, 21, formula), body_compliance(stage))
+
+
+def rigid_limits(stage: Stage, formula: str, mobility: int | None = None) -> Limits:
+    """Limits by the pseudo-rigid model, as studies without `links`."""
+    return _limits(stage, analyse(stage, mobility, formula), None)
+
+
+def element_limits(stage: Stage, solved: Solved) -> Limits:
+    """Limits by finite elements in the plane."""
+    stiffness = np.linalg.inv(solved.response.compliance)
+    cases = [load_case(stage, solved.mesh, solved.response, force) for force in stiffness.T]
+    return Limits(np.asarray(stiffness), np.stack([case.neck_stress for case in cases], axis=-1))
+
+
+def _limits(stage: Stage, model: AnalyticResult, bodies: Array | None) -> Limits:
+    placed = stage_frames(stage)
+    chains = chain_wrenches(chain_compliance(placed, model.hinges, model.freedoms), bodies)
+    pull = out_of_plane(stage.model, stage.material.poissons_ratio)
+    sizes = (stage.array("radius"), stage.array("neck"), np.asarray(stage.thickness))
+    return Limits(np.asarray(np.sum(chains, axis=0)), neck_stress(neck_wrenches(placed, chains), *sizes, pull))
+
+
+def _side(name: str, stage: Stage, limits: Limits) -> Side:
+    found: dict[Direction, Limit] = {}
+    for axis, direction in enumerate(DIRECTIONS):
+        stress = limits.stress[..., axis]
+        chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
+        reach = stage.material.yield_strength / float(np.max(stress))
+        force = (limits.stiffness[:, axis] * reach).tolist()
+        found[direction] = Limit(
+            reach=reach,
+            force=Triple(**dict(zip(DIRECTIONS, force, strict=True))),
+            chain=int(chain) + 1,
+            hinge=HINGE_NAMES[int(position)],
+            stress=float(np.max(stress)),
+        )
+    return Side(model=name, stiffness=limits.stiffness.tolist(), limits=found)

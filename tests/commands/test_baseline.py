@@ -1,0 +1,327 @@
+"""The regression: every change of an input, of a mesh, of a number or of a baseline itself is said in one line."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.commands.baseline import gates, store
+from flexfem.commands.baseline.leaves import at, leaves, named
+from flexfem.commands.baseline.meshes import committed_mesh, read_mesh, write_mesh
+from flexfem.commands.baseline.records import meshes, plain, sections
+from flexfem.errors import BadInput
+
+ROOT = Path(__file__).parents[2]
+ACCEPTED = sorted((ROOT / "tests/baselines").glob("*.json"))
+INPUTS = [
+    *sorted((ROOT / "cases").glob("fig*.toml")),
+    ROOT / "cases/claims.toml",
+    *sorted((ROOT / "geometry").glob("*.toml")),
+    *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
+    *sorted((ROOT / "flexfem/data").glob("*.json")),
+]
+
+
+def nothing_is_solved(stage, resolution):
+    raise AssertionError("a fresh mesh")
+
+
+def found(path):
+    """Lines of one baseline of a project, without solving anything."""
+    return [str(each) for each in store.checked(path, nothing_is_solved).findings]
+
+
+def test_every_shipped_input_has_a_baseline_and_every_baseline_an_input():
+    assert [path.stem for path in ACCEPTED] == sorted(path.stem for path in INPUTS)
+    assert list(store.unaccepted(ROOT / "tests/baselines")) == []
+
+
+CHEAP = ("check", "stiffness", "mesh", "committed", "formulas", "hinges", "middle", "thickness")
+
+
+@pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.stem)
+def test_what_takes_no_fresh_mesh_is_as_accepted(path):
+    """Analytic numbers, charts, and finite elements on committed meshes, whole compliances and stresses among them."""
+    folder = ROOT / "tests/baselines"
+    baseline = store.read_baseline(store.file_of(path, folder))
+    changed = store.changed(path, folder, baseline)
+    assert not changed, "\n".join([*map(str, changed), "when that is meant: make baselines REASON=..."])
+    makers = sections(path, folder, nothing_is_solved)
+    now = {name: plain(makers[name]()) for name in CHEAP if name in makers}
+    accepted = {name: baseline.record[name] for name in now} | {
+        name: value for name, value in baseline.record.items() if name in ("result", "check")
+    }
+    moved = gates.moves(path.stem, accepted, {**accepted, **now})
+    assert not moved, "\n".join([*map(str, moved), "when that is meant: make baselines REASON=..."])
+
+
+def spoilt(record):
+    """The record with every leaf changed: numbers eleven times what they are, round-off zeros twice past their gate."""
+    changed = copy.deepcopy(record)
+    for path, value in leaves(record).items():
+        if isinstance(value, bool) or value is None or isinstance(value, str):
+            new = not value if isinstance(value, bool) else "other" if value is None else value + " or so"
+        else:
+            limit, size = gates.allowed(record, path), gates.rule_of(path).kind.size(record, path)
+            new = 11 * value if limit < 10 * abs(value) else value + 2 * limit if limit else 1.0
+            assert limit < 10 * abs(value) or limit <= 5e-9 * size, path
+        at(changed, path[:-1])[path[-1]] = new
+    return changed
+
+
+NEVER_COMPARED = {"result.written", "result.seconds"} | {
+    f"{section}.versions.{package}"
+    for section in ("result", "budget", "workspace", "converge", "claims")
+    for package in ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
+}
+
+
+@pytest.mark.parametrize("path", ACCEPTED, ids=lambda path: path.stem)
+def test_no_number_and_no_text_can_change_unseen(path):
+    record = store.read_baseline(path).record
+    moved = {each.name for each in gates.moves(path.stem, record, spoilt(record))}
+    assert {named(leaf) for leaf in leaves(record)} - moved <= NEVER_COMPARED
+    assert gates.moves(path.stem, record, record) == []
+
+
+def test_a_zero_to_round_off_has_no_more_room_than_round_off():
+    record = store.read_baseline(ROOT / "tests/baselines/fig6.json").record
+    for label in ("mobility three", "mobility six"):
+        for axis in ("x", "theta"):
+            path = ("result", "error_percent", label, axis)
+            assert abs(at(record, path)) < 1e-10
+            assert gates.allowed(record, path) <= 1.0001e-10  # per cent
+        assert 1e-4 < gates.allowed(record, ("result", "error_percent", label, "y")) < 5e-3
+    path = ("committed", "mobility six", "compliance", 0, 1)
+    assert gates.allowed(record, path) < 1e-13  # mm/N, of 0.026
+
+
+LARGEST = {  # part of the number that each kind may move by
+    ("fig6", "committed.mobility six.compliance[0][0]"): 1e-7,
+    ("fig6", "result.models.mobility six.stiffness[1][1]"): 1e-11,
+    ("fig6", "result.models.mobility six.force[3][1]"): 1e-11,
+    ("fig6", "result.models.mobility six.compliance[2][2]"): 5e-5,
+    ("fig6", "result.models.mobility six.neck_stress[0][1]"): 1e-2,
+    ("fig6", "result.curves.mobility six.y[3]"): 5e-4,
+    ("fig6", "result.error_percent.mobility six.y"): 5e-4,
+    ("fig6", "result.uncertainty.mobility six.y.band"): 2e-3,
+    ("fig6", "result.uncertainty.mobility six.y.extrapolated"): 5e-3,
+    ("mobility6", "budget.split.y.band"): 2e-3,
+    ("mobility6", "budget.split.y.out_of_plane.y"): 1e-7,
+    ("mobility6", "budget.split.y.shares[4].points.y"): 0.05,
+    ("mobility6", "converge.compliance[2][0][0]"): 1e-3,
+    ("mobility6", "workspace.box.position"): 1e-6,
+    ("mobility6", "workspace.travel.theta.load[7][2]"): 1e-8,
+    ("claims", "claims.alternatives[4].along.theta"): 5e-5,
+    ("analytic-study", "analytic.table.kxx_n_per_mm[3]"): 1e-11,
+    ("element-study", "verify.table.error_x_percent[2]"): 1e-2,
+}
+
+
+def test_no_gate_is_wider_than_its_kind_of_number_needs():
+    records = {path.stem: store.read_baseline(path).record for path in ACCEPTED}
+    paths = {stem: {named(path): path for path in leaves(record)} for stem, record in records.items()}
+    for (stem, name), largest in LARGEST.items():
+        path = paths[stem][name]
+        assert 0 < gates.allowed(records[stem], path) <= largest * abs(at(records[stem], path)), name
+
+
+@pytest.mark.parametrize(
+    ("file", "edit", "line"),
+    [
+        (
+            "geometry/mobility6.toml",
+            ("hub_radius_mm = 8.0", "hub_radius_mm = 9.0"),
+            "platform.hub_radius_mm was 8.0, is 9.0",
+        ),
+        (
+            "geometry/mobility6.toml",
+            ("link_width_mm = 9.0", "link_width_mm = 9.05"),
+            "chain.link_width_mm was 9.0, is 9.05",
+        ),
+        (
+            "geometry/mobility6.toml",
+            ("\nradius_mm = 17.0", "\nradius_mm = 17.2"),
+            "platform.radius_mm was 17.0, is 17.2",
+        ),
+        ("geometry/mobility6.toml", ("= 503.0", "= 100.0"), "material.yield_strength_mpa was 503.0, is 100.0"),
+        (
+            "geometry/mobility6.toml",
+            ("[30.0, 32.0, 24.0]", "[30.0, 32.5, 24.0]"),
+            "chain.link_lengths_mm[1] was 32.0, is 32.5",
+        ),
+        (
+            "geometry/mobility6.toml",
+            ("prismatic = true", "prismatic = false"),
+            "hinges.base.prismatic was True, is False",
+        ),
+        (
+            "geometry/mobility6.toml",
+            ("thickness_mm = 10.0", 'model = "plane_strain"\nthickness_mm = 10.0'),
+            "model was plane_stress, is plane_strain",
+        ),
+        ("cases/fig6.toml", ("points = 21", "points = 21\nresolution = 9"), "resolution was 8, is 9"),
+        ("cases/fig6.toml", ("points = 21", "points = 41"), "points was 21, is 41"),
+        ("cases/fig6.toml", ("amplitude_um = 50.0", "amplitude_um = 50.1"), "amplitude_um was 50.0, is 50.1"),
+        ("cases/fig6.toml", ('points = "assumed: the', 'points = "measured: the'), None),
+        (
+            "cases/fig6.toml",
+            ("mobility = 6", 'mobility = 6\nformula = "koster"'),
+            "curve[1].formula was paros-weisbord, is koster",
+        ),
+        ("cases/fig6.toml", ("mobility = 6", "mobility = 12"), "curve[1].mobility was 6, is 12"),
+        (
+            "cases/fig6.toml",
+            ('label = "mobility three"', 'label = "three"'),
+            "curve[0].label was mobility three, is three",
+        ),
+        ("cases/fig6.toml", ('direction = "y"', 'direction = "x"'), "direction was y, is x"),
+    ],
+    ids=lambda value: value[1].strip() if isinstance(value, tuple) else "",
+)
+def test_an_edited_input_is_said_by_key_before_any_number(project, file, edit, line):
+    path = project.edit(file, edit)
+    lines = found(project.path("tests/baselines/fig6.json"))
+    said = line or "provenance.points was assumed: the paper's figures are not available, is measured: the paper's"
+    assert lines[0].startswith(f"the input changed: {path}: {said}")
+    assert all(each.startswith("the input changed: ") for each in lines)
+
+
+def test_curves_in_another_order_are_said(project):
+    text = project.path("cases/fig6.toml").read_text()
+    head, first, second = text.split("[[curve]]")
+    second, tail = second.split("[provenance]")
+    project.path("cases/fig6.toml").write_text(f"{head}[[curve]]{second}[[curve]]{first}[provenance]{tail}")
+    assert "curve[0].label was mobility three, is mobility six" in found(project.path("tests/baselines/fig6.json"))[0]
+
+
+def test_a_mesh_of_another_stage_or_edited_by_hand_is_refused(project):
+    folder = project.path("tests/baselines")
+    (three, stage), (six, _) = (next(iter(meshes(project.path(f"geometry/mobility{m}.toml")).items())) for m in (3, 6))
+    (folder / three).write_bytes((folder / six).read_bytes())
+    assert found(folder / "mobility3.json")[0].startswith(f"the input changed: {folder / three}: nodes was ")
+    with pytest.raises(BadInput, match="not the mesh of the stage as drawn"):
+        committed_mesh(stage, folder / three)
+    good = read_mesh(ROOT / "tests/baselines" / three)
+    shifted, hub = good.nodes.copy(), np.unique(good.edges["hub"])
+    shifted[hub[0]] *= 1.0001
+    for name, mesh, said in (
+        ("a moved node", good._replace(nodes=shifted), "node .* off|no node near"),
+        ("part of the hub", good._replace(edges=good.edges | {"hub": good.edges["hub"][:-1]}), "'hub' are .* mm long"),
+        ("no neck", good._replace(edges={k: v for k, v in good.edges.items() if k != "neck 2 elbow"}), "neck 2 elbow"),
+        ("a neck elsewhere", good._replace(edges=good.edges | {"neck 2 elbow": good.edges["neck 1 elbow"]}), "neck 2"),
+    ):
+        write_mesh(mesh, folder / three)
+        with pytest.raises(BadInput, match=said):
+            committed_mesh(stage, folder / three)
+        assert "sha256 was" in "".join(found(folder / "mobility3.json")), name
+    (folder / three).write_bytes(b"PK\x03\x04 no archive")
+    assert "expected a committed mesh" in found(folder / "mobility3.json")[0]
+    (folder / three).unlink()
+    assert ": nodes is gone" in found(folder / "mobility3.json")[0]
+
+
+def test_a_baseline_that_was_tampered_with_fails(project):
+    path = project.path("tests/baselines/fig6.json")
+    original = json.loads(path.read_text())
+
+    def lines_after(change):
+        data = copy.deepcopy(original)
+        change(data)
+        path.write_text(json.dumps(data))
+        return found(path)[0]
+
+    assert "not a baseline" in lines_after(lambda data: data.update(allowed=1e6))
+    assert "not a baseline" in lines_after(lambda data: data["source"].update(allowed=1e6))
+    assert "not a baseline" in lines_after(lambda data: data.pop("source"))
+    assert "is new: 8" in lines_after(lambda data: data["source"]["inputs"]["fig6.toml"].pop("resolution"))
+    assert "nodes is new: " in lines_after(lambda data: data["source"].update(meshes={}))
+    assert "is new: 2" in lines_after(lambda data: data["source"].update(settings={}))
+    assert "its input is gone" in lines_after(lambda data: data.update(file="../../cases/fig8.toml"))
+    assert "expected the name fig5.json" in lines_after(lambda data: data.update(file="../../cases/fig5.toml"))
+    for text in ("", "{", "[]", '{"case": "fig5"}', "\x00"):
+        path.write_text(text)
+        assert "not a baseline" in found(path)[0] and "\n" not in found(path)[0]
+
+
+def test_a_deleted_or_added_value_is_new_or_gone():
+    accepted = {"check": {"kept": 1.5, "gate": {"allowed": 1e6}}}
+    lines = [str(each) for each in gates.moves("s", accepted, {"check": {"kept": 1.5, "stress": [2.5, None]}})]
+    assert lines == [
+        "s: check.gate.allowed is gone: 1000000",
+        "s: check.stress[0] is new: 2.5",
+        "s: check.stress[1] is new: none",
+    ]
+
+
+def test_a_line_says_was_is_moved_allowed_and_the_unit():
+    accepted = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.0}}]}}
+    now = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.25}}]}}
+    (line,) = map(str, gates.moves("claims", accepted, now))
+    start, _, end = line.partition(", allowed ")
+    assert start == "claims: claims.alternatives[0].along.x was 14, is 14.25, moved +0.25"
+    assert end.endswith(" %") and 1e-4 < float(end.split()[0]) < 1e-2
+    now["claims"]["alternatives"][0]["name"] = "other"
+    assert "alternatives[0].name was none, is other" in str(gates.moves("claims", accepted, now)[0])
+
+
+def test_sentences_may_differ_in_last_places_only():
+    def moved(was, now):
+        wrap = [{"claims": {"verdicts": [{"found": text}]}} for text in (was, now)]
+        return bool(gates.moves("claims", *wrap))
+
+    assert not moved("errors of x 12.536 %, at most 4e-12 % across", "errors of x 12.537 %, at most 9e-13 % across")
+    assert moved("errors of x 12.536 %", "errors of x 12.546 %")
+    assert moved("errors of x 12.536 %", "errors of y 12.536 %")
+    assert moved("at most 4e-12 % across", "at most 4e-04 % across")
+
+
+def test_a_case_beside_the_others_without_a_baseline_is_said(project, flexfem):
+    folder = project.path("tests/baselines")
+    (folder / "fig7.json").unlink()
+    case = project.path("cases/fig7.toml")
+    (line,) = (line for line in store.unaccepted(folder) if "fig7" in line)
+    assert line == f"{case}: no baseline in {folder}; flexfem baseline {case} --baselines {folder} --reason TEXT"
+    project.path("cases/fig6.toml").unlink()
+    code, out, _ = flexfem("regression", folder / "fig6.json")
+    assert (code, out.splitlines()[0]) == (
+        1,
+        f"{folder / 'fig6.json'}: its input is gone: {project.path('cases/fig6.toml')}",
+    )
+    code, out, err = flexfem("regression", project.path("geometry"))
+    assert (code, out) == (2, "") and "no baselines in this folder" in err
+
+
+def test_a_baseline_is_accepted_beside_its_case_or_where_told_and_keeps_its_reasons(project, flexfem, tmp_path):
+    text = project.path("cases/fig6.toml").read_text().replace("points = 21", "points = 3\nresolution = 4")
+    case = project.path("cases/mine.toml")
+    case.write_text(text.partition('[[curve]]\nlabel = "mobility six"')[0])
+    before = sorted(project.folder.rglob("*"))
+    code, out, _ = flexfem("baseline", case, "--reason", "  thicker necks wanted ")
+    assert (code, out.strip()) == (0, str(case.parent / "baselines/mine.json"))
+    made = sorted(str(path.relative_to(project.folder)) for path in set(project.folder.rglob("*")) - set(before))
+    assert [name.partition("-")[0] for name in made] == [
+        "cases/baselines",
+        "cases/baselines/mine.json",
+        "cases/baselines/mobility3",
+    ]
+    data = json.loads((case.parent / "baselines/mine.json").read_text())
+    path = ("result", "models", "mobility three", "neck_stress")
+    at(data["record"], path)[0][1] *= 1.01
+    (case.parent / "baselines/mine.json").write_text(json.dumps(data))
+    code, out, _ = flexfem("verify", "--check", case, "--output", tmp_path, "--json")
+    (finding,) = json.loads(out)["findings"]
+    assert (
+        code == 1 and finding["name"] == "result.models.mobility three.neck_stress[0][1]" and finding["unit"] == "MPa"
+    )
+    code, _, err = flexfem("baseline", case, "--reason", " ")
+    assert code == 2 and "--reason is empty" in err
+    other = project.path("geometry/mine.toml")
+    other.write_text(project.path("geometry/mobility3.toml").read_text())
+    code, out, err = flexfem("baseline", other, "--reason", "x", "--baselines", case.parent / "baselines")
+    assert (code, out) == (2, "") and "is the baseline of another file" in err
+    assert [entry["reason"] for entry in data["history"]] == ["thicker necks wanted"]

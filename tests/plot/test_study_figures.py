@@ -1,0 +1,630 @@
+"""The figures of a study: what is drawn is what its table says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.collections import PolyCollection, QuadMesh
+from matplotlib.colors import CenteredNorm, LogNorm, Normalize
+
+from flexfem.errors import BadInput
+from flexfem.plot.numbers import SPACE
+from flexfem.plot.stage_outline import outline_of
+from flexfem.plot.study import named, write_study_figures
+from flexfem.plot.study_contours import levels
+from flexfem.plot.study_distribution import Scatter, distribution_figure, histogram
+from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
+from flexfem.plot.study_map import StudyMap, edges, map_figure, norm_of
+from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
+from flexfem.plot.study_sensitivity import Share, limits, sensitivity_figure
+from flexfem.plot.study_shown import Source, front_of, map_of, scatters_of, shares_of
+from flexfem.study.answer import answer
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.figure import Figure
+from flexfem.study.findings import Finding, Refused, findings
+from flexfem.study.keys import keys
+from flexfem.study.nominal import nominal, own_values
+from flexfem.study.outputs import outputs_of
+from flexfem.study.percentiles import Percentile
+from flexfem.study.plan import LoadedStudy, load_study
+from flexfem.study.sampling import sample
+from flexfem.study.sensitivity import Indices
+from flexfem.study.table import StudyTable
+
+STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+CAPTION = Caption("A title", ["a line"], ["stage: thickness_mm"])
+HEAD = f'name = "A study $y$"\nstage = "{STAGE}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+GRID = f"""{HEAD}
+[sampling]
+method = "grid"
+[[factor]]
+key = "hinges.base.radius_mm"
+from = 2.5
+to = 5.5
+points = 7
+[[factor]]
+keys = ["hinges.elbow.neck_mm", "hinges.platform.neck_mm"]
+label = "the other necks"
+from = 0.4
+to = 0.9
+points = 4
+scale = "log"
+[[figure]]
+kind = "map"
+x = "hinges.base.radius_mm"
+y = "the other necks"
+value = "kxx_n_per_mm"
+[[figure]]
+kind = "map"
+title = "The same again"
+x = "hinges.base.radius_mm"
+y = "the other necks"
+value = "kxx_n_per_mm"
+[[figure]]
+kind = "pareto"
+x = "envelope_mm"
+y = "kxx_n_per_mm"
+x_better = "smaller"
+drawn = 2
+"""
+SCATTERED = f"""{HEAD}
+[sampling]
+method = "saltelli"
+base = 16
+seed = 4
+[[factor]]
+key = "hinges.*.neck_mm"
+distribution = "normal"
+sd = 0.005
+[[figure]]
+kind = "distribution"
+values = ["kxx_n_per_mm", "coupling_xy"]
+[[figure]]
+kind = "sensitivity"
+values = ["kxx_n_per_mm", "ktt_n_mm_per_rad"]
+"""
+
+
+def study(folder: Path, text: str, *edits: tuple[str, str]) -> LoadedStudy:
+    for old, new in edits:
+        assert old in text, old
+        text = text.replace(old, new)
+    path = folder / "tried.toml"
+    path.write_text(text)
+    return load_study(path)
+
+
+def answered(loaded: LoadedStudy, **changed: np.ndarray) -> StudyTable:
+    count = loaded.count
+    rows, values = answer(loaded, 0, count), sample(loaded, 0, count)
+    columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
+    columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
+    return StudyTable(np.arange(count), rows.status, rows.reason, columns | changed)
+
+
+def source_of(loaded: LoadedStudy, table: StudyTable) -> Source:
+    return Source(loaded, table, nominal(loaded))
+
+
+def found_for(source: Source, place: int) -> tuple[Figure, Any]:
+    """A figure of the study file, and what there is to be seen in it."""
+    return source.loaded.study.figure[place], found_in(source)[place]
+
+
+def found_in(source: Source) -> list[Finding]:
+    return findings(source.loaded, source.table, source.nominal)
+
+
+def texts(figure: Any) -> str:
+    legends = [axes.get_legend() for axes in figure.axes] + figure.legends
+    found = [text.get_text() for text in figure.texts]
+    found += [text.get_text() for legend in legends if legend for text in legend.get_texts()]
+    return " | ".join(found).replace("\n", " ").replace(SPACE, " ")
+
+
+# map
+
+
+def shown_map(**changes: Any) -> StudyMap:
+    x, y = np.meshgrid([1.0, 2.0, 4.0], [0.1, 0.2, 0.3, 0.4], indexing="ij")
+    values = 10.0 * x.ravel() + y.ravel()
+    values[[2, 7]] = np.nan
+    missing = {"refused": np.arange(12) == 2, "time limit": np.arange(12) == 7}
+    points = np.column_stack([x.ravel(), y.ravel()])
+    given: dict[str, Any] = {"x": Quantity("radius", "mm", log=True), "y": Quantity("neck $t$", "mm")}
+    given |= {"value": output("error_x_percent"), "points": points, "values": values, "missing": missing, "grid": True}
+    return StudyMap(CAPTION, **(given | changes))
+
+
+def test_every_cell_of_a_map_has_the_value_of_its_design() -> None:
+    shown = shown_map()
+    order = np.random.default_rng(1).permutation(12)  # designs may come in any order
+    mixed = {why: which[order] for why, which in shown.missing.items()}
+    axes = map_figure(shown._replace(points=shown.points[order], values=shown.values[order], missing=mixed)).axes[0]
+    (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
+    np.testing.assert_array_equal(np.ma.filled(cells.get_array(), np.nan), shown.values.reshape(3, 4).T)
+    corners = cells.get_coordinates()
+    for i, x in enumerate((1.0, 2.0, 4.0)):
+        assert corners[0, i, 0] < x < corners[0, i + 1, 0]
+    np.testing.assert_allclose(corners[0, :, 0], [2**-0.5, 2**0.5, 2**1.5, 2**2.5])  # half way on a log scale
+    np.testing.assert_allclose(corners[:, 0, 1], [0.05, 0.15, 0.25, 0.35, 0.45])
+    assert axes.get_xscale() == "log" and axes.get_yscale() == "linear"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("radius in mm", "neck $t$ in mm")
+    np.testing.assert_allclose([*axes.get_xlim(), *axes.get_ylim()], [2**-0.5, 2**2.5, 0.05, 0.45])
+    form, places = axes.xaxis.get_major_formatter(), axes.xaxis.get_majorticklocs()
+    assert [float(form(place)) for place in places] == pytest.approx(list(places))
+
+
+def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None:
+    figure = map_figure(shown_map(marks=(15.0, 25.0, 99.0)))
+    axes, bar = figure.axes
+    (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
+    low, high = np.nanmin(shown_map().values), np.nanmax(shown_map().values)
+    assert bar.get_ylabel() == "error along X in %" and bar.get_ylim() == (low, high) == (
+        cells.norm.vmin,
+        cells.norm.vmax,
+    )
+    assert [line.get_ydata()[0] for line in bar.get_lines()] == [15.0, 25.0]
+    for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
+        x, y = text.get_position()
+        assert float(text.get_text().split(SPACE)[0]) == pytest.approx(10 * x + y, abs=1.5)
+    wide = map_figure(shown_map(values=10.0 ** shown_map().points[:, 0], missing={})).axes[1]
+    assert wide.get_ylim() == pytest.approx((10.0, 1e4))
+
+
+def test_designs_without_an_answer_are_hatched_and_counted_by_reason() -> None:
+    figure = map_figure(shown_map())
+    hatched = [found for found in figure.axes[0].collections if isinstance(found, PolyCollection)]
+    assert len({found.get_hatch() for found in hatched}) == 2
+    for found, (x, y) in zip(hatched, [(1.0, 0.3), (2.0, 0.4)], strict=True):
+        (box,) = found.get_paths()
+        assert box.contains_point((x, y)) and box.get_extents().width < 2 * x
+    assert "refused: 1" in texts(figure) and "time limit: 1" in texts(figure)
+
+
+def contours(figure: Any) -> dict[float, float]:
+    """Line widths by level."""
+    sets = [found for found in figure.axes[0].collections if hasattr(found, "levels")]
+    return {float(level): float(one.get_linewidth()[0]) for one in sets for level in one.levels}
+
+
+def test_the_contours_that_matter_are_heavier_and_named() -> None:
+    figure = map_figure(shown_map(marks=(15.0, 25.0, 99.0)))
+    found = contours(figure)
+    assert found[15.0] == found[25.0] > found[20.0] and 99.0 not in found
+    assert "contours of 15 % and 25 %" in texts(figure)
+    labels = {text.get_text().replace(SPACE, " ") for text in figure.axes[0].texts}
+    assert {"15 %", "25 %", "20 %"} <= labels
+
+
+@pytest.mark.parametrize(("at", "drawn"), [((1.5, 0.2), True), ((1.5, 0.7), False)])
+def test_the_base_stage_is_a_cross_where_it_is_on_the_map(at: tuple[float, float], drawn: bool) -> None:
+    figure = map_figure(shown_map(base=at))
+    crosses = [
+        (*line.get_xdata(), *line.get_ydata()) for line in figure.axes[0].get_lines() if line.get_marker() == "+"
+    ]
+    assert set(crosses) == ({at} if drawn else set())
+    assert ("base stage" in texts(figure)) is drawn
+
+
+def test_a_scattered_sample_is_a_dot_a_design() -> None:
+    shown = shown_map(grid=False)
+    figure = map_figure(shown)
+    dots = figure.axes[0].collections[0]
+    known = np.isfinite(shown.values)
+    np.testing.assert_array_equal(dots.get_offsets(), shown.points[known])
+    np.testing.assert_array_equal(dots.get_array(), shown.values[known])
+    assert "refused: 1" in texts(figure)
+
+
+def test_colours_are_symmetric_for_both_signs_logarithmic_for_a_wide_range_and_else_linear() -> None:
+    signed, wide, narrow = (
+        norm_of(np.array([-2.0, 7.0, np.nan])),
+        norm_of(np.array([0.1, 7.0])),
+        norm_of(np.array([3.0, 7.0])),
+    )
+    assert isinstance(signed, CenteredNorm) and (signed.vmin, signed.vmax) == (-7.0, 7.0)
+    assert isinstance(wide, LogNorm) and type(narrow) is Normalize and (narrow.vmin, narrow.vmax) == (3.0, 7.0)
+    assert 5.0 not in levels(narrow, (5.0,)) and 4.0 in levels(narrow, (5.0,))
+
+
+def test_the_only_value_of_a_factor_has_a_cell_about_it() -> None:
+    for value, log in ((3.0, True), (3.0, False), (0.0, False)):
+        low, high = edges(np.array([value]), log)
+        assert low < value < high
+
+
+# distribution
+
+
+def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend() -> None:
+    values = np.random.default_rng(3).normal(41.0, 0.6, 3000)
+    found = [
+        Percentile(2.5, 39.8, 39.71, 39.86),
+        Percentile(50.0, 41.0, 40.97, 41.02),
+        Percentile(97.5, 42.2, 42.1, 42.4),
+    ]
+    figure = distribution_figure([Scatter(output("kxx_n_per_mm"), values, found, 41.0123)], CAPTION)
+    (axes,) = figure.axes
+    counts, borders = histogram(values)
+    assert counts.sum() == 3000 and borders[0] == values.min() and borders[-1] == values.max()
+    np.testing.assert_array_equal(axes.patches[0].get_data().values, counts)
+    assert [line.get_xdata()[0] for line in axes.get_lines()] == [39.8, 41.0, 42.2, 41.0123]
+    assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(figure) and "base stage: 41.012 N/mm" in texts(figure)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness $K_{xx}$ in N/mm", "designs")
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches[2:]]
+    assert spans == [pytest.approx(ends) for ends in ((39.71, 39.86), (40.97, 41.02), (42.1, 42.4))]
+    lines, entries = axes.get_lines(), axes.get_legend().get_lines()
+    assert [line.get_linestyle() for line in lines] == ["--", "-", "--", "--"]
+    assert [line._dash_pattern for line in lines] == [line._dash_pattern for line in entries]
+    assert [line.get_color() for line in lines] == [line.get_color() for line in entries]
+    said = [text.get_text()[:6].replace(SPACE, " ") for text in axes.get_legend().get_texts()]
+    assert said == ["2.5 %:", "50 %: ", "97.5 %", "base s"]
+
+
+def test_an_open_interval_says_that_designs_are_too_few() -> None:
+    values = np.linspace(3.0, 4.0, 20)
+    found = [Percentile(2.5, 3.0, -np.inf, 3.1), Percentile(50.0, 3.5, 3.2, 3.7), Percentile(97.5, 4.0, 3.9, np.inf)]
+    figure = distribution_figure([Scatter(output("envelope_mm"), values, found)], CAPTION)
+    assert texts(figure).count("too few designs for an interval") == 2
+    assert "base stage" not in texts(figure)
+
+
+def test_a_value_that_does_not_vary_is_one_bar_and_round_off_of_the_base_stage_is_nought() -> None:
+    counts, _ = histogram(np.full(30, 7.3))
+    assert list(counts) == [30.0]
+    same = [Percentile(p, 0.5, 0.5, 0.5) for p in (2.5, 50.0, 97.5)]
+    figure = distribution_figure([Scatter(output("coupling_xy"), np.linspace(-0.5, 0.5, 9), same, 1e-16)], CAPTION)
+    assert "base stage: 0" in texts(figure)
+
+
+# sensitivity
+
+
+def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_factors(made: Any) -> None:
+    values = ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.015])
+    indices = [Indices(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
+    names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("reach_y_um")]
+    figure = sensitivity_figure([*map(Share, quantities, indices)], names, CAPTION)
+    for axes, found, sums in zip(figure.axes, indices, ("0.90", "0.63"), strict=True):
+        assert [bar.get_width() for bar in axes.patches] == [*found.first, *found.total]
+        middles = [round(bar.get_y() + bar.get_height() / 2) for bar in axes.patches]
+        assert middles == [0, 1, 2, 0, 1, 2] and axes.yaxis_inverted() and list(axes.get_yticks()) == [0, 1, 2]
+        assert all(one.get_y() < other.get_y() for one, other in zip(axes.patches[:3], axes.patches[3:], strict=True))
+        whiskers = [segment for bars in axes.collections for segment in bars.get_segments()]
+        expected = np.column_stack(
+            [np.r_[found.first, found.total] + s * np.r_[found.first_band, found.total_band] for s in (-1, 1)]
+        )
+        np.testing.assert_allclose([segment[:, 0] for segment in whiskers], expected)
+        assert axes.get_xlabel() == f"share of the variance\n(first order sums to {sums})"
+        low, high = axes.get_xlim()
+        assert low < 0.0 and 0.64 < high < 0.7 and (low, high) == limits(indices)
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "reach in Y at yield"]
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == ["first order: alone", "total: with its interactions"]
+    colours = [patch.get_facecolor() for patch in legend.get_patches()]
+    assert colours == [figure.axes[0].patches[0].get_facecolor(), figure.axes[0].patches[3].get_facecolor()]
+
+
+# Pareto
+
+
+def shown_front(folder: Path) -> ParetoFront:
+    outline = outline_of(study(folder, GRID).stage)
+    points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
+    chosen = [Chosen(2, outline, ["K: 1"]), Chosen(0, outline, ["K: 2", "more"])]
+    quantities = (output("reach_x_um"), output("kxx_n_per_mm"))
+    return ParetoFront(
+        CAPTION,
+        *quantities,
+        "larger",
+        "larger",
+        points,
+        np.array([2, 1, 0]),
+        np.array([4]),
+        chosen,
+        ["not drawn: 7 refused"],
+    )
+
+
+def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) -> None:
+    shown = shown_front(tmp_path)
+    figure = pareto_figure(shown._replace(base=(1.5, 2.5)))
+    axes, *cells = figure.axes
+    lines = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
+    np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), shown.points)
+    np.testing.assert_array_equal(lines["front: 3 designs that no other beats"], shown.points[[2, 1, 0]])
+    np.testing.assert_array_equal(lines["1 not on the front: cannot be drawn"], shown.points[[4]])
+    np.testing.assert_array_equal(lines["base stage"], [[1.5, 2.5]])
+    assert [(text.get_text(), *text.xy) for text in axes.texts] == [("A", 4.0, 1.0), ("B", 1.0, 9.0)]
+    assert [cell.texts[0].get_text() for cell in cells[:2]] == ["A:  K: 1", "B:  K: 2\nmore"]
+    assert "mm, all drawings" in cells[2].texts[0].get_text()
+    assert "5 designs" in texts(figure) and "not drawn: 7 refused" in texts(figure)
+    assert axes.get_xlabel() == "reach in X at yield in µm  (larger is better)"
+    assert axes.get_ylabel().startswith("stiffness") and axes.get_ylabel().endswith(" in N/mm  (larger is better)")
+    (front,) = [line for line in axes.get_lines() if str(line.get_label()).startswith("front")]
+    assert front.get_drawstyle() == "steps-post"  # no design is as good as the corner between two
+    (low, high), (down, up) = axes.get_xlim(), axes.get_ylim()
+    assert low < 0.5 and 4.0 < high < 5.0 and down < 0.7 and 9.0 < up < 11.0
+    mixed = pareto_figure(shown._replace(y_better="smaller", chosen=[])).axes[0]
+    assert mixed.get_xlabel().endswith("(larger is better)") and mixed.get_ylabel().endswith("(smaller is better)")
+
+
+def test_drawings_are_to_one_scale_and_the_scale_bar_is_as_long_as_it_says(tmp_path: Path) -> None:
+    figure = pareto_figure(shown_front(tmp_path))
+    _, one, other, scale = figure.axes
+
+    def per_mm(axes: Any) -> float:
+        return axes.get_window_extent().width / np.ptp(axes.get_xlim())
+
+    assert per_mm(one) == pytest.approx(per_mm(other)) == pytest.approx(per_mm(scale))
+    assert one.get_window_extent().height / np.ptp(one.get_ylim()) == pytest.approx(per_mm(one))  # nothing is squeezed
+    (bar,) = scale.get_lines()
+    assert scale.texts[0].get_text().startswith(f"{np.ptp(bar.get_xdata()):g}{SPACE}mm")
+    assert 0.1 < np.ptp(bar.get_xdata()) / np.ptp(scale.get_xlim()) < 0.5
+    (hub,), (_, rims, grounds) = one.patches, one.collections
+    assert hub.radius == 8.0 and rims.get_linewidth()[0] < grounds.get_linewidth()[0]
+    assert len(grounds.get_segments()) == 3 < len(rims.get_segments())
+
+
+def test_an_outline_has_the_bodies_and_grounds_of_three_chains_a_third_of_a_turn_apart(tmp_path: Path) -> None:
+    outline = outline_of(study(tmp_path, GRID).stage)
+    assert len(outline.bodies) == 12
+    places = np.array([line.mean(axis=0) for line in outline.grounds]) @ [1.0, 1.0j]
+    np.testing.assert_allclose(places[1:] / places[0], np.exp([2j * np.pi / 3, 4j * np.pi / 3]), atol=1e-12)
+    assert places[0].real > 54.0 + 4.0 and outline.hub == 8.0  # behind the base hinge at x = 54 mm, R = 4 mm
+
+
+# from the table
+
+
+def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: Path) -> None:
+    loaded = study(tmp_path, GRID)
+    table = answered(loaded)
+    shown = map_of(source_of(loaded, table), loaded.study.figure[0])
+    np.testing.assert_array_equal(shown.values, table.columns["kxx_n_per_mm"])
+    np.testing.assert_array_equal(shown.points, sample(loaded, 0, loaded.count))
+    assert {why: which.sum() for why, which in shown.missing.items()} == {"refused": table.counts["refused"]}
+    assert shown.base == (4.0, 0.5) and shown.x.label == "radius of base hinges in mm"
+    assert (shown.y.label, shown.y.log) == ("the other necks in mm", True)
+    assert shown.caption.title == "Stiffness XX over radius of base hinges and the other necks"
+    assert front_of(source_of(loaded, table), *found_for(source_of(loaded, table), 2)).caption.title == (
+        "Stiffness XX against diameter of the envelope"
+    )
+    lines = " ".join(shown.caption.lines)
+    for piece in (
+        "A study $y$",
+        "mobility six, reference",
+        "calibrated",
+        "mobility 21",
+        f"{table.counts['ok']} ok",
+        "28 designs",
+    ):
+        assert piece in lines
+    assert "stage: thickness_mm" in shown.caption.assumed
+
+
+def test_a_map_of_more_factors_says_over_which_it_is_the_mean(tmp_path: Path) -> None:
+    third = '[[figure]]\nkind = "pareto"'
+    loaded = study(tmp_path, GRID, (third, f'[[factor]]\nkey = "thickness_mm"\nvalues = [9.0, 11.0]\n{third}'))
+    table = answered(loaded)
+    shown = map_of(Source(loaded, table, {}), loaded.study.figure[0])
+    kxx = table.columns["kxx_n_per_mm"].reshape(28, 2)
+    np.testing.assert_allclose(shown.values, kxx.mean(axis=1), rtol=1e-12)
+    half = np.nanmedian(np.abs(np.diff(kxx, axis=1))) / np.sqrt(2)
+    lines = " ".join(shown.caption.lines)
+    assert "the mean over thickness: of 2 designs (median), which scatter by" in lines
+    found = re.search(r"scatter by ([\d.]+).N/mm", lines)
+    assert found and float(found[1]) == pytest.approx(half, rel=0.02)  # two digits
+
+
+def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> None:
+    limit = '[[constraint]]\nlabel = "reach"\nvalue = "reach_x_um"\nleast = 500.0\n'
+    loaded = study(tmp_path, GRID, ('[[figure]]\nkind = "map"\nx', f'{limit}[[figure]]\nkind = "map"\nx'))
+    table = answered(loaded)
+    feasible = table.ok & (table.columns["reach_x_um"] >= 500.0)
+    reason = np.where(table.ok & (table.design % 5 == 0), "something", table.reason)
+    table = table._replace(feasible=feasible, reason=reason)
+    source = Source(loaded, table, {})
+    lines = " ".join(map_of(source, loaded.study.figure[0]).caption.lines).replace(SPACE, " ")
+    ok = int(table.ok.sum())
+    assert 0 < feasible.sum() < ok
+    assert f"{feasible.sum()} of {ok} designs with an answer keep the constraints: reach at least 500." in lines
+    assert f"{np.sum(reason == 'something')} of {ok} designs with an answer: something." in lines
+    front = front_of(source, *found_for(source, 2))
+    assert len(front.points) == feasible.sum()
+    assert front.left_out == [
+        f"not drawn: {table.counts['refused']} refused, {ok - feasible.sum()} that break a constraint"
+    ]
+
+
+def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None:
+    loaded = study(tmp_path, GRID)
+    whole = answered(loaded)
+    some = StudyTable(*(part[:20] for part in whole[:3]), {name: column[:20] for name, column in whole.columns.items()})
+    lines = " ".join(map_of(Source(loaded, some, {}), loaded.study.figure[0]).caption.lines)
+    assert "28 designs (grid): " in lines and ", 8 open" in lines
+
+
+def test_the_mesh_band_of_an_error_is_stated(tmp_path: Path) -> None:
+    text = (
+        GRID.replace('"analytic"', '"verify"')
+        .replace('"kxx_n_per_mm"', '"error_y_percent"')
+        .replace("mobility = 21", "mobility = 6")
+    )
+    loaded = study(tmp_path, text)
+    count = loaded.count
+    columns = {name: np.linspace(0.5, 1.5, count) for name in loaded.outputs}
+    columns |= {column.name: sample(loaded, 0, count)[:, k] for k, column in enumerate(loaded.columns)}
+    columns["band_y_percent"] = np.r_[np.full(count - 1, 0.012), 0.34]
+    table = StudyTable(np.arange(count), np.full(count, "ok", dtype=object), np.full(count, "", dtype=object), columns)
+    shown = map_of(Source(loaded, table, {}), loaded.study.figure[0])
+    assert "median 0.012, largest 0.34 percentage points" in " ".join(shown.caption.lines)
+    assert sorted(shown.marks) == [-10.0, -5.0, 5.0, 10.0] and "mobility 6" in " ".join(shown.caption.lines)
+
+
+def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_those_designs(tmp_path: Path) -> None:
+    loaded = study(tmp_path, GRID)
+    table = answered(loaded)
+    source = source_of(loaded, table)
+    shown = front_of(source, *found_for(source, 2))
+    x, y = table.answered("envelope_mm", "kxx_n_per_mm")
+    for place in shown.front:
+        assert not ((x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place])))[
+            ~np.isin(np.arange(len(x)), shown.undrawable)
+        ].any()
+    assert 1 <= len(shown.chosen) <= 2 and {one.place for one in shown.chosen} <= set(shown.front)
+    (radius,) = table.answered("hinges.base.radius_mm")
+    for one in shown.chosen:
+        assert f"radius of base hinges: {radius[one.place]:.2f}{SPACE}mm" in one.lines
+    assert shown.left_out == [f"not drawn: {table.counts['refused']} refused"]
+
+
+def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> None:
+    loaded = study(tmp_path, SCATTERED)
+    table = answered(loaded)
+    assert loaded.count == 80
+    source = source_of(loaded, table)
+    (scatter, other), caption = scatters_of(source, *found_for(source, 0))
+    assert other.nominal == source.nominal["coupling_xy"] != scatter.nominal
+    median = scatter.percentiles[1]
+    ordered = np.sort(scatter.values())
+    ranks = np.searchsorted(ordered, [median.low, median.high])
+    assert ranks[1] - ranks[0] > 1.3 * 2 * 1.96 * np.sqrt(80 / 4)  # wider than 80 independent draws would have it
+    assert (
+        scatter.nominal == pytest.approx(np.median(scatter.values()), rel=0.01)
+        and "independent draws" in caption.lines[-1]
+    )
+
+
+def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:
+    loaded = study(tmp_path, SCATTERED)
+    table = answered(loaded)
+    table.status[5], table.reason[5] = "failed", "mesh: no"
+    refused = found_in(Source(loaded, table, {}))[1]
+    assert isinstance(refused, Refused)
+    assert re.search(r"sensitivity of kxx_n_per_mm: 1 of 80 designs.*design 5: failed: mesh: no", refused.reason)
+
+
+def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
+    loaded = study(tmp_path, GRID)
+    table = answered(loaded)
+    table.status[:] = "refused"
+    with pytest.raises(BadInput, match="none of 28 designs has an answer"):
+        found_in(Source(loaded, table, {}))
+
+
+@pytest.mark.parametrize("text", [GRID, SCATTERED], ids=["grid", "scattered"])
+def test_the_same_table_gives_the_same_files_of_every_figure(tmp_path: Path, text: str) -> None:
+    loaded = study(tmp_path, text)
+    source = source_of(loaded, answered(loaded))
+    first, second = (write_study_figures(source, found_in(source), tmp_path / name) for name in ("a", "b"))
+    assert [path.name for path in first] == [path.name for path in second]
+    assert [path.stem for path in first[::2]] == [name for name, _ in named(loaded)]
+    assert all(one.read_bytes() == other.read_bytes() for one, other in zip(first, second, strict=True))
+    assert len({path.read_bytes() for path in first}) == len(first) == 2 * len(loaded.study.figure)
+
+
+def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Path) -> None:
+    indices = Indices(*(np.array([0.5]) for _ in range(4)))
+    same = [Percentile(p, 0.5, 0.4, 0.6) for p in (2.5, 50.0, 97.5)]
+    for caption, said in ((CAPTION, True), (CAPTION._replace(assumed=[]), False)):
+        for figure in (
+            map_figure(shown_map()._replace(caption=caption)),
+            distribution_figure([Scatter(output("coupling_xy"), np.linspace(0.0, 1.0, 9), same)], caption),
+            sensitivity_figure([Share(output("coupling_xy"), indices)], ["one"], caption),
+            pareto_figure(shown_front(tmp_path)._replace(caption=caption)),
+        ):
+            assert ("assumed dimensions" in texts(figure)) is said and "A title" in texts(figure)
+
+
+def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
+    loaded = study(tmp_path, SCATTERED)
+    source = Source(loaded, answered(loaded), {})
+    shares, factors, _ = shares_of(source, *found_for(source, 1))
+    assert factors == ["neck of base hinges", "neck of elbow hinges", "neck of platform hinges"]
+    assert all(share.indices.total is not None for share in shares)
+    plain = [Share(share.quantity, share.indices._replace(total=None, total_band=None)) for share in shares]
+    bars = [len(sensitivity_figure(each, factors, CAPTION).axes[0].patches) for each in (shares, plain)]
+    assert bars == [6, 3]
+    assert [share.quantity for share in shares] == [output("kxx_n_per_mm"), output("ktt_n_mm_per_rad")]
+
+
+# labels, and the base stage
+
+
+def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
+    assert set(OUTPUTS) == set(outputs_of(True, True, True))
+    letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
+    kinds = {"stress": "peak neck stress per {}", "reach": "reach in {} at yield", "error": "error along {}"}
+    kinds |= {"travel": "travel in {} for the stroke", "cross": "largest cross error under {}"}
+    kinds |= {"band": "mesh band of the error along {}"}
+    for name in OUTPUTS:
+        found, (kind, axis, *_) = output(name), [*name.split("_"), ""]
+        if kind in kinds:
+            assert (found.name, found.symbol) == (kinds[kind].format(letters[axis]), ""), name
+        elif re.fullmatch("k[xyt][xyt]", kind):
+            assert found.name == f"stiffness {letters[kind[1]]}{letters[kind[2]]}", name
+            assert found.symbol == f"stiffness $K_{{{symbols[kind[1]]}{symbols[kind[2]]}}}$".replace(
+                "xt", r"x\theta"
+            ), name
+        elif kind == "coupling":
+            one, other = (symbols[letter] for letter in axis)
+            assert found.name == f"coupling {letters[axis[0]]}{letters[axis[1]]}", name
+            assert found.symbol == rf"coupling $K_{{{one}{other}}}/\sqrt{{K_{{{one}{one}}}K_{{{other}{other}}}}}$", name
+        else:
+            assert (name, found.label) == ("envelope_mm", "diameter of the envelope in mm")
+
+
+def test_every_key_reads_as_words_with_its_unit() -> None:
+    seen = {}
+    for key in keys():
+        (column,) = columns_of([Factor.model_validate({"key": key, "values": [0.25]})])
+        found = factor(column)
+        assert "_" not in found.label and "." not in found.label and found.name not in seen, key
+        assert (found.unit == "") == (keys()[key].unit == 1.0 and not re.search(r"_(mm|mpa|m3)(\[\d\])?$", key)), key
+        seen[found.name] = key
+    assert (
+        seen["neck, chain 2 elbow"] == "override.2.elbow.neck_mm"
+        and seen["link length 1"] == "chain.link_lengths_mm[0]"
+    )
+
+
+def test_the_base_stage_is_answered_as_a_design_with_its_own_values(tmp_path: Path) -> None:
+    loaded = study(
+        tmp_path,
+        GRID,
+        ("from = 2.5\nto = 5.5\npoints = 7", "values = [4.0]"),
+        ("points = 4", "points = 2"),
+        ("from = 0.4", "from = 0.5"),
+        ('scale = "log"\n', ""),
+    )
+    table, found = answered(loaded), nominal(loaded)
+    for name in loaded.outputs:
+        assert found[name] == pytest.approx(table.columns[name][0], rel=1e-12, abs=1e-12)
+    assert own_values(loaded) == {"hinges.base.radius_mm": 4.0, "the other necks": 0.5}
+
+
+def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
+    loaded = study(
+        tmp_path,
+        GRID,
+        ('"hinges.elbow.neck_mm", "hinges.platform.neck_mm"', '"hinges.elbow.radius_mm", "hinges.base.neck_mm"'),
+        ('"the other necks"', '"mixed"'),
+    )
+    assert set(own_values(loaded)) == {"hinges.base.radius_mm"}
+
+
+@pytest.mark.parametrize(("model", "said"), [("plane_stress", "mobility 6"), ("plane_strain", "plane strain")])
+def test_the_caption_says_in_which_plane_model_the_stage_is(model: Any, said: str) -> None:
+    loaded = load_study(Path(__file__).parents[2] / "cases" / "study-trust.toml")
+    assert (
+        model_words(replace(loaded, stage=loaded.stage.model_copy(update={"model": model}))).rstrip(")").endswith(said)
+    )

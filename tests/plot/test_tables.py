@@ -1,0 +1,313 @@
+"""Printed tables: every cell from numbers that differ, below the head that names it and its unit."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from flexfem.commands import tables
+from flexfem.commands.progress import print_status
+from flexfem.plot.table import markdown_report
+from flexfem.validate.finding import Finding
+from flexfem.validate.registry import Table, markdown_table
+from flexfem.verify.alternatives import Alternative, markdown_alternatives
+from flexfem.verify.claims import Verdict, markdown_claims
+from flexfem.verify.result import Triple
+
+STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+MATRIX = [[41.5, 2.3, 310.0], [2.1, 43.5, -290.0], [330.0, -270.0, 47000.0]]
+INVERSE = [[0.025, 1.5e-3, 2.5e-5], [1.25e-3, 0.0235, -3.5e-5], [4.5e-5, -5.5e-5, 2.15e-5]]
+ALONG, ACROSS = Triple(x=14.071, y=13.5, theta=-12.25), Triple(x=0.125, y=0.375, theta=0.875)
+
+
+@pytest.fixture
+def cells(capsys):
+    """What is printed of facts, line by line, as cells two or more spaces apart."""
+
+    def read(show, *facts):
+        show(*facts)
+        lines = capsys.readouterr().out.splitlines()
+        return [re.split(r"\s{2,}", line.strip()) for line in lines]
+
+    return read
+
+
+def numbers(rows):
+    """Rows of cells that are numbers, as numbers."""
+    return [[float(cell) for cell in row] for row in rows]
+
+
+def test_hinges_are_in_mm_and_degrees(cells):
+    hinge = {"chain": 2, "hinge": "elbow", "centre_mm": [24.5, -32.25], "axis_deg": 187.5}
+    hinge |= {"radius_mm": 1.75, "neck_mm": 0.65, "prismatic": True}
+    other = hinge | {"chain": 3, "hinge": "base", "centre_mm": [1.5, 2.5], "prismatic": False}
+    facts = {"name": "S", "mobility": 6, "chains_alike": False, "model": "plane_strain", "hinges": [hinge, other]}
+    rows = cells(
+        tables.print_stage,
+        facts | {"provenance": {"thickness_mm": "measured"}, "assumed": ["a_mm"], "not_stated": [], "warnings": []},
+    )
+    head = ["chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms"]
+    assert ["S: mobility 6, chains differ, plane strain"] in rows
+    at = rows.index(head)
+    assert rows[at + 1] == ["2", "elbow", "24.5000", "-32.2500", "187.50", "1.75", "0.65", "rotation, axial"]
+    assert rows[at + 2] == ["3", "base", "1.5000", "2.5000", "187.50", "1.75", "0.65", "rotation"]
+    assert ["thickness_mm: measured"] in rows and any("a_mm" in row[-1] for row in rows)
+
+
+ANALYTIC = {"name": "S", "mobility": 6, "formula": "koster", "formula_in_range": False, "model": "plane_stress"}
+ANALYTIC |= {"stiffness": MATRIX, "compliance": INVERSE, "assumed": [], "not_stated": []}
+SOLUTION = {"name": "S", "triangles": 321, "unknowns": 654, "model": "plane_stress", "resolution": 8}
+SOLUTION |= {"stiffness": MATRIX, "compliance": INVERSE, "force": [1.5, -2.5, 35.0], "assumed": [], "not_stated": []}
+SOLUTION |= {"displacement": [0.025, -0.035, 4.5e-3], "reaction": [-1.5, 2.5, -35.0], "energy": 1.0}
+SOLUTION |= {"neck_stress": [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.5, 8.5, 9.5]]}
+
+
+@pytest.mark.parametrize(
+    ("show", "facts", "names"),
+    [(tables.print_analytic, ANALYTIC, (" K_uu", " C_uu")), (tables.print_solution, SOLUTION, ("", ""))],
+)
+def test_matrices_are_printed_row_by_row_with_their_units(cells, show, facts, names):
+    rows = cells(show, facts)
+    for matrix, title in (
+        (MATRIX, f"stiffness{names[0]}, N/mm and N mm/rad (x, y, theta)"),
+        (INVERSE, f"compliance{names[1]}, mm/N and rad/(N mm) (x, y, theta)"),
+    ):
+        at = rows.index([title])
+        cut = [re.split(r"\s+", " ".join(row)) for row in rows[at + 1 : at + 4]]
+        assert numbers(cut) == matrix
+
+
+def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells):
+    rows = [re.split(r"\s+", " ".join(row)) for row in cells(tables.print_solution, SOLUTION)]
+    assert ["force", "1.500000e+00", "-2.500000e+00", "3.500000e+01", "N,", "N,", "N", "mm"] in rows
+    assert ["displacement", "2.500000e-02", "-3.500000e-02", "4.500000e-03", "mm,", "mm,", "rad"] in rows
+    at = next(k for k, row in enumerate(rows) if "necks," in row)
+    assert "MPa," in rows[at] and " ".join(rows[at]).endswith("(base, elbow, platform):")
+    assert rows[at + 1 : at + 4] == [["1", "1.5", "2.5", "3.5"], ["2", "4.5", "5.5", "6.5"], ["3", "7.5", "8.5", "9.5"]]
+    assert "321 triangles, 654 unknowns" in " ".join(rows[0])
+
+
+def test_a_formula_outside_its_range_is_called_so(cells):
+    assert "koster (outside its range" in cells(tables.print_analytic, ANALYTIC)[0][0]
+    assert "outside" not in cells(tables.print_analytic, ANALYTIC | {"formula_in_range": True})[0][0]
+
+
+def test_errors_have_their_own_bands(cells, made):
+    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
+    rows = cells(tables.print_results, [made.result(errors, direction="y")], Path("there"))
+    at = rows.index(["case", "commanded", "model", "X %", "Y %", "theta %"])
+    assert rows[at + 1] == ["fig", "y", "one", "14.071 ± 0.017", "0.020 ± 0.027", "-3.120 ± 0.037"]
+    assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
+
+
+def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
+    study = made.mesh_study()
+    rows = cells(tables.print_convergence, study.model_dump(mode="json"))
+    at = rows.index(["triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)"])
+    for row, resolution, unknowns, level in zip(
+        rows[at + 1 : at + 5], (2, 3, 5, 8), (123, 234, 567, 1234), range(4), strict=True
+    ):
+        found = [study.uncertainty[axis].values[level] for axis in ("x", "y", "theta")]
+        assert row[:2] == [str(resolution), str(unknowns)]
+        assert numbers([row[2:]])[0] == pytest.approx(found, rel=1e-9)
+    assert numbers([rows[at + 5][1:]]) == [[0.0271, 0.0263, 2.57e-5]] and rows[at + 5][0] == "extrapolated"
+    assert rows[at + 6] == ["band of the finest", "7.0e-03 relative", "3.2e-02 relative", "1.6e-02 relative"]
+    assert rows[at + 7] == ["observed order", "3.97", "2.96", "none"]
+    assert rows[at + 8] == ["verdict", "converging", "out of range", "oscillatory"]
+
+
+def test_the_budget_has_the_shares_along_each_command(cells, made):
+    rows = cells(tables.print_budget, made.budget().model_dump(mode="json"))
+    at = rows.index(["share", "x", "y", "theta"])
+    assert rows[at + 1 : at + 6] == [
+        ["freedoms", "+0.216", "-0.411", "+0.137"],
+        ["formula", "+11.796", "+8.523", "+9.685"],
+        ["links", "+0.526", "+0.731", "-0.722"],
+        ["what is left", "-0.308", "+0.092", "+0.051"],
+        ["large displacement", "-0.139", "+0.253", "+0.326"],
+    ]
+    assert rows[at + 6] == ["total", "12.091 ± 0.013", "9.188 ± 0.127", "9.477 ± 0.245"]
+    assert rows[at + 7] == ["outside it: out of plane", "-10.533", "+6.217", "-8.461"]
+
+
+def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
+    rows = cells(tables.print_workspace, made.workspace().model_dump(mode="json"))
+    models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
+    at = rows.index(["per cent", "commanded", "at", *models])
+    kinds = ("tangent stiffness, change from rest", "linear position error, along", "linear position error, across")
+    expected = []
+    for kind, name in enumerate(kinds):
+        for axis, far, unit, along, aside in (
+            ("x", 300, "um", 0.7, 0.31),
+            ("y", 400, "um", -0.4, 0.22),
+            ("theta", 6, "mrad", 0.2, 0.0),
+        ):
+            size = (2 * along, along, aside)[kind]
+            shares = (0.61, 0.97, 1.0, 0.95) if kind == 0 else (0.61, 0.97, 1.0, 0.9, 1.2)
+            for end in (-1.0, -0.1, 0.1, 1.0):
+                values = [f"{share * size * end:+z.4f}" for share in shares]
+                expected.append([name, axis, f"{far * end:+g} {unit}", *values])
+    assert rows[at + 1 : at + 37] == expected
+    text = " ".join(" ".join(row) for row in rows)
+    assert "within a tenth of these commands: linear position off by up to 0.123 %" in text
+    assert re.search(
+        r"a tenth .* change the tangent compliance by up to 0\.045 % .*all of them: .*by up to 1\.237 %", text
+    )
+    assert text.rstrip().endswith("tangent compliance by up to 0.678 %")
+
+
+def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch):
+    asked = []
+
+    def travel(path, stage, amplitude, **_):
+        asked.append(amplitude)
+        return made.workspace()
+
+    monkeypatch.setattr("flexfem.verify.workspace.workspace", travel)
+    code, out, _ = flexfem("workspace", STAGE, "--amplitude-um", 137)
+    assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
+    assert flexfem("workspace", STAGE)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
+
+
+def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
+    checks = [
+        {"quantity": "pose", "difference": 2.5e-9, "allowed": 1e-8, "passed": True},
+        {"quantity": "stress", "difference": 3.5e-3, "allowed": 1e-6, "passed": False},
+        {"quantity": "thickness", "difference": 4.5e-2, "allowed": None, "passed": True},
+    ]
+    facts = {"name": "S", "unknowns": 42, "solver": "ngsolve", "version": "6.2", "checks": checks, "passed": False}
+    rows = cells(
+        tables.print_cross_check, facts | {"seconds": 1.25, "their_seconds": 3.5, "assumed": [], "not_stated": []}
+    )
+    at = rows.index(["largest relative difference", "is", "allowed"])
+    assert rows[at + 1 : at + 4] == [
+        ["pose", "2.5e-09", "1.0e-08"],
+        ["stress", "3.5e-03", "1.0e-06", "TOO FAR"],
+        ["thickness", "4.5e-02", "only stated"],
+    ]
+    assert rows[at + 4] == ["1.25 s here, 3.50 s there; passed: False"]
+    assert rows[0] == ["S: 42 unknowns, flexfem against ngsolve 6.2"]
+
+
+FINDINGS = [
+    Finding("one", "Source A", "stress", 92.5, 0.25, 93.75, 1.25, 2.5, 777, True, "a note"),
+    Finding("two", "Source B", "order", 3.0, 0.0, 2.5, -0.5, 0.125, 888, False, ""),
+]
+
+
+def test_benchmarks_have_target_and_ours_in_their_columns(cells):
+    facts = {"findings": [{**f._asdict(), "passed": f.passed} for f in FINDINGS], "seconds": {"one": 2.0, "two": 5.0}}
+    rows = cells(tables.print_benchmarks, facts | {"passed": False})
+    at = rows.index(["benchmark", "quantity", "target", "ours", "off by", "allowed"])
+    assert rows[at + 1] == ["one", "stress", "92.5", "93.75", "1.2", "2.5"]
+    assert rows[at + 2] == ["two", "order", "3", "2.5", "-0.5", "0.12", "FAILED"]
+    assert rows[at + 3] == ["2 findings in 7 s; passed: False"]
+
+
+def test_the_page_of_benchmarks_has_relative_differences_in_per_cent():
+    page = markdown_table(Table(FINDINGS, {"one": 2.0, "two": 5.0})).splitlines()
+    head = "| benchmark | quantity | target | ± | ours | difference | allowed | unknowns | |"
+    at = page.index(head)
+    assert page[at + 2] == "| one | stress | 92.5 | 0.25 | 93.75 | +1.2e+00 (+1.35 %) | 2.5 | 777 | passed |"
+    assert page[at + 3] == "| two | order | 3 | exact | 2.5 | -5.0e-01 (-16.67 %) | 0.12 | 888 | **FAILED** |"
+    assert "1 of 2 failed, in 7 s." in page[2]
+    assert "- one: Source A." in page and "- one, stress: a note." in page
+
+
+def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
+    verdict = Verdict(
+        id="a",
+        statement="it is",
+        where="p. 3",
+        reading=None,
+        verdict="does not hold",
+        found="12 %",
+        values=[],
+        missing=None,
+    )
+    other = Alternative(name="another mesh", mobility=3, along=ALONG, across=ACROSS)
+    facts = {"verdicts": [verdict.model_dump()], "alternatives": [other.model_dump()], "assumed": [], "not_stated": []}
+    rows = cells(tables.print_claims, facts)
+    assert rows[:2] == [["does not hold: it is (p. 3)"], ["12 %"]]
+    at = rows.index(["alternative", "model", "X", "Y", "theta"])
+    assert rows[at + 1] == ["another mesh", "mobility 3", "14.071, 0.125", "13.500, 0.375", "-12.250, 0.875"]
+    page = markdown_alternatives([other]).splitlines()
+    assert page[0] == "| alternative | model | X along | across | Y along | across | theta along | across |"
+    assert page[2] == "| another mesh | 3 | 14.071 | 0.125 | 13.500 | 0.375 | -12.250 | 0.875 |"
+    page = markdown_claims([verdict.model_copy(update={"reading": "so"})]).splitlines()
+    assert page[0] == "| claim | where | verdict | found |"
+    assert page[2] == "| it is *Read as: so.* | p. 3 | **does not hold** | 12 % |"
+
+
+def test_formulas_have_their_range_of_t_over_r(cells):
+    fact = {"freedoms": ["rotation", "axial"], "t_over_R": (0.05, 0.65), "source": "A book", "status": "As printed."}
+    rows = cells(tables.print_formulas, {"one": fact})
+    assert rows == [["one: rotation, axial; t/R 0.05 to 0.65"], ["A book. As printed."]]
+
+
+def test_the_counts_of_a_study_are_in_their_places(cells):
+    facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
+    facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
+    rows = cells(print_status, facts | {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": []})
+    assert rows[0] == ["S: 12,345 designs, 11 open"]
+    assert rows[1] == ["done 12,334: 12,311 ok, 7 refused, 16 failed"]
+    assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows
+
+
+def test_every_cell_of_the_page_is_its_own_number(made):
+    other = made.model(
+        stage="b",
+        hash="fedcba9876543210" * 4,
+        plane="plane_strain",
+        mobility=3,
+        formula="koster",
+        formula_in_range=False,
+        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
+        resolution=7,
+        triangles=777,
+        unknowns=888,
+    )
+    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
+    models = {"one": made.model(), "two": other}
+    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
+    bands = found.uncertainty["two"]
+    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
+    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
+    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
+    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
+
+    def below(head):
+        at = page.index(head)
+        return page[at + 2 : page.index("", at)]
+
+    assert below("| case | command | curve | X | Y | θ |") == [
+        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
+        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
+    ]
+    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
+        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
+        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
+    ]
+    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
+    assert below(head) == [
+        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
+        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
+    ]
+    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
+    rows = below(head)
+    assert rows[:3] == [
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
+    ]
+    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
+    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
+    assert below(head) == [
+        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
+        "| b | fedcba987654 | 7 | 777 | 888 |",
+    ]
+    text = "\n".join(page)
+    assert "first multiplied by l₃ (21 mm)" in text and "- `thickness_mm`: assumed (fig)" in text
+    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text

@@ -1,0 +1,79 @@
+"""The figure of the factors out of plane: curves, limits and the hinges marked in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.plot.numbers import SPACE
+from flexfem.plot.thickness import ThicknessReview, thickness_figure
+
+X = np.geomspace(0.5, 50.0, 30)
+NU = 0.29
+STRAIN = 1 - NU**2
+
+
+def review(**changes) -> ThicknessReview:
+    position = X**2 / (X**2 + np.array([[400.0], [90.0], [9.0]]))
+    given = {
+        "width": X,
+        "ratio": np.array([0.02, 0.1, 0.8]),
+        "poissons_ratio": NU,
+        "rotation": 1 - NU**2 * position,
+        "axial": 1 - 0.4 * NU**2 * position,
+        "marked": {"base": (0.125, 20.0, 0.93, 0.97), "elbow": (0.333, 20.0, 0.92, 0.96)},
+        "source": "made-up numbers",
+    }
+    return ThicknessReview(**(given | changes))
+
+
+def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
+    shown = review()
+    for axes, freedom in zip(thickness_figure(shown).axes, ("rotation", "axial"), strict=True):
+        lines = axes.get_lines()
+        assert [lines[k].get_ydata()[0] for k in (0, 1)] == [1.0, pytest.approx(STRAIN)]
+        for line, values in zip(lines[2:5], getattr(shown, freedom), strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), values)
+            np.testing.assert_array_equal(line.get_xdata(), X)
+        low, high = axes.get_ylim()
+        assert low < STRAIN and high > 1
+        assert {text.get_text() for text in axes.texts} == {"plane stress", f"plane strain, 1 − ν² = {STRAIN:.3f}"}
+
+
+def test_axes_and_legends_say_what_is_over_what() -> None:
+    figure = thickness_figure(review())
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == [r"(a) rotation, $\theta/M$", r"(b) axial, $\delta_x/F_x$"]
+    assert [axes.get_ylabel() for axes in figure.axes] == 2 * ["three dimensions / plane stress"]
+    assert figure.axes[1].get_xlabel() == "b/t" and {axes.get_xscale() for axes in figure.axes} == {"log"}
+    for axes in figure.axes:
+        assert [text.get_text() for text in axes.get_legend().get_texts()][:3] == [
+            "t/R = 0.02",
+            "t/R = 0.1",
+            "t/R = 0.8",
+        ]
+        assert [line.get_label() for line in axes.get_lines()[2:5]] == ["t/R = 0.02", "t/R = 0.1", "t/R = 0.8"]
+    ticks = figure.axes[1].get_xticklabels()
+    assert [float(tick.get_text()) for tick in ticks] == [tick.get_position()[0] for tick in ticks] != []
+    caption = " ".join(text.get_text().replace("\n", " ").replace(SPACE, " ") for text in figure.texts)
+    assert "in three dimensions over that in plane stress, ν = 0.29" in caption and "made-up numbers" in caption
+
+
+def test_curves_look_different_and_the_same_in_both_panels() -> None:
+    looks = [
+        [(line.get_color(), line.get_linestyle(), line._dash_pattern) for line in axes.get_lines()[2:5]]
+        for axes in thickness_figure(review()).axes
+    ]
+    assert looks[0] == looks[1] and len({look[0] for look in looks[0]}) == 3
+
+
+def test_hinges_of_a_stage_are_marked_where_they_are() -> None:
+    rotation, axial = thickness_figure(review()).axes
+    assert [(*line.get_xdata(), *line.get_ydata()) for line in rotation.get_lines()[5:]] == [(20.0, 0.93), (20.0, 0.92)]
+    assert [(*line.get_xdata(), *line.get_ydata()) for line in axial.get_lines()[5:]] == [(20.0, 0.97), (20.0, 0.96)]
+    texts = " ".join(text.get_text().replace("\n", " ").replace(SPACE, " ") for text in axial.get_legend().get_texts())
+    assert "base: t/R = 0.125, b/t = 20, factor 0.970" in texts and "t/R = 0.02" in texts
+
+
+def test_the_figure_does_without_a_stage() -> None:
+    assert len(thickness_figure(review(marked={})).axes[0].get_lines()) == 5

@@ -1,0 +1,147 @@
+"""Numbers as people read them, and units: each written once, each with its size."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexfem.plot.numbers import percent, round_factor, scientific, significant
+from flexfem.study.keys import keys
+from flexfem.study.outputs import outputs_of
+from flexfem.units import (
+    COMMANDS,
+    COMPLIANCE,
+    COMPLIANCES,
+    FORCES,
+    LENGTH,
+    MICROMETRE,
+    POSES,
+    STIFFNESS,
+    STIFFNESSES,
+    STRESS,
+    UNITS,
+    unit_for,
+    unit_of,
+    without_unit,
+)
+
+ROOT = Path(__file__).parents[2]
+SIZES = {  # what one of the file unit is in N, mm, MPa, rad
+    "mm": 1.0,
+    "µm": 1e-3,
+    "mrad": 1e-3,
+    "°": 0.017453292519943295,
+    "GPa": 1e3,
+    "MPa/µm": 1e3,
+    "MPa/mrad": 1e3,
+    **dict.fromkeys(
+        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
+    ),
+}
+OUTPUTS = {
+    "stiffness": {"kxx": "N/mm", "kyy": "N/mm", "ktt": "N mm/rad", "kxy": "N/mm", "kxt": "N", "kyt": "N"},
+    "per displacement": {"stress_x": "MPa/µm", "stress_y": "MPa/µm", "stress_theta": "MPa/mrad"},
+    "displacements": {f"{name}_{axis}": "µm" for name in ("reach", "travel") for axis in "xy"},
+    "rotations": {"reach_theta": "mrad", "travel_theta": "mrad"},
+    "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
+    "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
+}
+SPELLED = re.compile(r"N/mm|N mm|mm/N|MPa|GPa|µm|\bum\b|\bmrad\b|[ (]mm\b|kg/m")
+
+
+def test_every_unit_has_its_size() -> None:
+    assert {unit.name for unit in UNITS.values()} == set(SIZES) - {""}
+    for unit in UNITS.values():
+        assert unit.factor == pytest.approx(1 / SIZES[unit.name], rel=1e-15), unit
+    for path, key in keys().items():
+        assert key.unit == pytest.approx(SIZES[unit_of(path).name], rel=1e-15), path
+
+
+def test_every_output_has_the_unit_that_its_name_says() -> None:
+    expected = {name: unit for group in OUTPUTS.values() for name, unit in group.items()}
+    found = {without_unit(name): unit_of(name).name for name in outputs_of(True, True, True)}
+    assert found == expected
+    assert unit_of("chain.link_lengths_mm[2]").name == "mm" and without_unit("a_mm[2]") == "a[2]"
+
+
+def test_every_direction_has_its_unit() -> None:
+    assert [unit.name for unit in (LENGTH, MICROMETRE, STRESS)] == ["mm", "µm", "MPa"]
+    assert [unit.plain for unit in (MICROMETRE, UNITS["deg"], STRESS)] == ["um", "deg", "MPa"]
+    for units, names in (
+        (POSES, ["mm", "mm", "rad"]),
+        (COMMANDS, ["µm", "µm", "mrad"]),
+        (FORCES, ["N", "N", "N mm"]),
+        (STIFFNESSES, ["N/mm", "N/mm", "N mm/rad"]),
+        (COMPLIANCES, ["mm/N", "mm/N", "rad/(N mm)"]),
+    ):
+        assert list(map(str, units)) == names
+    N, K, C = ("1/N", "N"), "N/mm", "mm/N"
+    assert [[unit.name for unit in row] for row in STIFFNESS] == [[K, K, N[1]], [K, K, N[1]], [*2 * [N[1]], "N mm/rad"]]
+    assert [[unit.name for unit in row] for row in COMPLIANCE] == [
+        [C, C, N[0]],
+        [C, C, N[0]],
+        [*2 * [N[0]], "rad/(N mm)"],
+    ]
+
+
+def test_units_are_spelled_in_one_place() -> None:
+    others = ("tables", "warning", "verify/measures", "verify/alternatives", "verify/baseline/gates", "study/findings")
+    places = [*(ROOT / "flexfem/report").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]
+    for path in places:
+        tree = ast.parse(path.read_text())
+        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
+        texts = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+        assert [text.value for text in texts if id(text) not in said and SPELLED.search(text.value)] == [], path
+
+
+@pytest.mark.parametrize(
+    ("freedom", "largest", "name", "shown"),
+    [
+        ("x", 1e-6, "nm", 1.0),
+        ("y", 5.0, "mm", 5.0),
+        ("x", 0.05, "µm", 50.0),
+        ("x", 999.4e-6, "nm", 999.4),
+        ("y", 2300.0, "m", 2.3),
+        ("theta", 1e-3, "mrad", 1.0),
+        ("theta", 142e-6, "µrad", 142.0),
+        ("x", 0.0, "µm", 0.0),
+        ("x", 1e-30, "am", 1e-15),
+    ],
+)
+def test_unit_is_the_prefix_that_reads_well(freedom, largest, name, shown):
+    unit = unit_for(freedom, largest)
+    assert unit.name == name
+    assert largest * unit.factor == pytest.approx(shown)
+
+
+@given(st.floats(1e-14, 1e5), st.sampled_from(["x", "y", "theta"]))
+def test_numbers_read_between_one_and_a_thousand(largest, freedom):
+    largest = min(largest, 900.0) if freedom == "theta" else largest  # rad and m are the largest units
+    assert 1 - 1e-6 <= largest * unit_for(freedom, largest).factor <= 1000  # round-off at a power of ten
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(14.0712, "14.07 %"), (300.0, "300.0 %"), (-0.12345, "−0.123 %"), (-8.2e-13, "−8×10⁻¹³ %"), (0.0, "0 %")],
+)
+def test_percentages_have_sensible_digits(value, text):
+    assert percent(value).replace("\N{NO-BREAK SPACE}", " ") == text
+
+
+def test_powers_of_ten_are_superscript():
+    assert scientific(3.2e-14) == "3×10⁻¹⁴"
+    assert significant(9.99996, 4) == "10.00"
+    assert significant(47321.7, 5) == "47322"
+    assert significant(2e6, 1) == "2×10⁶"
+
+
+@given(st.floats(1e-9, 1e9))
+def test_round_factor_is_the_next_below(limit):
+    factor = round_factor(limit)
+    assert factor <= limit * (1 + 1e-8)  # a limit that is round but for round-off counts as round
+    assert factor > limit / 2.5 * (1 - 1e-8)

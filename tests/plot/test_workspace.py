@@ -1,0 +1,96 @@
+"""The figure of large displacements: every series where it belongs, each against its own linear answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.plot.workspace import workspace_figure
+
+SHARE = {"(16) without its second-order terms": 0.61, "(16)": 0.97, "exact equilibrium": 1.0}
+HELD, LOADED = "finite elements held at the command", "finite elements under the load of exact equilibrium"
+FAR = {"X": (0.3, "µm"), "Y": (0.4, "µm"), "θ": (0.006, "mrad")}  # mm, rad
+WAY = {"X": (0.7, 0.31, -0.17), "Y": (0.22, -0.4, 0.13), "θ": (0.0, 0.0, 0.2)}  # per cent at the largest command
+
+
+@pytest.fixture(scope="module")
+def figure(made):
+    return workspace_figure(made.workspace())
+
+
+def shown(axes, label):
+    """Points of the lines of a label."""
+    return [line.get_xydata() for line in axes.get_lines() if line.get_label() == label]
+
+
+def test_each_direction_shows_stiffness_and_errors_along_and_across_by_name(made, figure):
+    fine, coarse, ends = np.linspace(-1, 1, 41), np.linspace(-1, 1, 9), np.array([-1.0, -0.1, 0.1, 1.0])
+    assert len(figure.axes) == 9
+    for row, (name, (far, unit)) in enumerate(FAR.items()):
+        panels = figure.axes[3 * row : 3 * row + 3]
+        for axes in panels:
+            assert axes.get_xlabel() == f"commanded {name} ({unit})"
+        scale = far / made.size_in(panels[0].get_xlabel())
+        along, aside = WAY[name][row], [WAY[name][k] for k in range(3) if k != row]
+        for axes, sizes, elements in (
+            (panels[0], [2 * along], 1.9 / 2),
+            (panels[1], [along], 0.9),
+            (panels[2], aside, 0.9),
+        ):
+            for label, share in SHARE.items():
+                for line, size in zip(shown(axes, label), sizes, strict=True):
+                    np.testing.assert_allclose(line, np.column_stack([scale * fine, share * size * fine]), atol=1e-12)
+            for line, size in zip(shown(axes, HELD), sizes, strict=True):
+                np.testing.assert_allclose(
+                    line, np.column_stack([scale * coarse, elements * size * coarse]), atol=1e-12
+                )
+        (loaded,) = shown(panels[1], LOADED)
+        np.testing.assert_allclose(loaded, np.column_stack([scale * ends, 1.2 * along * ends]), atol=1e-12)
+        assert not shown(panels[0], LOADED) and not shown(panels[2], LOADED)
+
+
+def test_panels_say_what_they_show(figure):
+    kinds = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
+    titles = [f"({'abcdefghi'[k]}) {'XYθ'[k // 3]}: {kinds[k % 3]}" for k in range(9)]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
+    assert [axes.get_ylabel() for axes in figure.axes] == 3 * [
+        "change from rest (%)",
+        *2 * ["error (% of the command)"],
+    ]
+    legend = {
+        text.get_text(): line
+        for text, line in zip(figure.legends[0].get_texts(), figure.legends[0].get_lines(), strict=True)
+    }
+    assert set(legend) == {*SHARE, HELD, LOADED, "linear theory, (18)"}
+    for line in figure.axes[1].get_lines():
+        look = legend[line.get_label()]
+        assert (look.get_color(), look.get_marker(), look.get_linestyle()) == (
+            line.get_color(),
+            line.get_marker(),
+            line.get_linestyle(),
+        )
+    for axes, names in zip(figure.axes[2:6:3], (("Y", 0.31, "θ", -0.17), ("X", 0.22, "θ", 0.13)), strict=True):
+        assert [part for text in axes.texts for part in (text.get_text()[3:], round(text.xy[1], 9))] == list(names)
+
+
+def test_the_figure_says_what_the_terms_are_worth(made, figure):
+    minus = "\N{MINUS SIGN}"
+    said = [
+        [text.get_text().split("\n")[1] for text in axes.texts] for k in range(3) for axes in figure.axes[3 * k :][:2]
+    ]
+    expected = [0.72 * 0.7, 0.36 * 0.7, 0.72 * -0.4, 0.36 * -0.4, 0.72 * 0.2, 0.36 * 0.2]
+    assert said == [[f"{-worth:+.2f}, {worth:+.2f}".replace("-", minus)] for worth in expected]
+    text = " ".join(made.texts(figure))
+    assert "within ±30 µm and ±0.6 mrad linear theory misses the position by up to 0.12 %" in text
+    assert "within ±300 µm and ±6 mrad by 1.24 %" in text
+    assert "tangent compliance there by up to 0.04 and 0.68 %" in text or "up to 0.05 and 0.68 %" in text
+    assert "mobility 6, paros-weisbord" in text and "(1234 unknowns)" in text and "assumed" not in text
+
+
+def test_a_panel_with_nothing_but_round_off_says_so(made, figure):
+    said = [any("round-off only" in text.get_text() for text in axes.texts) for axes in figure.axes]
+    assert said == [False] * 8 + [True]
+    low, high = figure.axes[8].get_ylim()
+    assert [text.get_text() for text in figure.axes[8].texts] == ["round-off only, axis ±1×10⁻⁴ %"]
+    assert (low, high) == (-1e-4, 1e-4)
+    assert "assumed dimensions" in made.texts(workspace_figure(made.workspace(assumed=["thickness_mm"])))

@@ -1,0 +1,92 @@
+"""Files: whole, byte-identical, each under its own name; and the page of text."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from flexfem.plot.table import markdown_report
+from flexfem.plot.write import plans, write_figures
+from flexfem.verify.result import write_result
+
+ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
+
+DRAW = """
+import sys
+from pathlib import Path
+from flexfem.plot.write import write_figures
+from flexfem.verify.result import read_fields, read_result
+path = sys.argv[1]
+result = read_result(path)
+write_figures([(result, read_fields(path, result))], Path(sys.argv[2]))
+"""
+
+
+def stored(made, **changes):
+    result = made.result(ERRORS, **changes)
+    return result, {label: made.fields() for label in result.curves}
+
+
+def names(results):
+    return [plan.name for plan in plans(results)]
+
+
+@pytest.fixture(scope="module")
+def drawn(made, tmp_path_factory):
+    """Every figure of a result, drawn in this process."""
+    return write_figures([stored(made)], tmp_path_factory.mktemp("drawn"))
+
+
+def test_another_process_gives_the_same_bytes(made, drawn, tmp_path):
+    path = write_result(*stored(made), tmp_path)
+    variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
+    subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
+    again = {file.name: file.read_bytes() for file in (tmp_path / "again").iterdir()}
+    assert again == {file.name: file.read_bytes() for file in drawn}
+    assert len(again) == 2 * 6 + 1  # six figures in two forms, one page
+
+
+def test_files_are_named_after_case_and_stage(drawn):
+    assert sorted(path.name for path in drawn) == sorted(file.name for file in drawn[0].parent.iterdir())
+    stems = {"fig", "fig-deformed", "stage-one", "neck-one", "hinge-one", "model-one-mobility6", "verification"}
+    assert {path.stem for path in drawn} == stems
+
+
+def test_a_stage_is_drawn_once_and_its_model_once_for_each_mobility(made):
+    three = made.model(mobility=3, hinges=made.hinges(3))
+    result = stored(made, models={"one": made.model(), "two": three})
+    found = names([result, stored(made, case="fig-b")])
+    assert found.count("stage-one") == 1
+    assert [name for name in found if name.startswith("model")] == ["model-one-mobility6", "model-one-mobility3"]
+
+
+def test_two_stages_of_one_file_name_do_not_clash(made):
+    other = made.model(hash="fedcba" * 10, file="elsewhere/One.toml")
+    found = names([stored(made, models={"one": made.model(), "two": other})])
+    assert "stage-one-123456" in found
+    assert "stage-One-fedcba" in found
+    assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4
+
+
+def test_cases_of_one_name_do_not_clash(made):
+    found = names([stored(made), stored(made), stored(made, case="stage-one")])
+    assert len({name.casefold() for name in found}) == len(found) == 6 + 4
+
+
+@pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])
+def test_figures_stay_in_their_folder(made, case):
+    assert not any("/" in name or name.startswith(".") for name in names([stored(made, case=case)]))
+
+
+def test_page_without_assumptions_says_so(made):
+    page = markdown_report([stored(made)[0]])
+    assert "assumed dimensions" not in page
+    assert "every number has a source" in page
+
+
+def test_page_is_written_without_matplotlib():
+    code = "import sys, flexfem.plot.table; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

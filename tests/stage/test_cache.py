@@ -1,0 +1,74 @@
+"""What is remembered of a stage is that stage's, and nobody can change it for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexfem.stage.bodies import cut_angle, draw_sector, lug_side, necks
+from flexfem.stage.cache import of_last_stage
+from flexfem.stage.frames import frames, stage_frames
+from flexfem.stage.schema import CHAINS, Stage
+
+from .conftest import UNLIKE, StageMaker
+
+DRAWN: dict[str, Callable[[Stage], Any]] = {
+    "frames": lambda stage: [part.tolist() for part in stage_frames(stage)],
+    "necks": lambda stage: [necks(stage, chain) for chain in CHAINS],
+    "lug": lambda stage: [lug_side(stage, chain, side) for chain in CHAINS for side in (1, -1)],
+    "cut": cut_angle,
+    "sector": lambda stage: [dict(draw_sector(stage, chain)) for chain in CHAINS],
+}
+
+
+@pytest.mark.parametrize("what", DRAWN)
+def test_stages_taken_in_turns_do_not_mix(make_stage: StageMaker, what: str) -> None:
+    """Each time against a stage of the same values that nothing is remembered of."""
+    of = DRAWN[what]
+    changes: list[dict[str, Any]] = [{}, {"override": UNLIKE}]
+    one, other = (make_stage(each) for each in changes)
+    for _ in range(2):
+        for stage, each in ((one, changes[0]), (other, changes[1])):
+            assert of(stage) == of(make_stage(each))
+    assert of(one) != of(other)
+
+
+@pytest.mark.parametrize("part", ["centres", "axes"])
+def test_frames_handed_out_cannot_be_changed(stage: Stage, part: str) -> None:
+    before = np.copy(getattr(stage_frames(stage), part))
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(stage_frames(stage), part)[...] = 0.0
+    np.testing.assert_array_equal(getattr(stage_frames(stage), part), before)
+
+
+def test_necks_lugs_and_bodies_handed_out_cannot_be_changed(stage: Stage) -> None:
+    handed: list[tuple[Any, Any]] = [(necks(stage, 2), 0), (lug_side(stage, 3, -1), 0), (draw_sector(stage, 1), "pad")]
+    for found, place in handed:
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            found[place] = None
+
+
+def test_frames_of_arrays_of_designs_are_their_owners(stage: Stage) -> None:
+    """Only what is remembered is shared."""
+    found = frames(np.array([30.0, 32.0, 24.0]), np.deg2rad([180.0, -90.0, 90.0]))
+    assert found.centres.flags.writeable and not stage_frames(stage).centres.flags.writeable
+
+
+def test_what_was_computed_of_the_last_stage_is_not_computed_again(make_stage: StageMaker) -> None:
+    asked = []
+
+    @of_last_stage
+    def length(stage: Stage, chain: int, twice: bool = False) -> float:
+        asked.append((stage, chain))
+        return stage.chain.link_lengths[chain] * (2 if twice else 1)
+
+    one, other = make_stage(), make_stage()
+    found = [length(one, 1), length(one, 2), length(one, 1), length(one, 1, twice=True), length(one, 1)]
+    assert found == [33.5, 25.0, 33.5, 67.0, 33.5] and len(asked) == 3
+    length(other, 1)
+    assert asked[-1][0] is other and len(asked) == 4
+    length(one, 1)
+    assert len(asked) == 5  # only the last stage is kept

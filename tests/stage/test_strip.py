@@ -1,0 +1,131 @@
+"""A link's strip: tangent everywhere, equally wide everywhere, and no longer than it must be."""
+
+from __future__ import annotations
+
+import cmath
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from flexfem.stage.outline import Segment
+from flexfem.stage.strip import TIGHTEST_TURN, Pose, offset, shortest_path
+
+ROUND_OFF = 1e-9  # mm or rad; a common tangent amplifies roundings by length over the smallest piece
+RADIUS = 5.6
+
+
+def random_poses(count: int) -> list[tuple[Pose, Pose]]:
+    """Pairs of poses roughly like two hinges of a link, in any direction."""
+    rng = np.random.default_rng(29)
+    pairs = []
+    for _ in range(count):
+        ahead, turn = rng.uniform(-np.pi, np.pi), rng.uniform(-2.4, 2.4, 2)
+        reach = rng.uniform(8.0, 40.0) * cmath.exp(1j * ahead)
+        origin = complex(*rng.uniform(-20.0, 20.0, 2))
+        pairs.append((Pose(origin, ahead + turn[0]), Pose(origin + reach, ahead + turn[1])))
+    return pairs
+
+
+PAIRS = random_poses(60)
+FOUND = [(a, b, path) for a, b in PAIRS if (path := shortest_path(a, b, RADIUS)) is not None]
+
+
+def heading_at(segment: Segment, place: complex) -> complex:
+    """Unit vector along a segment at one of its ends."""
+    if segment.centre is None:
+        along = segment.end - segment.start
+    else:
+        along = 1j * np.sign(segment.turn) * (place - segment.centre)
+    return along / abs(along)
+
+
+def shortest_length(start: Pose, end: Pose) -> float | None:
+    """Reference: search the angle of the first arc for straight pieces that hit the last arc, for all four sides."""
+    lengths = []
+    for first, last in product((1, -1), repeat=2):
+
+        def after(alpha: float, first: int = first, last: int = last) -> tuple[complex, float]:
+            """End of the straight piece seen from its start, and the angle of the last arc."""
+            h0, h = start.heading, start.heading + first * alpha
+            leave = start.point + first * RADIUS * 1j * (cmath.exp(1j * h0) - cmath.exp(1j * h))
+            arrive = end.point + last * RADIUS * 1j * (cmath.exp(1j * end.heading) - cmath.exp(1j * h))
+            return (arrive - leave) / cmath.exp(1j * h), last * (end.heading - h) % (2 * np.pi)
+
+        grid = np.linspace(0.0, TIGHTEST_TURN, 400)
+        for low, high in pairwise(grid):
+            if after(low)[0].imag * after(high)[0].imag <= 0:
+                alpha = brentq(lambda a, after=after: after(a)[0].imag, low, high, xtol=1e-13)
+                straight, beta = after(alpha)
+                if straight.real > 0 and beta <= TIGHTEST_TURN:
+                    lengths.append(RADIUS * (alpha + beta) + straight.real)
+    return min(lengths, default=None)
+
+
+def test_most_pairs_of_poses_have_a_path() -> None:
+    assert len(FOUND) > len(PAIRS) / 2
+
+
+@pytest.mark.parametrize(("start", "end"), PAIRS[:25])
+def test_no_other_arc_line_arc_path_is_shorter(start: Pose, end: Pose) -> None:
+    path, expected = shortest_path(start, end, RADIUS), shortest_length(start, end)
+    assert (path is None) == (expected is None)
+    if path is not None:
+        assert sum(segment.length for segment in path) == pytest.approx(expected, abs=ROUND_OFF)
+
+
+@pytest.mark.parametrize(("start", "end", "path"), FOUND)
+def test_path_starts_and_ends_in_its_poses(start: Pose, end: Pose, path: list[Segment]) -> None:
+    assert abs(path[0].start - start.point) < ROUND_OFF and abs(path[-1].end - end.point) < ROUND_OFF
+    assert abs(heading_at(path[0], path[0].start) - cmath.exp(1j * start.heading)) < ROUND_OFF
+    assert abs(heading_at(path[-1], path[-1].end) - cmath.exp(1j * end.heading)) < ROUND_OFF
+
+
+@pytest.mark.parametrize(("start", "end", "path"), FOUND)
+def test_path_is_connected_tangent_and_bends_with_its_radius(start: Pose, end: Pose, path: list[Segment]) -> None:
+    for one, following in pairwise(path):
+        assert abs(one.end - following.start) < ROUND_OFF
+        assert abs(heading_at(one, one.end) - heading_at(following, following.start)) < ROUND_OFF
+    for arc in (segment for segment in path if segment.centre is not None):
+        assert abs(arc.start - arc.centre) == pytest.approx(RADIUS, abs=ROUND_OFF)
+        assert abs(arc.end - arc.centre) == pytest.approx(RADIUS, abs=ROUND_OFF)
+
+
+@pytest.mark.parametrize("distance", [4.45, -4.45, 0.3])
+def test_strip_has_the_same_width_along_its_whole_path(distance: float) -> None:
+    for _, _, path in FOUND:
+        for middle, side in zip(path, offset(path, distance), strict=True):
+            for place, moved in ((middle.start, side.start), (middle.end, side.end)):
+                left = 1j * heading_at(middle, place)
+                assert abs(moved - place - distance * left) < ROUND_OFF
+            if middle.centre is not None:  # concentric, so it keeps its distance between the ends too
+                assert side.centre == middle.centre
+                assert side.turn == pytest.approx(middle.turn, abs=ROUND_OFF)
+
+
+def test_hinges_in_line_are_joined_by_one_straight_line() -> None:
+    start = Pose(3.1 - 2.0j, 0.83)
+    path = shortest_path(start, start.ahead(27.0), RADIUS)
+    assert path is not None and len(path) == 1 and path[0].centre is None
+    assert path[0].length == pytest.approx(27.0, abs=ROUND_OFF)
+
+
+def test_a_quarter_turn_is_one_arc_between_two_lines() -> None:
+    start, end = Pose(0j, 0.0), Pose(20.0 + 17.0j, np.pi / 2)
+    path = shortest_path(start, end, RADIUS)
+    assert path is not None
+    length = sum(segment.length for segment in path)
+    assert length < 20.0 + 17.0  # shorter than walking around the corner
+    assert length > abs(end.point)
+
+
+@pytest.mark.parametrize(
+    "end", [Pose(0.5 + 0.0j, np.pi / 2), Pose(-9.0 + 0.0j, 0.0)], ids=["side by side", "behind its own start"]
+)
+def test_no_path_where_every_one_makes_a_loop(end: Pose) -> None:
+    assert shortest_path(Pose(0j, 0.0), end, RADIUS) is None
+
+
+def test_a_pose_moves_ahead_along_its_heading() -> None:
+    assert abs(Pose(1 + 2j, 0.4).ahead(-3.0).point - (1 + 2j - 3 * cmath.exp(0.4j))) < ROUND_OFF
