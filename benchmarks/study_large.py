@@ -26,10 +26,10 @@ from study import study
 FIGURES = """
 [[figure]]
 kind = "distribution"
-values = ["kxx_n_per_mm", "ktt_n_mm_per_rad", "coupling_xy", "reach_x_um"]
+values = ["kxx_n_per_mm", "ktt_n_mm_per_rad", "coupling_xy", "range_x_um"]
 [[figure]]
 kind = "pareto"
-x = "reach_x_um"
+x = "range_x_um"
 y = "kxx_n_per_mm"
 """
 

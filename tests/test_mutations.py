@@ -58,8 +58,8 @@ MUTATIONS = [
     Mutation(
         "thickness forgotten",
         "fem/plane_stress.py",
-        "np.sqrt(plate.thickness * strip.weights)",
-        "np.sqrt(strip.weights)",
+        "np.sqrt(plate.thickness * batch.weights)",
+        "np.sqrt(batch.weights)",
         BENCHMARKS + "test_macneal_harder_1985_curved_beam_is_not_the_printed_beam_value",
     ),
     Mutation(

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.plane_stress import Plate, Strip, element_matrices
+from flexfem.fem.plane_stress import ElementBatch, Plate, element_matrices
 
 FIRST, SECOND = np.tril_indices(6)  # the 21 pairs of a triangle's nodes
 ENTRIES = np.ravel_multi_index(
@@ -49,19 +49,19 @@ class Pairing(NamedTuple):
     start: Index
 
 
-def blocks(strips: list[Strip], plate: Plate, number: Index) -> Blocks:
+def blocks(batches: list[ElementBatch], plate: Plate, number: Index) -> Blocks:
     """Sum the element matrices node pair by node pair.
 
     number : (n,), the number under which each node of the mesh is assembled, -1 for a node left out (held at zero).
     """
-    pieces = (piece for strip in strips for piece in strip.pieces(CACHED))
-    return summed(pairing(strips, number), (element_matrices(piece, plate) for piece in pieces))
+    pieces = (piece for batch in batches for piece in batch.pieces(CACHED))
+    return summed(pairing(batches, number), (element_matrices(piece, plate) for piece in pieces))
 
 
-def pairing(strips: list[Strip], number: Index) -> Pairing:
+def pairing(batches: list[ElementBatch], number: Index) -> Pairing:
     """Sort the node pairs of all triangles; `number` as for `blocks`."""
     count = int(number.max()) + 1
-    nodes = number[np.concatenate([strip.triangles for strip in strips])]
+    nodes = number[np.concatenate([batch.triangles for batch in batches])]
     one, other = nodes[:, FIRST].ravel(), nodes[:, SECOND].ravel()
     key = np.minimum(one, other) * count + np.maximum(one, other)
     key[(one < 0) | (other < 0)] = count * count
@@ -94,9 +94,9 @@ def lower_triangle(pairs: Blocks, size: int) -> sp.coo_array:
     return sp.coo_array((pairs.values.reshape(-1, 4)[below], (rows, columns)), shape=(2 * size, 2 * size))
 
 
-def stiffness_matrix(strips: list[Strip], plate: Plate, nodes: int) -> sp.csc_array:
+def stiffness_matrix(batches: list[ElementBatch], plate: Plate, nodes: int) -> sp.csc_array:
     """Stiffness matrix (2n, 2n), N/mm, of all nodes, degrees of freedom x, y node by node."""
-    lower = lower_triangle(blocks(strips, plate, np.arange(nodes)), nodes).tocsc()
+    lower = lower_triangle(blocks(batches, plate, np.arange(nodes)), nodes).tocsc()
     return (lower + sp.tril(lower, -1).T).tocsc()
 
 

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from flexfem.arrays import Array, Index
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, Strip, integration
+from flexfem.fem.plane_stress import ElementBatch, Plate, integration
 from flexfem.fem.problem import shape_values
 
 DEGREE = 4  # of the quadrature: products of two quadratic shape functions
@@ -48,14 +48,14 @@ class Line(NamedTuple):
 
 def section_integrals(mesh: StageMesh) -> Section:
     """Integrals over a plane section with curved quadratic triangles."""
-    strips, phi = integration(mesh, DEGREE), shape_values(DEGREE)
+    batches, phi = integration(mesh, DEGREE), shape_values(DEGREE)
 
     def matrix(term: str, *slopes: int) -> sp.csr_array:
         number = len(mesh.nodes)
         total = sp.csr_array((number, number))
-        for strip in strips:
-            factors = [strip.gradients[:, :, a] for a in slopes] + [phi] * (2 - len(slopes))
-            total = total + _gathered(strip, np.einsum(term, *factors, strip.weights, optimize=True), number)
+        for batch in batches:
+            factors = [batch.gradients[:, :, a] for a in slopes] + [phi] * (2 - len(slopes))
+            total = total + _gathered(batch, np.einsum(term, *factors, batch.weights, optimize=True), number)
         return total
 
     xx, xy, yx, yy = (matrix("eiq,ejq,eq->eij", a, b) for a in (0, 1) for b in (0, 1))
@@ -63,8 +63,8 @@ def section_integrals(mesh: StageMesh) -> Section:
     return Section(((xx, xy), (yx, yy)), mixed, matrix("iq,jq,eq->eij"))
 
 
-def _gathered(strip: Strip, values: Array, number: int) -> sp.csr_array:
-    rows, columns = np.repeat(strip.triangles, 6, axis=1), np.tile(strip.triangles, (1, 6))
+def _gathered(batch: ElementBatch, values: Array, number: int) -> sp.csr_array:
+    rows, columns = np.repeat(batch.triangles, 6, axis=1), np.tile(batch.triangles, (1, 6))
     return sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(number, number)).tocsr()
 
 

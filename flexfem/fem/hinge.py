@@ -125,12 +125,12 @@ def compliance_on(mesh: StageMesh, hinge: Hinge, poissons_ratio: float) -> Array
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
-    plate, strips = Plate(1.0, poissons_ratio, 1.0), integration(mesh)
+    plate, batches = Plate(1.0, poissons_ratio, 1.0), integration(mesh)
     whole = []
     for traction, supports in zip(_tractions(hinge), _supports(mesh), strict=True):
         force = edge_force(mesh, plate, mesh.edges["right"], traction)
         field = solve(mesh, plate, force, supports).field
-        held = internal_forces(strips, plate, field[None])[0]
+        held = internal_forces(batches, plate, field[None])[0]
         whole.append(4 * float(np.sum((2 * force - held) * field)))
     return np.array(whole) - block_compliance(hinge, poissons_ratio)
 

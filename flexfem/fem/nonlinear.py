@@ -176,8 +176,8 @@ def _step(model: Model, factorise: Factorise, state: State, goal: Array, hold: b
 def _predicted(model: Model, field: Array, change: Array) -> tuple[list[Array], float]:
     """Second Piola-Kirchhoff stress after a change of the displacements, to first order in it; and the largest turn."""
     stress, turn = [], 0.0
-    for strip in model.strips:
-        slopes, changes = slopes_of(strip, np.stack([field, change]))
+    for batch in model.batches:
+        slopes, changes = slopes_of(batch, np.stack([field, change]))
         turn = np.maximum(turn, np.max(np.abs(changes)))  # nan stays nan
         stress.append(stress_tensor(model.plate, green_lagrange(slopes) + strain_rate(slopes, changes)))
     return stress, float(turn)

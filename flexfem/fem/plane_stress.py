@@ -38,7 +38,7 @@ def skfem_mesh(mesh: StageMesh) -> skfem.MeshTri2:
     return MeshTri2(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.triangles[:, :3].T))
 
 
-class Strip(NamedTuple):
+class ElementBatch(NamedTuple):
     """Some of the triangles with what integration over them needs.
 
     triangles : (e, 6) nodes.
@@ -50,15 +50,15 @@ class Strip(NamedTuple):
     gradients: Array
     weights: Array
 
-    def pieces(self, size: int) -> Iterator[Strip]:
-        """The strip in pieces of at most `size` triangles."""
+    def pieces(self, size: int) -> Iterator[ElementBatch]:
+        """The batch in pieces of at most `size` triangles."""
         for start in range(0, len(self.triangles), size):
             part = slice(start, start + size)
-            yield Strip(self.triangles[part], self.gradients[part], self.weights[part])
+            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part])
 
 
-def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[Strip]:
-    """Gradients and weights of all triangles in strips of `CHUNK`, from scikit-fem's element, mapping and quadrature.
+def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
+    """Gradients and weights of all triangles in batches of `CHUNK`, from scikit-fem's element, mapping and quadrature.
 
     Raises ValueError for a degree whose rule has weights that are not positive.
     """
@@ -70,15 +70,15 @@ def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[Strip]:
     slopes = [element.lbasis(points, node)[1] for node in range(6)]  # on the reference triangle, (2, q)
     if np.any(rule <= 0):
         raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
-    strips = []
+    batches = []
     for start in range(0, len(mesh.triangles), CHUNK):
         part = np.arange(start, min(start + CHUNK, len(mesh.triangles)))
         gradients = np.einsum("ijeq,niq->enjq", mapping.invDF(points, part), slopes)
-        strips.append(Strip(mesh.triangles[part], gradients, np.abs(mapping.detDF(points, part)) * rule))
-    return strips
+        batches.append(ElementBatch(mesh.triangles[part], gradients, np.abs(mapping.detDF(points, part)) * rule))
+    return batches
 
 
-def element_matrices(strip: Strip, plate: Plate) -> Array:
+def element_matrices(batch: ElementBatch, plate: Plate) -> Array:
     """Element stiffness matrices (e, 6, 2, 6, 2), N/mm: node, direction, node, direction.
 
     Notes
@@ -87,7 +87,7 @@ def element_matrices(strip: Strip, plate: Plate) -> Array:
     `K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu delta_ab sum_c M[ic, jc]`.
     """
     lame, mu = plate.lame
-    root = strip.gradients * np.sqrt(plate.thickness * strip.weights)[:, None, None]
+    root = batch.gradients * np.sqrt(plate.thickness * batch.weights)[:, None, None]
     flat = root.reshape(len(root), 12, -1)
     m = (flat @ flat.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
     k = lame * m + mu * m.transpose(0, 1, 4, 3, 2)
@@ -97,7 +97,7 @@ def element_matrices(strip: Strip, plate: Plate) -> Array:
     return np.asarray(k)
 
 
-def internal_forces(strips: list[Strip], plate: Plate, fields: Array) -> Array:
+def internal_forces(batches: list[ElementBatch], plate: Plate, fields: Array) -> Array:
     """Nodal forces (k, n, 2), N, that hold the displacements (k, n, 2), mm: the stiffness matrix times them.
 
     Notes
@@ -106,24 +106,24 @@ def internal_forces(strips: list[Strip], plate: Plate, fields: Array) -> Array:
     are multiplied by Young's modulus: far more accurate than the matrix product, which is what refinement needs.
     """
     forces = np.zeros_like(fields)
-    for strip in strips:
-        add_nodal_forces(forces, strip, plate, stress_tensor(plate, slopes_of(strip, fields)))
+    for batch in batches:
+        add_nodal_forces(forces, batch, plate, stress_tensor(plate, slopes_of(batch, fields)))
     return forces
 
 
-def slopes_of(strip: Strip, fields: Array) -> Array:
+def slopes_of(batch: ElementBatch, fields: Array) -> Array:
     """Displacement gradients `d_b u_a` (k, e, 2, 2, q) of fields (k, n, 2), mm, from differences within a triangle."""
-    relative = fields[:, strip.triangles] - fields[:, strip.triangles[:, :1]]
-    return np.asarray(np.einsum("keia,eibq->keabq", relative, strip.gradients, optimize=True))
+    relative = fields[:, batch.triangles] - fields[:, batch.triangles[:, :1]]
+    return np.asarray(np.einsum("keia,eibq->keabq", relative, batch.gradients, optimize=True))
 
 
-def add_nodal_forces(forces: Array, strip: Strip, plate: Plate, stress: Array) -> None:
+def add_nodal_forces(forces: Array, batch: ElementBatch, plate: Plate, stress: Array) -> None:
     """Add to forces (k, n, 2), N, those that balance stresses (k, e, 2, 2, q): `f_ia = b int s_ab d_b phi_i dA`."""
-    weighted = stress * (plate.thickness * strip.weights)[:, None, None]
-    nodal = np.einsum("keabq,eibq->keia", weighted, strip.gradients, optimize=True)
+    weighted = stress * (plate.thickness * batch.weights)[:, None, None]
+    nodal = np.einsum("keabq,eibq->keia", weighted, batch.gradients, optimize=True)
     for force, values in zip(forces, nodal, strict=True):
         for axis in (0, 1):
-            force[:, axis] += np.bincount(strip.triangles.ravel(), values[..., axis].ravel(), minlength=len(force))
+            force[:, axis] += np.bincount(batch.triangles.ravel(), values[..., axis].ravel(), minlength=len(force))
 
 
 def stress_tensor(plate: Plate, slopes: Array) -> Array:

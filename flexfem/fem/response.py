@@ -62,7 +62,7 @@ def plate_of(stage: Stage) -> Plate:
     return Plate(float(E), float(nu), stage.thickness)
 
 
-def pull_of(stage: Stage) -> float:
+def out_of_plane_ratio_of(stage: Stage) -> float:
     """The stress out of the plane over the sum of those in it: `pull` of `plane_stress.von_mises`."""
     return float(out_of_plane(stage.model, stage.material.poissons_ratio))
 
@@ -77,8 +77,8 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -
     The hub's nodes follow the platform, `u = U + theta x r`, so `u = T q` with the pose as the last three of `q`; the
     compliance is the pose block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
     """
-    strips, tied = integration(mesh, degree), tie_hub(mesh)
-    solve = factorise(with_rigid_part(blocks(strips, plate, tied.number), len(tied.free), tied.rigid))
+    batches, tied = integration(mesh, degree), tie_hub(mesh)
+    solve = factorise(with_rigid_part(blocks(batches, plate, tied.number), len(tied.free), tied.rigid))
     loads = np.zeros((2 * len(tied.free) + 3, 3))
     loads[-3:] = np.eye(3)
     motion, residual, last = np.zeros_like(loads), loads, np.ones(3)
@@ -86,7 +86,7 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -
         step = solve(residual)
         motion = motion + step
         fields = tied.fields(motion)
-        forces = internal_forces(strips, plate, fields)
+        forces = internal_forces(batches, plate, fields)
         residual = loads - tied.loads(forces)
         size = np.linalg.norm(step, axis=0) / np.linalg.norm(motion, axis=0)
         if np.all(size * np.minimum(size / last, 1.0) <= ROUND_OFF):  # what the next step would change
@@ -169,7 +169,7 @@ def load_case(stage: Stage, mesh: StageMesh, response: Response, force: Array) -
     """Combine the unit responses to one load (3,), N, N and N mm, at the platform centre."""
     force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)
-    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), pull_of(stage))
+    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
     return LoadCase(
         force=force,
         pose=response.compliance @ force,

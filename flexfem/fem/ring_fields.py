@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
-from flexfem.fem.response import plate_of, pull_of
+from flexfem.fem.response import out_of_plane_ratio_of, plate_of
 from flexfem.fem.sector import Ring, rotation, under_loads
 from flexfem.fem.thirds import Third
 from flexfem.fem.triangle import NODES, gradients
@@ -25,7 +25,7 @@ def neck_stresses(stage: Stage, ring: Ring, loads: Array) -> Array:
     -----
     As `response.load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
     """
-    found, plate, pull = np.empty((len(loads), 3, 3)), plate_of(stage), pull_of(stage)
+    found, plate, pull = np.empty((len(loads), 3, 3)), plate_of(stage), out_of_plane_ratio_of(stage)
     for third, field, chains in _thirds(ring):
         near = _near(stage, third, chains[0])
         chosen = np.flatnonzero(np.any(near, axis=0))

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from flexfem.arrays import Array
 from flexfem.fem.assembly import blocks, lower_triangle
 from flexfem.fem.factor import Factor, Solve, dense, factor_of
-from flexfem.fem.plane_stress import Plate, Strip, internal_forces
+from flexfem.fem.plane_stress import ElementBatch, Plate, internal_forces
 from flexfem.fem.response import (
     BALANCE,
     MOST_SOLVES,
@@ -33,7 +33,7 @@ from flexfem.fem.response import (
     rigid_motion,
 )
 from flexfem.fem.thirds import Third
-from flexfem.fem.triangle import whole_strip
+from flexfem.fem.triangle import whole_batch
 from flexfem.stage.frames import CHAIN_TURN
 
 SETTLED = 0.1 * BALANCE  # refined no further
@@ -60,7 +60,7 @@ class _Condensed(NamedTuple):
     factor : of K_ii.   across : K_bi.   schur : S.
     """
 
-    strip: Strip
+    batch: ElementBatch
     tied: Tied
     inner: int
     factor: Factor
@@ -84,7 +84,7 @@ def ring_response(thirds: tuple[Third, ...], plate: Plate) -> Ring:
         steps = _step(parts, turns, solve, loads, forces)
         motions = [motion + step for motion, step in zip(motions, steps, strict=True)]
         fields = [part.tied.fields(motion) for part, motion in zip(parts, motions, strict=True)]
-        forces = [internal_forces([part.strip], plate, field) for part, field in zip(parts, fields, strict=True)]
+        forces = [internal_forces([part.batch], plate, field) for part, field in zip(parts, fields, strict=True)]
         ring = Ring(motions[0][-3:], thirds, tuple(fields), unknowns)
         whole = _whole(ring, forces)
         if max(imbalance(whole, size).values()) <= SETTLED:
@@ -116,8 +116,8 @@ def _of_chains(parts: list[_Condensed]) -> list[_Condensed]:
 
 
 def _condense(third: Third, plate: Plate) -> _Condensed:
-    strip, (tied, inner) = whole_strip(third.mesh), _tie(third)
-    lower = lower_triangle(blocks([strip], plate, tied.number), len(tied.free) + len(tied.hub))
+    batch, (tied, inner) = whole_batch(third.mesh), _tie(third)
+    lower = lower_triangle(blocks([batch], plate, tied.number), len(tied.free) + len(tied.hub))
     rows, columns = lower.coords
     size = lower.shape[0] - inner
     within, edge = rows < inner, columns >= inner
@@ -129,7 +129,7 @@ def _condense(third: Third, plate: Plate) -> _Condensed:
     K_bb = held.T @ (below + np.tril(below, -1).T) @ held
     factor = factor_of(sp.coo_array((lower.data[within], (rows[within], columns[within])), shape=(inner, inner)))
     schur = K_bb - factor.squared(K_bi.T.toarray())
-    return _Condensed(strip, tied, inner, factor, K_bi, (schur + schur.T) / 2)
+    return _Condensed(batch, tied, inner, factor, K_bi, (schur + schur.T) / 2)
 
 
 def _tie(third: Third) -> tuple[Tied, int]:

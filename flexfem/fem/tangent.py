@@ -14,7 +14,15 @@ from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import Pairing, pairing, summed, with_rigid_part
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import QUADRATURE, Plate, Strip, add_nodal_forces, integration, slopes_of, stress_tensor
+from flexfem.fem.plane_stress import (
+    QUADRATURE,
+    ElementBatch,
+    Plate,
+    add_nodal_forces,
+    integration,
+    slopes_of,
+    stress_tensor,
+)
 from flexfem.fem.response import Tied, tie_hub
 
 
@@ -40,7 +48,7 @@ def first_piola(slopes: Array, stress: Array) -> Array:
     return np.asarray(stress + np.einsum("...acq,...cbq->...abq", slopes, stress))
 
 
-def tangent_matrices(strip: Strip, plate: Plate, slopes: Array, stress: Array) -> Array:
+def tangent_matrices(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
     """Element tangent matrices (e, 6, 2, 6, 2), N/mm, at gradients H and second Piola-Kirchhoff stress S (e, 2, 2, q).
 
     Notes
@@ -53,17 +61,17 @@ def tangent_matrices(strip: Strip, plate: Plate, slopes: Array, stress: Array) -
     whose first line is the material and whose second the geometric stiffness. At rest it is `element_matrices`.
     """
     lame, mu = plate.lame
-    count = len(strip.triangles)
-    weight = (plate.thickness * strip.weights)[:, None, None]
-    root = strip.gradients * np.sqrt(weight)  # (e, i, A, q)
+    count = len(batch.triangles)
+    weight = (plate.thickness * batch.weights)[:, None, None]
+    root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
     deformation = slopes + np.eye(2)[:, :, None]
     spread = deformation[:, None, :, :, None] * root[:, :, None, None]  # F_aA d_C phi_i: (e, i, a, A, C, q)
     pushed = np.trace(spread, axis1=3, axis2=4).reshape(count, 12, -1)
     flat = spread.reshape(count, 12, -1)
     m = (pushed @ pushed.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
     k = lame * m + mu * m.transpose(0, 1, 4, 3, 2) + mu * (flat @ flat.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2)
-    pulled = np.einsum("eABq,eiBq->eiAq", stress * weight, strip.gradients, optimize=True).reshape(count, 6, -1)
-    geometric = pulled @ strip.gradients.reshape(count, 6, -1).transpose(0, 2, 1)
+    pulled = np.einsum("eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True).reshape(count, 6, -1)
+    geometric = pulled @ batch.gradients.reshape(count, 6, -1).transpose(0, 2, 1)
     k[:, :, 0, :, 0] += geometric
     k[:, :, 1, :, 1] += geometric
     return np.asarray(k)
@@ -98,7 +106,7 @@ def hub_at(arms: Array, pose: Array) -> Hub:
 class Model(NamedTuple):
     """The stage before its displacements: arms (h, 2), mm, are the hub's nodes from the platform centre."""
 
-    strips: list[Strip]
+    batches: list[ElementBatch]
     plate: Plate
     tied: Tied
     pairs: Pairing
@@ -106,7 +114,7 @@ class Model(NamedTuple):
 
 
 class State(NamedTuple):
-    """Pose (3,), displacements (n, 2), mm, and per strip the second Piola-Kirchhoff stress (e, 2, 2, q), MPa.
+    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa.
 
     The stress is that of the tangent, and on the way to equilibrium not quite the one of the displacements.
     """
@@ -126,25 +134,25 @@ class Held(NamedTuple):
 
 def model_of(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Model:
     """Triangles and unknowns of a mesh; `degree` is that of the quadrature."""
-    strips, tied = integration(mesh, degree), tie_hub(mesh)
-    return Model(strips, plate, tied, pairing(strips, tied.number), mesh.nodes[tied.hub])
+    batches, tied = integration(mesh, degree), tie_hub(mesh)
+    return Model(batches, plate, tied, pairing(batches, tied.number), mesh.nodes[tied.hub])
 
 
 def rest(model: Model) -> State:
     """The stage without displacement and stress."""
-    stress = [np.zeros((len(strip.triangles), 2, 2, strip.weights.shape[1])) for strip in model.strips]
+    stress = [np.zeros((len(batch.triangles), 2, 2, batch.weights.shape[1])) for batch in model.batches]
     return State(np.zeros(3), np.zeros((len(model.tied.number), 2)), stress)
 
 
 def held_by(model: Model, state: State) -> Held:
     """Forces, energy and strain of the state's displacements."""
     forces, energy, largest = np.zeros((1, *state.field.shape)), 0.0, 0.0
-    for strip in model.strips:
-        slopes = slopes_of(strip, state.field[None])[0]
+    for batch in model.batches:
+        slopes = slopes_of(batch, state.field[None])[0]
         strain = green_lagrange(slopes)
         stress = stress_tensor(model.plate, strain)
-        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress)[None])
-        energy += float(np.sum(stress * strain * strip.weights[:, None, None])) * model.plate.thickness / 2
+        add_nodal_forces(forces, batch, model.plate, first_piola(slopes, stress)[None])
+        energy += float(np.sum(stress * strain * batch.weights[:, None, None])) * model.plate.thickness / 2
         largest = max(largest, float(np.max(np.abs(strain))))
     on_hub = hub_at(model.arms, state.pose).rates.T @ forces[0, model.tied.hub].ravel()
     return Held(np.append(forces[0, model.tied.free].ravel(), on_hub), energy, largest)
@@ -153,10 +161,10 @@ def held_by(model: Model, state: State) -> Held:
 def tangent(model: Model, state: State) -> sp.coo_array:
     """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
     hub, forces, matrices = hub_at(model.arms, state.pose), np.zeros((1, *state.field.shape)), []
-    for strip, stress in zip(model.strips, state.stress, strict=True):
-        slopes = slopes_of(strip, state.field[None])[0]
-        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress)[None])
-        matrices.append(tangent_matrices(strip, model.plate, slopes, stress))
+    for batch, stress in zip(model.batches, state.stress, strict=True):
+        slopes = slopes_of(batch, state.field[None])[0]
+        add_nodal_forces(forces, batch, model.plate, first_piola(slopes, stress)[None])
+        matrices.append(tangent_matrices(batch, model.plate, slopes, stress))
     K = with_rigid_part(summed(model.pairs, matrices), len(model.tied.free), hub.rates)
     swing = np.sum(forces[0, model.tied.hub] * hub.curvature)  # as the hub turns, its forces change their levers
     rows, columns = (np.append(place, K.shape[0] - 1) for place in K.coords)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Strip
+from flexfem.fem.plane_stress import ElementBatch
 
 NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
 POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6  # exact for quadratic integrands, weights 1/6
@@ -42,7 +42,7 @@ def gradients(at: Array, points: Array) -> tuple[Array, Array]:
     return found, determinant
 
 
-def whole_strip(mesh: StageMesh) -> Strip:
+def whole_batch(mesh: StageMesh) -> ElementBatch:
     """All triangles with gradients and weights at the points of `plane_stress.QUADRATURE`."""
     found, determinant = gradients(mesh.nodes[mesh.triangles], POINTS)
-    return Strip(mesh.triangles, found, np.abs(determinant) / 6)
+    return ElementBatch(mesh.triangles, found, np.abs(determinant) / 6)

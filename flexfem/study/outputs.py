@@ -10,7 +10,7 @@ from flexfem.units import unit_of
 STIFFNESSES = ("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad", "kxy_n_per_mm", "kxt_n", "kyt_n")
 COUPLINGS = ("coupling_xy", "coupling_xt", "coupling_yt")
 STRESSES = ("stress_x_mpa_per_um", "stress_y_mpa_per_um", "stress_theta_mpa_per_mrad")
-REACHES = ("reach_x_um", "reach_y_um", "reach_theta_mrad")
+RANGES = ("range_x_um", "range_y_um", "range_theta_mrad")
 ENVELOPE = ("envelope_mm",)
 TRAVELS = ("travel_x_um", "travel_y_um", "travel_theta_mrad")
 ERRORS = ("error_x_percent", "error_y_percent", "error_theta_percent")
@@ -21,7 +21,7 @@ CROSS = {  # stiffnesses between two directions, and those along them
     "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),
     "kyt_n": ("kyy_n_per_mm", "ktt_n_mm_per_rad"),
 }
-COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *REACHES, *ENVELOPE)
+COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *RANGES, *ENVELOPE)
 
 _ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
@@ -39,7 +39,7 @@ def common_columns(stiffness: Array, stress: Array, yield_strength: Array, envel
     size = np.sqrt(np.abs(entries[:, :3]))
     coupling = entries[:, 3:] / (size[:, [0, 0, 1]] * size[:, [1, 2, 2]])
     reach = yield_strength[:, None] / stress
-    per_unit, reach = stress * _factors(STRESSES), reach * _factors(REACHES)
+    per_unit, reach = stress * _factors(STRESSES), reach * _factors(RANGES)
     return np.concatenate([entries, coupling, per_unit, reach, envelope[:, None]], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""A hole in a plate under tension: Kirsch's exact field on a square cut out of it, and Howland's strips."""
+"""A hole in a plate under tension: Kirsch's exact field on a square cut out of it, and Howland's batches."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexfem.stage.outline import Face, Segment
 from flexfem.validate.finding import Finding, finding, order
 
 KIRSCH = "E. G. Kirsch, Z. Ver. Dtsch. Ing. 42, 797-807 (1898); Timoshenko and Goodier, Theory of Elasticity, art. 35"
-HOWLAND = "R. C. J. Howland, Phil. Trans. R. Soc. A 229, 49-86 (1930), long strip, gross stress"
+HOWLAND = "R. C. J. Howland, Phil. Trans. R. Soc. A 229, 49-86 (1930), long batch, gross stress"
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 TENSION = 7.3  # MPa, along x
 HOLE, SQUARE = 1.0, 3.0  # mm, radius and half the side of the square cut out of the infinite plate
@@ -21,7 +21,7 @@ CELLS = (28, 40, 56, 80)  # across and around the quarter: on coarser ones L2 st
 ORDER_ALLOWED = 0.1
 HOWLAND_TABLE = {0.1: 3.03, 0.2: 3.14, 0.3: 3.36, 0.5: 4.32}  # hole diameter over width: largest over gross stress
 ROUNDED = 0.005  # half the last digit of the table
-LENGTH = 2.0  # half length of a strip over its width: the hole is forgotten there
+LENGTH = 2.0  # half length of a batch over its width: the hole is forgotten there
 AROUND = 240.0  # triangles per full turn of the hole
 
 
@@ -85,7 +85,7 @@ def kirsch() -> list[Finding]:
 
 
 def strip(ratio: float) -> StageMesh:
-    """A quarter of a strip one wide with a hole of diameter `ratio`, fine at the hole."""
+    """A quarter of a batch one wide with a hole of diameter `ratio`, fine at the hole."""
     radius = ratio / 2
     corner = complex(LENGTH, 0.5)
     loop = [
@@ -101,7 +101,7 @@ def strip(ratio: float) -> StageMesh:
 
 
 def howland() -> list[Finding]:
-    """Largest stress at the hole over the stress of the full section, of four strips."""
+    """Largest stress at the hole over the stress of the full section, of four batches."""
     rows = []
     for ratio, target in HOWLAND_TABLE.items():
         mesh = strip(ratio)
@@ -112,7 +112,7 @@ def howland() -> list[Finding]:
         factor = float(nodal_stress(mesh, PLATE, solution.field)[at, 0]) / TENSION
         rows.append(
             finding(
-                "Howland's strips",
+                "Howland's batches",
                 HOWLAND,
                 f"gross stress concentration, d/W = {ratio:g}",
                 target,

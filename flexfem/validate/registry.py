@@ -22,7 +22,7 @@ BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
         "reciprocity": invariants.reciprocity,
         "balances": invariants.balances,
         "kirsch-hole": holes.kirsch,
-        "howland-strips": holes.howland,
+        "howland-batches": holes.howland,
         "nafems-le1": membranes.nafems_le1,
         "cook-membrane": membranes.cook,
         "macneal-harder-straight-beam": beams.macneal_harder,

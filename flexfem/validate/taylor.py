@@ -59,7 +59,7 @@ def compatible(model: Model, pose: Array, field: Array) -> State:
     """The state with its hub at the pose and the stress of its displacements."""
     field = field.copy()
     field[model.tied.hub] = hub_at(model.arms, pose).motion
-    strains = [green_lagrange(slopes_of(strip, field[None])[0]) for strip in model.strips]
+    strains = [green_lagrange(slopes_of(batch, field[None])[0]) for batch in model.batches]
     return State(pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
 

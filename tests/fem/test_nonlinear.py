@@ -84,7 +84,7 @@ def compatible(model: Model, state: State) -> State:
     """The state with its hub at its pose and the stress of its displacements."""
     field = state.field.copy()
     field[model.tied.hub] = hub_at(model.arms, state.pose).motion
-    strains = [green_lagrange(slopes_of(strip, field[None])[0]) for strip in model.strips]
+    strains = [green_lagrange(slopes_of(batch, field[None])[0]) for batch in model.batches]
     return State(state.pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
 
@@ -98,10 +98,10 @@ def moved(model: Model, state: State, change: Array) -> State:
 def nodal_forces(model: Model, field: Array) -> Array:
     """Forces (n, 2) on all nodes."""
     forces = np.zeros((1, *field.shape))
-    for strip in model.strips:
-        slopes = slopes_of(strip, field[None])
+    for batch in model.batches:
+        slopes = slopes_of(batch, field[None])
         stress = stress_tensor(model.plate, green_lagrange(slopes))
-        add_nodal_forces(forces, strip, model.plate, first_piola(slopes, stress))
+        add_nodal_forces(forces, batch, model.plate, first_piola(slopes, stress))
     return forces[0]
 
 
@@ -168,11 +168,11 @@ def test_a_rigid_rotation_strains_nothing_and_takes_no_force(each: Any, angle: f
     field = hub_at(mesh.nodes, pose).motion
     np.testing.assert_allclose(mesh.nodes + field, turned(mesh.nodes, angle) + pose[:2], atol=1e-12)
     held = held_by(model, State(pose, field, []))
-    as_if_linear = np.abs(internal_forces(model.strips, plate, field[None])).max()
+    as_if_linear = np.abs(internal_forces(model.batches, plate, field[None])).max()
     smallest = np.sqrt(jacobians(mesh).min())
     assert held.strain < 30 * np.finfo(float).eps * np.abs(field).max() / smallest
     assert np.abs(held.forces).max() < RIGID * as_if_linear
-    assert held.energy < RIGID * plate.youngs_modulus * plate.thickness * np.sum(model.strips[0].weights) * angle**4
+    assert held.energy < RIGID * plate.youngs_modulus * plate.thickness * np.sum(model.batches[0].weights) * angle**4
 
 
 def test_turning_a_strained_body_turns_its_forces_and_keeps_its_energy(eccentric: StageMesh) -> None:
@@ -216,10 +216,10 @@ def test_forces_are_the_gradient_of_the_energy_and_the_tangent_that_of_the_force
 
 def test_at_rest_the_tangent_matrices_are_those_of_small_displacements(each: Any) -> None:
     plate = plate_of(each.stage)
-    for strip in integration(each.mesh):
-        none = np.zeros((len(strip.triangles), 2, 2, strip.weights.shape[1]))
-        K = element_matrices(strip, plate)
-        np.testing.assert_allclose(tangent_matrices(strip, plate, none, none), K, atol=1e-13 * np.abs(K).max())
+    for batch in integration(each.mesh):
+        none = np.zeros((len(batch.triangles), 2, 2, batch.weights.shape[1]))
+        K = element_matrices(batch, plate)
+        np.testing.assert_allclose(tangent_matrices(batch, plate, none, none), K, atol=1e-13 * np.abs(K).max())
 
 
 def test_small_loads_and_small_poses_find_the_linear_compliance(each: Any) -> None:

@@ -83,7 +83,7 @@ def test_scikit_fem_maps_the_middles_of_the_reference_sides_onto_the_middle_node
 
 
 def test_weights_add_up_to_the_area(mesh: StageMesh) -> None:
-    covered = sum(float(strip.weights.sum()) for strip in integration(mesh))
+    covered = sum(float(batch.weights.sum()) for batch in integration(mesh))
     assert covered == pytest.approx(float(jacobians(mesh)[:, -1].sum() / 2), rel=ROUND_OFF)
 
 
@@ -111,9 +111,9 @@ def test_stiffness_does_not_depend_on_how_many_triangles_go_at_once(
 ) -> None:
     whole = stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes))
     monkeypatch.setattr(flexfem.fem.plane_stress, "CHUNK", 7 if len(mesh.triangles) < 100 else 997)
-    strips = integration(mesh)
-    assert len(strips) > 2
-    pieces = stiffness_matrix(strips, PLATE, len(mesh.nodes))
+    batches = integration(mesh)
+    assert len(batches) > 2
+    pieces = stiffness_matrix(batches, PLATE, len(mesh.nodes))
     assert abs(whole - pieces).max() < ROUND_OFF * abs(whole).max()
     field = linear_field(mesh)[None]
     force = internal_forces(integration(mesh), PLATE, field)
@@ -144,10 +144,10 @@ def test_rigid_motions_need_no_force_and_cause_no_stress(mesh: StageMesh, motion
     x, y = mesh.nodes.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     field = {"x": np.stack([one, zero], -1), "y": np.stack([zero, one], -1), "rotation": np.stack([-y, x], -1)}[motion]
-    strips = integration(mesh)
-    K = stiffness_matrix(strips, PLATE, len(mesh.nodes))
+    batches = integration(mesh)
+    K = stiffness_matrix(batches, PLATE, len(mesh.nodes))
     scale = abs(K).max() * np.abs(field).max()
-    assert np.abs(internal_forces(strips, PLATE, field[None])).max() < PATCH * scale
+    assert np.abs(internal_forces(batches, PLATE, field[None])).max() < PATCH * scale
     assert np.abs(K @ field.ravel()).max() < PATCH * scale
     size = np.sqrt(jacobians(mesh)[:, -1].min())
     slope = np.abs(field).max() / size  # what a motion of one side of the smallest triangle alone would be
@@ -197,8 +197,8 @@ def test_a_bar_in_tension_stretches_by_youngs_modulus_and_narrows_by_poissons_ra
     """Solved, not imposed: rollers on the left and at the bottom left corner, a given stretch on the right."""
     length, height, stretch = 5.3, 1.9, 1e-3
     mesh = bar(length, height, 6, 3)
-    strips = integration(mesh)
-    K = stiffness_matrix(strips, PLATE, len(mesh.nodes)).tocsr()
+    batches = integration(mesh)
+    K = stiffness_matrix(batches, PLATE, len(mesh.nodes)).tocsr()
     left, right = (np.unique(mesh.edges[name]) for name in ("ground", "hub"))
     held = np.concatenate([2 * left, 2 * right, [2 * left[0] + 1]])
     free = np.setdiff1d(np.arange(K.shape[0]), held)

@@ -198,9 +198,9 @@ def test_equations_are_the_stiffness_seen_from_the_unknowns(bar: Callable[..., S
     mesh = bar(3.1, 1.3, 4, 3)
     mesh = mesh._replace(nodes=mesh.nodes + np.array([4.3, -1.7]))  # so that every moment arm counts
     plate = Plate(68.3e3, 0.29, 9.7)
-    T, tied, strips = rigid_hub(mesh), tie_hub(mesh), integration(mesh)
-    expected = T.T @ stiffness_matrix(strips, plate, len(mesh.nodes)).toarray() @ T
-    lower = with_rigid_part(blocks(strips, plate, tied.number), len(tied.free), tied.rigid).toarray()
+    T, tied, batches = rigid_hub(mesh), tie_hub(mesh), integration(mesh)
+    expected = T.T @ stiffness_matrix(batches, plate, len(mesh.nodes)).toarray() @ T
+    lower = with_rigid_part(blocks(batches, plate, tied.number), len(tied.free), tied.rigid).toarray()
     scale = np.abs(expected).max()
     np.testing.assert_allclose(lower, np.tril(expected), rtol=0, atol=ROUND_OFF * scale)
     forces = np.random.default_rng(29).normal(size=(2, len(mesh.nodes), 2))
@@ -226,8 +226,8 @@ def test_reactions_and_energy_are_those_of_the_stiffness_matrix(each) -> None:
 
 
 def test_inner_nodes_are_in_equilibrium(each) -> None:
-    strips, plate = integration(each.mesh), plate_of(each.stage)
-    forces = internal_forces(strips, plate, each.response.fields[:2])
+    batches, plate = integration(each.mesh), plate_of(each.stage)
+    forces = internal_forces(batches, plate, each.response.fields[:2])
     held = np.union1d(each.mesh.edges["ground"], each.mesh.edges["hub"])
     free = np.setdiff1d(np.arange(len(each.mesh.nodes)), held)
     assert np.abs(forces[:, free]).max() < BALANCE  # of unit loads

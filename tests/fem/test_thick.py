@@ -137,14 +137,14 @@ def test_a_bar_held_from_bending_across_is_a_plate() -> None:
 
 
 def test_a_wide_clamped_strip_bends_as_a_plate_and_a_narrow_one_as_a_beam() -> None:
-    """The clamp keeps a strip wider than long from bending across, but for its edges; a narrow one is free."""
+    """The clamp keeps a batch wider than long from bending across, but for its edges; a narrow one is free."""
     mesh, found = bar(8, 2, 12.0), []
     for width in (0.5, 4.0, 30.0, 400.0):
         solid = Solid(mesh, width * (1 - np.linspace(1, 0, 7) ** 2))
         clamp = [solid.at(direction, nodes_on(mesh, "left")) for direction in (0, 2)]
         found.append(bar_compliance(solid, bent, [*clamp, *turned(solid)]) / (12 * 12.0 / (2 * BAR_HEIGHT) ** 3))
     assert np.all(np.diff(found) < 0)
-    EDGES = 12.0 / 400.0 * NU**2  # as much as the strip is long is free of the plate's constraint
+    EDGES = 12.0 / 400.0 * NU**2  # as much as the batch is long is free of the plate's constraint
     assert 1 - 0.02 < found[0] < 1 and 0 < found[-1] - (1 - NU**2) < EDGES
 
 

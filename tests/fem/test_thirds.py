@@ -21,7 +21,7 @@ from flexfem.fem.plane_stress import integration
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sector import ring_response
 from flexfem.fem.thirds import Third, curved, mesh_thirds, third_job
-from flexfem.fem.triangle import whole_strip
+from flexfem.fem.triangle import whole_batch
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import area
@@ -93,7 +93,7 @@ def thirds(unlike: Any) -> tuple[Third, ...]:
 def test_thirds_cover_the_drawn_area_in_well_shaped_triangles(thirds: tuple[Third, ...], unlike: Any) -> None:
     for chain, third in enumerate(thirds, start=1):
         drawn = sum(area(face.loop) for face in draw_sector(unlike.stage, chain).values())
-        assert whole_strip(third.mesh).weights.sum() == pytest.approx(drawn, rel=CHORD)
+        assert whole_batch(third.mesh).weights.sum() == pytest.approx(drawn, rel=CHORD)
 
 
 def test_middles_of_edges_on_arcs_are_on_the_arcs(unlike: Any) -> None:
@@ -210,7 +210,7 @@ def test_a_child_process_is_stopped_after_the_time_limit(alike: Any) -> None:
 
 
 def test_triangles_integrate_as_scikit_fems(alike: Any) -> None:
-    ours, theirs = whole_strip(alike.mesh), integration(alike.mesh)
+    ours, theirs = whole_batch(alike.mesh), integration(alike.mesh)
     gradients, weights = (np.concatenate([getattr(s, name) for s in theirs]) for name in ("gradients", "weights"))
     order: Array = np.argsort(weights[0])
     mine = np.argsort(ours.weights[0])

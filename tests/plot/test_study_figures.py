@@ -289,7 +289,7 @@ def test_a_value_that_does_not_vary_is_one_bar_and_round_off_of_the_base_stage_i
 def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_factors(made: Any) -> None:
     values = ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.015])
     indices = [Indices(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
-    names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("reach_y_um")]
+    names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("range_y_um")]
     figure = sensitivity_figure([*map(Share, quantities, indices)], names, CAPTION)
     for axes, found, sums in zip(figure.axes, indices, ("0.90", "0.63"), strict=True):
         assert [bar.get_width() for bar in axes.patches] == [*found.first, *found.total]
@@ -305,7 +305,7 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
         low, high = axes.get_xlim()
         assert low < 0.0 and 0.64 < high < 0.7 and (low, high) == limits(indices)
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "reach in Y at yield"]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "range in Y at yield"]
     (legend,) = figure.legends
     said = [text.get_text() for text in legend.get_texts()]
     assert said == ["first order: alone", "total: with its interactions"]
@@ -320,7 +320,7 @@ def shown_front(folder: Path) -> ParetoFront:
     outline = outline_of(study(folder, GRID).stage)
     points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
     chosen = [Chosen(2, outline, ["K: 1"]), Chosen(0, outline, ["K: 2", "more"])]
-    quantities = (output("reach_x_um"), output("kxx_n_per_mm"))
+    quantities = (output("range_x_um"), output("kxx_n_per_mm"))
     return ParetoFront(
         CAPTION,
         *quantities,
@@ -347,7 +347,7 @@ def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) 
     assert [cell.texts[0].get_text() for cell in cells[:2]] == ["A:  K: 1", "B:  K: 2\nmore"]
     assert "mm, all drawings" in cells[2].texts[0].get_text()
     assert "5 designs" in texts(figure) and "not drawn: 7 refused" in texts(figure)
-    assert axes.get_xlabel() == "reach in X at yield in µm  (larger is better)"
+    assert axes.get_xlabel() == "range in X at yield in µm  (larger is better)"
     assert axes.get_ylabel().startswith("stiffness") and axes.get_ylabel().endswith(" in N/mm  (larger is better)")
     (front,) = [line for line in axes.get_lines() if str(line.get_label()).startswith("front")]
     assert front.get_drawstyle() == "steps-post"  # no design is as good as the corner between two
@@ -426,10 +426,10 @@ def test_a_map_of_more_factors_says_over_which_it_is_the_mean(tmp_path: Path) ->
 
 
 def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> None:
-    limit = '[[constraint]]\nlabel = "reach"\nvalue = "reach_x_um"\nleast = 500.0\n'
+    limit = '[[constraint]]\nlabel = "reach"\nvalue = "range_x_um"\nleast = 500.0\n'
     loaded = study(tmp_path, GRID, ('[[figure]]\nkind = "map"\nx', f'{limit}[[figure]]\nkind = "map"\nx'))
     table = answered(loaded)
-    feasible = table.ok & (table.columns["reach_x_um"] >= 500.0)
+    feasible = table.ok & (table.columns["range_x_um"] >= 500.0)
     reason = np.where(table.ok & (table.design % 5 == 0), "something", table.reason)
     table = table._replace(feasible=feasible, reason=reason)
     source = Source(loaded, table, {})
@@ -563,7 +563,7 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
 def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
     assert set(OUTPUTS) == set(outputs_of(True, True, True))
     letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
-    kinds = {"stress": "peak neck stress per {}", "reach": "reach in {} at yield", "error": "error along {}"}
+    kinds = {"stress": "peak neck stress per {}", "range": "range in {} at yield", "error": "error along {}"}
     kinds |= {"travel": "travel in {} for the stroke", "cross": "largest cross error under {}"}
     kinds |= {"band": "mesh band of the error along {}"}
     for name in OUTPUTS:

@@ -46,8 +46,8 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad
 OUTPUTS = {
     "stiffness": {"kxx": "N/mm", "kyy": "N/mm", "ktt": "N mm/rad", "kxy": "N/mm", "kxt": "N", "kyt": "N"},
     "per displacement": {"stress_x": "MPa/µm", "stress_y": "MPa/µm", "stress_theta": "MPa/mrad"},
-    "displacements": {f"{name}_{axis}": "µm" for name in ("reach", "travel") for axis in "xy"},
-    "rotations": {"reach_theta": "mrad", "travel_theta": "mrad"},
+    "displacements": {f"{name}_{axis}": "µm" for name in ("range", "travel") for axis in "xy"},
+    "rotations": {"range_theta": "mrad", "travel_theta": "mrad"},
     "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
     "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
 }
@@ -90,8 +90,15 @@ def test_every_direction_has_its_unit() -> None:
 
 
 def test_units_are_spelled_in_one_place() -> None:
-    others = ("tables", "warning", "verify/measures", "verify/alternatives", "verify/baseline/gates", "study/findings")
-    places = [*(ROOT / "flexfem/report").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]
+    others = (
+        "commands/tables",
+        "verify/warning",
+        "verify/measures",
+        "verify/alternatives",
+        "commands/baseline/gates",
+        "study/findings",
+    )
+    places = [*(ROOT / "flexfem/plot").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]
     for path in places:
         tree = ast.parse(path.read_text())
         said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings

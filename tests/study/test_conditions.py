@@ -50,7 +50,7 @@ def test_an_expression_has_the_value_that_arithmetic_gives_it() -> None:
 
 def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alone(studies, tmp_path: Path) -> None:
     """By hand from the columns of the table; the parts stay as they are, and so does the hash."""
-    limits = '[[constraint]]\nvalue = "reach_x_um"\nleast = 505.0\n[[constraint]]\nvalue = "ratio"\nmost = -0.2\n'
+    limits = '[[constraint]]\nvalue = "range_x_um"\nleast = 505.0\n[[constraint]]\nvalue = "ratio"\nmost = -0.2\n'
     plain, loaded = (studies.of(FEW, NECK, RADIUS, tail=tail) for tail in ("", OUTPUTS + limits))
     parts = parts_of(loaded, tmp_path, 40)
     assert plain.hash == loaded.hash and parts.schema.names == parts_of(plain, tmp_path, 40).schema.names
@@ -68,8 +68,8 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
     np.testing.assert_allclose(stored["slenderness"][ok], slender[ok], rtol=1e-13)
     np.testing.assert_allclose(stored["ratio"][ok], ratio[ok], rtol=1e-13)
     np.testing.assert_allclose(stored["other"][ok], 0.71 + 2 * stored["r"][ok], rtol=1e-13)
-    keeps = (stored["reach_x_um"] >= 505.0) & (ratio <= -0.2)
-    assert 5 < keeps[ok].sum() < 34, (stored["reach_x_um"].describe(), ratio.describe())
+    keeps = (stored["range_x_um"] >= 505.0) & (ratio <= -0.2)
+    assert 5 < keeps[ok].sum() < 34, (stored["range_x_um"].describe(), ratio.describe())
     assert (stored["feasible"][ok] == keeps[ok]).all()
     assert stored["feasible"][3] is None and np.isnan(stored["slenderness"][3])
     table = read_table(tmp_path / "t.parquet", loaded)

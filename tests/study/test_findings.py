@@ -18,7 +18,7 @@ from flexfem.study.table import StudyTable
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'
-FRONT = '[[figure]]\nkind = "pareto"\nx = "reach_x_um"\ny = "kxx_n_per_mm"'
+FRONT = '[[figure]]\nkind = "pareto"\nx = "range_x_um"\ny = "kxx_n_per_mm"'
 
 
 def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
@@ -49,7 +49,7 @@ def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(st
     reach = np.random.default_rng(4).uniform(20.0, 60.0, 200)
     reach[best] = np.geomspace(20.0, 60.0, 20)  # so near to one another that none of the others is on the front
     stiffness = np.where(best, 1e7 * reach**-3.3, 1e6 * reach**-2.9)
-    table = table_of(loaded, reach_x_um=reach, kxx_n_per_mm=stiffness)
+    table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness)
     (found,) = findings(loaded, table, {})
     assert isinstance(found, Best)
     assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front.places) == 20
@@ -76,11 +76,11 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     limit = '[[constraint]]\nvalue = "envelope_mm"\nmost = 5.5\n'
     loaded = studies.of('method = "monte_carlo"\ndesigns = 6\nseed = 3', FREE, tail=limit + FRONT)
     reach, stiffness = np.array([1.0, 0, 5.0, 3.0, 2.0, 9.0]), np.array([6.0, 0, 2.0, 4.0, 4.5, 9.0])
-    table = table_of(loaded, reach_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
+    table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
     table = table._replace(feasible=judge(loaded, table.columns, table.ok).feasible)
     assert table.infeasible.tolist() == [False, False, False, True, False, True]
     (found,) = findings(loaded, table, {})
-    x = table.considered.answered("reach_x_um")[0]
+    x = table.considered.answered("range_x_um")[0]
     assert isinstance(found, Best) and x[found.front.places].tolist() == [5.0, 2.0, 1.0]
     figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
     loaded = studies.of('method = "grid"', *GRID, tail=limit + figure)
@@ -141,14 +141,14 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
     )
     table = table_of(
         loaded,
-        reach_x_um=np.array([30.0, 0, 31.0, 29.0, 35.0, 40.0, 30.0]),
+        range_x_um=np.array([30.0, 0, 31.0, 29.0, 35.0, 40.0, 30.0]),
         kxx_n_per_mm=np.array([3.0, 0, 9.0, 8.0, 99.0, 70.0, 5.0]),  # 99 in too large an envelope
         envelope_mm=np.array([100.0, 0, 99.0, 98.0, 101.0, 97.0, 96.0]),
     )
     neck = table.columns["hinges.base.neck_mm"][5]  # the best cannot be drawn
     drawable = flexfem.study.findings.drawable
     monkeypatch.setattr(flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v))
-    base = {"reach_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
+    base = {"range_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
     (found,) = findings(loaded, table, base)
     assert isinstance(found, Best) and found.gain == pytest.approx(expected, rel=1e-12)
     (beyond,) = findings(loaded, table, base | {"envelope_mm": 50.0})

@@ -22,7 +22,7 @@ kind = "distribution"
 values = ["ktt_n_mm_per_rad", "envelope_mm"]
 [[figure]]
 kind = "pareto"
-x = "reach_x_um"
+x = "range_x_um"
 y = "kxx_n_per_mm"
 """
 
@@ -40,7 +40,7 @@ def test_figures_read_the_columns_they_show(studies: Any, tmp_path: Path, monkey
     source, (one, other) = Source(loaded, table, {}), loaded.study.figure
     scatters, _ = scatters_of(source, one, scattered)
     drawn = front_of(source, other, best)
-    assert set(asked) == {"ktt_n_mm_per_rad", "envelope_mm", "reach_x_um", "kxx_n_per_mm"}
+    assert set(asked) == {"ktt_n_mm_per_rad", "envelope_mm", "range_x_um", "kxx_n_per_mm"}
     assert all(callable(scatter.values) for scatter in scatters)
     necks = table.columns["hinges.elbow.neck_mm"][table.ok]
     for chosen in drawn.chosen:

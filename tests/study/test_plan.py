@@ -24,7 +24,7 @@ SALTELLI = (MONTE_CARLO, 'method = "saltelli"\nbase = 64\nseed = 7')
 TABLE = (f"{RANGE}\n", ""), (f"{NORMAL}\n", "")
 LAST = "sd = 1.5\n"
 ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
-PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "reach_x_um"'
+PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "range_x_um"'
 
 
 def figure(body: str) -> tuple[str, str]:
@@ -160,7 +160,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "distribution of a grid": (
         [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'distribution'\n"
             "values = ['kxx_n_per_mm']")], ["figure[0].kind", "grid"]),
-    "pareto of one column": ([figure(PARETO.replace("reach_x_um", "kxx_n_per_mm"))], ["figure[0].y"]),
+    "pareto of one column": ([figure(PARETO.replace("range_x_um", "kxx_n_per_mm"))], ["figure[0].y"]),
     "pareto with values": ([figure(f'{PARETO}\nvalues = ["kxx_n_per_mm"]')], ["figure[0].values", "pareto"]),
     "pareto of the worst": ([figure(f'{PARETO}\nx_better = "worse"')], ["figure[0].x_better"]),
     "output that runs code": ([output("__import__('os').remove('x')")], ["output[0].expression", "brackets"]),

@@ -18,7 +18,7 @@ from flexfem.fem.response import load_case
 from flexfem.fem.thirds import mesh_thirds
 from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer
-from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, REACHES, STIFFNESSES, STRESSES, TRAVELS
+from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.solving import mesh_band, solved_values
 from flexfem.verify.convergence import grid_convergence
@@ -49,7 +49,7 @@ def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage,
     found = columns(studies.of(*ONE, head='model = "fe"'), stage)
     slow = solve_stage(stage, 4)
     K = np.linalg.inv(slow.response.compliance)
-    assert tuple(found) == (*STIFFNESSES, *COUPLINGS, *STRESSES, *REACHES, "envelope_mm")
+    assert tuple(found) == (*STIFFNESSES, *COUPLINGS, *STRESSES, *RANGES, "envelope_mm")
     size = np.sqrt(np.diag(K))
     np.testing.assert_allclose(of(found, STIFFNESSES[:3]), np.diag(K), rtol=MESHES)
     coupling = (K / np.outer(size, size))[[0, 0, 1], [1, 2, 2]]
@@ -58,7 +58,7 @@ def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage,
     np.testing.assert_allclose(of(found, STIFFNESSES[3:]) / unit, coupling, rtol=0, atol=MESHES / 10)
     stress = np.array([load_case(stage, slow.mesh, slow.response, K[:, axis]).neck_stress.max() for axis in range(3)])
     np.testing.assert_allclose(of(found, STRESSES), 1e-3 * stress, rtol=STRESS)
-    np.testing.assert_allclose(of(found, REACHES) * of(found, STRESSES), stage.material.yield_strength, rtol=1e-12)
+    np.testing.assert_allclose(of(found, RANGES) * of(found, STRESSES), stage.material.yield_strength, rtol=1e-12)
     assert found["envelope_mm"] == pytest.approx(2 * np.hypot(*slow.mesh.nodes.T).max(), rel=1e-6)
 
 

@@ -20,7 +20,7 @@ NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'
 WIDTH = 'label = "w"\nkey = "chain.link_width_mm"\nfrom = 8.8\nto = 9.4'
 STRENGTH = 'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0'
 KXX = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]'
-SUM = f'[[output]]\nname = "d"\nexpression = "reach_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
+SUM = f'[[output]]\nname = "d"\nexpression = "range_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
 SHORT = 'model = "analytic"\nformula = "paros-weisbord-short"'
 
 
@@ -60,11 +60,11 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     ("head", "tail", "said"),
     [
         ("", KXX, ["w changes none of kxx_n_per_mm in this model; it changes envelope_mm alone",
-                   "material.yield_strength_mpa changes none of kxx_n_per_mm in this model; it changes reach_theta"]),
+                   "material.yield_strength_mpa changes none of kxx_n_per_mm in this model; it changes range_theta"]),
         ('\nformula = "calibrated"', KXX, ["material.yield_strength_mpa changes none of kxx_n_per_mm"]),
         ("", "", []),  # some output depends on each
         ("", SUM, []),
-        ("", KXX + '\n[[constraint]]\nvalue = "reach_x_um"\nleast = 1', ["w changes none of kxx_n_per_mm, reach_x_um"]),
+        ("", KXX + '\n[[constraint]]\nvalue = "range_x_um"\nleast = 1', ["w changes none of kxx_n_per_mm, range_x_um"]),
     ],
 )  # fmt: skip
 def test_a_factor_that_nothing_shown_depends_on_is_named(studies, head: str, tail: str, said: list[str]) -> None:

@@ -76,7 +76,7 @@ def test_kirsch_1898_hole_in_an_infinite_plate() -> None:
 
 
 def test_howland_1930_table() -> None:
-    targets = {found.quantity.split()[-1]: found.target for found in passing("howland-strips").values()}
+    targets = {found.quantity.split()[-1]: found.target for found in passing("howland-batches").values()}
     assert targets == {"0.1": 3.03, "0.2": 3.14, "0.3": 3.36, "0.5": 4.32}
 
 

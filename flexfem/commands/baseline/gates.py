@@ -220,7 +220,7 @@ RULES = _rules(
     ("analytic table * #", EXACT, LIST),
     ("analytic findings **", SOLVED, RATIO),
     ("fe table stress_* #", STRAIN, LIST),
-    ("fe table reach_* #", STRAIN, LIST),
+    ("fe table range_* #", STRAIN, LIST),
     ("fe table * #", COARSER, LIST),
     ("fe findings **", STRAIN, NUMBER),
     ("verify table band_* #", BAND, POINTS),
