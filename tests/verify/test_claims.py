@@ -13,7 +13,6 @@ from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.errors import BadInput
 from flexfem.fem.mesh import build_mesh
-from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
@@ -268,11 +267,24 @@ def test_uneven_mesh_of_equal_thirds_is_the_mesh(modelled):
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-9)
 
 
-def test_plane_strain_has_the_lame_constants_of_the_solid():
-    E, nu = 207e3, 0.29
-    lame, mu = other.plane_strain(Plate(E, nu, 7.0)).lame
-    assert lame == pytest.approx(E * nu / ((1 + nu) * (1 - 2 * nu)))
-    assert mu == pytest.approx(E / (2 * (1 + nu)))
+@pytest.mark.parametrize("model", ["plane_stress", "plane_strain"])
+def test_plane_strain_is_that_of_the_metal_whatever_the_stage_is(six, model, monkeypatch):
+    """The constants of the held solid from Hooke's law in three dimensions, not from those of the stage's own model."""
+    E, nu, lever = 207e3, 0.29, 24.0
+    metal = six.material.model_copy(update={"youngs_modulus": E, "poissons_ratio": nu})
+    stage = six.model_copy(update={"material": metal, "model": model})
+    mesh = build_mesh(stage, 2)
+    monkeypatch.setattr(other, "linear_compliance", lambda mesh, plate: np.eye(3))
+    monkeypatch.setattr(other, "uneven_mesh", lambda stage, thirds: mesh)
+    own = SimpleNamespace(mesh=mesh, response=platform_response(mesh, plate_of(stage)))
+    found = {each.name: each.along.x for each in other._finite_elements(stage, 6, lambda stage, resolution: own)}
+    lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    held = platform_response(mesh, SimpleNamespace(lame=(lame, mu), thickness=10.0)).compliance
+    expected = other.error_matrix(analyse(stage, 6).stiffness, held, lever)[0, 0]
+    strained = found["finite elements in plane strain, the limit of wide necks"]
+    assert strained == pytest.approx(expected, rel=1e-9)
+    repeated = strained == pytest.approx(found["none: curved quadratic triangles, as verified"], rel=1e-9)
+    assert repeated == (model == "plane_strain")
 
 
 @pytest.mark.slow
