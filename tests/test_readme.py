@@ -1,0 +1,143 @@
+"""Numbers that the pages state are the accepted ones, to the digits that they show."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+AXES = ("x", "y", "theta")
+ROUND_OFF = 1e-11  # per cent; what the page promises of its zeros
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+
+
+def accepted(stem):
+    return json.loads((ROOT / f"tests/baselines/{stem}.json").read_text())["record"]
+
+
+def table(header):
+    """Cells of the lines below the line of a Markdown table's names."""
+    lines = README.partition(f"{header}\n")[2].splitlines()[1:]
+    found = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return found[: next(k for k, line in enumerate(lines) if not line.startswith("|"))]
+
+
+def prose(pattern, page=README):
+    """Numbers of the one sentence that has a pattern, where `N` is a number and blanks are any white space."""
+    (found,) = re.findall(re.escape(pattern).replace("N", f"({NUMBER})").replace(r"\ ", r"\s+"), page)
+    return [found] if isinstance(found, str) else list(found)
+
+
+def require_shown(texts, values):
+    """Every text is its value, rounded half up or down to the digits shown; no text of digits is left out."""
+    for text, value in zip(texts, values, strict=True):
+        assert abs(float(text) - value) <= 0.5001 * 10.0 ** -len(text.partition(".")[2]), (text, value)
+
+
+def test_the_table_of_errors_is_what_verify_printed():
+    rows = table("| figure | command | model | X | Y | theta |")
+    assert len(rows) == 6
+    for (figure, command, model, *cells), expected in zip(rows, "556677", strict=True):
+        result = accepted(f"fig{figure}")["result"]
+        assert (figure, command.lower()) == (expected, result["direction"])
+        for axis, cell in zip(AXES, cells, strict=True):
+            percent, band = result["error_percent"][model][axis], result["uncertainty"][model][axis]["band"]
+            if axis == command.lower():
+                require_shown(cell.split(" ± "), (percent, band))
+            else:
+                assert cell == "0" and abs(percent) < ROUND_OFF and band <= 1e-8
+
+
+def test_the_table_of_shares_is_what_budget_printed():
+    split = accepted("mobility6")["budget"]["split"]
+    rows = table("| share | X | Y | theta |")
+    shares = [part["name"] for part in split["x"]["shares"]]
+    assert [row[0] for row in rows] == [*shares, "total", "outside it: out of plane"]
+    for axis, *cells, total, outside in zip(AXES, *(row[1:] for row in rows), strict=True):
+        require_shown(cells, [part["points"][axis] for part in split[axis]["shares"]])
+        require_shown(total.split(" ± "), (split[axis]["total"][axis], split[axis]["band"]))
+        require_shown([outside], [split[axis]["out_of_plane"][axis]])
+    other = accepted("mobility3")["budget"]["split"]["x"]["shares"]
+    require_shown(prose("they are N, N, N, N, N in X"), [part["points"]["x"] for part in other])
+
+
+def test_the_table_of_claims_is_what_claims_printed():
+    verdicts = {each["id"]: each for each in accepted("claims")["claims"]["verdicts"]}
+    value = {name: each["values"] for name, each in verdicts.items()}
+    cells = {row[0]: row[1:] for row in table("| claim, in our words | verdict | found |")}
+    names = (
+        "six-commanded", "six-across", "three-everywhere", "six-better", "axial-cause", "diagonal", "second-order",
+        "minimum-energy", "measured-stiffness",
+    )  # fmt: skip
+    found = {}
+    for name, (verdict, said) in zip(names, cells.values(), strict=True):
+        assert verdict == verdicts[name]["verdict"]
+        found[name] = re.findall(rf"{NUMBER}(?:e-\d+)?", said.partition(":")[0])
+    (every,) = found["six-commanded"]
+    require_shown([every] * 3, value["six-commanded"])
+    require_shown(found["three-everywhere"], value["three-everywhere"][::4])
+    require_shown(found["six-better"], (min(value["six-better"]), max(value["six-better"])))
+    errors = accepted("claims")["claims"]["alternatives"]
+    x = {(each["name"].partition(",")[0].partition(":")[0], each["mobility"]): each["along"]["x"] for each in errors}
+    require_shown(found["axial-cause"], (x["axial freedom left out", 3] - x["none", 6], x["none", 6]))
+    box = accepted("mobility6")["workspace"]
+    require_shown(
+        [found["second-order"][0], found["second-order"][3]], (box["small"]["position"], box["box"]["position"])
+    )
+    for name in ("six-across", "diagonal"):
+        assert max(value[name]) < float(*found[name])
+
+
+def test_what_the_page_says_of_alternatives_is_what_claims_printed():
+    rows = accepted("claims")["claims"]["alternatives"]
+    found = {(row["name"], row["mobility"]): row for row in rows if not row["name"].startswith(("R/t", "axial"))}
+    across = {name for name, _ in found if found[name, 3]["across"]["x"] > 0.01}  # per cent
+    less = {
+        name
+        for name in across
+        if all(
+            abs(found[name, 6][part][axis]) < abs(found[name, 3][part][axis])
+            for part in ("along", "across")
+            for axis in ("x", "y")
+        )
+    }
+    joints = "joints commanded instead of the platform"
+    assert {name for name in less if "quadratic" not in name} == {joints}
+    assert len(less) == 3 and all("asymmetric" in name for name in less - {joints})
+    six, three = (found[joints, mobility]["along"] for mobility in (6, 3))
+    shown = prose("platform (N for N % along; in theta N for N %)")
+    require_shown(shown, [abs(part[axis]) for axis in ("x", "theta") for part in (six, three)])
+    require_shown(prose("eight across a neck (N %)"), [found["linear triangles, 8 across every neck", 6]["along"]["x"]])
+
+
+def test_what_large_displacements_change_is_what_workspace_printed():
+    points = accepted("mobility6")["workspace"]["travel"]["x"]["points"]
+    at = {round(1e3 * point["commanded"]): point["position"] for point in points}
+    wanted = [at[um][model] for model in ("exact", "elements") for um in (500, 50)]
+    shown = prose("exact load is N % above (18), at 50 um N %; nonlinear finite elements say N and N %")
+    require_shown(shown, wanted)
+
+
+def test_the_first_numbers_of_the_changelog_and_the_printed_regression_line_are_accepted_ones():
+    error = {axis: accepted(f"fig{5 + k}")["result"]["error_percent"] for k, axis in enumerate(AXES)}
+    page = (ROOT / "CHANGELOG.md").read_text()
+    three = prose("finite elements move N % (x, y) and N % (theta)", page)
+    six = prose("mobility three predicts, and N % and N % further than mobility six does", page)
+    for shown, model in ((three, "mobility three"), (six, "mobility six")):
+        require_shown(shown, [error[axis][model][axis] for axis in ("x", "theta")])
+        assert error["y"][model]["y"] == pytest.approx(error["x"][model]["x"], rel=1e-9)
+    was, now, moved, _ = prose("error_percent.mobility six.y was N, is N, moved N, allowed N %")
+    require_shown([was], [error["y"]["mobility six"]["y"]])
+    assert float(now) - float(was) == pytest.approx(float(moved), abs=6e-4)
+
+
+def test_the_sizes_of_the_reference_meshes_are_those_solved():
+    models = accepted("fig5")["result"]["models"]
+    found = re.search(r"reference stages \((\d+),(\d+) and (\d+),(\d+) unknowns\)", README)
+    assert [int("".join(found.group(k, k + 1))) for k in (1, 3)] == [
+        models[name]["unknowns"] for name in ("mobility six", "mobility three")
+    ]
