@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.plot.numbers import significant
-from flexfem.plot.stage_outline import outline_of
+from flexfem.plot.stage import outline_of
 from flexfem.plot.study_distribution import Scatter
 from flexfem.plot.study_labels import Caption, Quantity, caption_of, counted, factor, output, thousands
 from flexfem.plot.study_map import StudyMap

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from flexfem.files.writing import write_atomically
 from flexfem.plot.curves import error_figure
-from flexfem.plot.deformed import deformed_figure
+from flexfem.plot.displacement import deformed_figure
 from flexfem.plot.hinge_sketch import hinge_sketch
-from flexfem.plot.mesh_pictures import neck_figure, stage_figure
 from flexfem.plot.model_sketch import model_sketch
+from flexfem.plot.stage import neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.table import markdown_report
 from flexfem.verify.result import Fields, Model, Result

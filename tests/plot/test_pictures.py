@@ -9,16 +9,18 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from flexfem.plot import style
-from flexfem.plot.deformed import deformed_figure, largest_stress, name_of_place
+from flexfem.plot.displacement import deformed_figure, largest_stress, name_of_place, plot_displacement
 from flexfem.plot.hinge_sketch import hinge_rows, hinge_sketch
 from flexfem.plot.marks import hatch_ground
-from flexfem.plot.mesh_pictures import neck_figure, stage_figure
 from flexfem.plot.model_sketch import links_of_chain, mobility_line, model_sketch
+from flexfem.plot.stage import neck_figure, plot_stage, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.triangles import clamped_edges, curves, edges_of, loops_of
+from flexfem.stage.feasibility import load_feasible
 
 PICTURES = {
     "stage": lambda made, model: stage_figure(model, made.fields()),
@@ -350,3 +352,32 @@ def test_clamped_edges_are_those_that_stand_still(made):
     fields = made.fields()
     held = clamped_edges(edges_of(fields.triangles).boundary, fields.displacement)
     assert sorted(held[:, 2].tolist()) == [5, 23, 41]
+
+
+def test_a_stage_is_drawn_on_axes_of_the_users():
+    """The chains of the reference stage are alike: its outline turned by 120 degrees is itself."""
+    figure = Figure()
+    ax = figure.subplots(1, 2)[1]
+    stage = load_feasible(Path(__file__).parents[2] / "geometry" / "mobility6.toml")
+    assert plot_stage(ax, stage) is ax and not figure.axes[0].patches and len(figure.axes) == 2
+    points = np.concatenate([path.vertices for path in ax.collections[0].get_paths()])
+    turned = points @ np.array([[-0.5, 0.75**0.5], [-(0.75**0.5), -0.5]])
+    gap = np.linalg.norm(turned[:, None] - points, axis=2).min(axis=1)
+    assert gap.max() < 1.2  # half of 7.5 degrees on the radius of the platform, 17 mm
+    (hub,) = [patch for patch in ax.patches if isinstance(patch, Circle)]
+    assert hub.radius == 8.0 and np.hypot(*hub.center) == 0.0
+    low, high = ax.get_xlim()
+    assert low < points[:, 0].min() and points[:, 0].max() < high and ax.get_aspect() == 1.0
+    assert ax.get_xlabel() == "x (mm)" and ax.get_ylabel() == "y (mm)"
+
+
+def test_displacements_are_drawn_on_axes_of_the_users_as_many_times_as_asked(made):
+    fields = made.fields()
+    ax = Figure().subplots()
+    assert plot_displacement(ax, fields, factor=3.0) is ax
+    grid = ax.collections[0]._triangulation
+    drawn = np.column_stack([grid.x, grid.y])
+    assert drawn == pytest.approx(fields.nodes + 3.0 * fields.displacement, abs=1e-12)
+    assert ax.collections[0].get_array().max() == 31.7
+    own = Figure().subplots()
+    assert plot_displacement(own, fields).collections[0].norm.vmax == 31.7

@@ -14,7 +14,7 @@ from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
 from flexfem.errors import BadInput
 from flexfem.plot.numbers import SPACE
-from flexfem.plot.stage_outline import outline_of
+from flexfem.plot.stage import outline_of
 from flexfem.plot.study import named, write_study_figures
 from flexfem.plot.study_contours import levels
 from flexfem.plot.study_distribution import Scatter, distribution_figure, histogram

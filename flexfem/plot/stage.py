@@ -1,6 +1,8 @@
-"""The stage with its mesh, and its necks close up."""
+"""A stage by its outline, with its mesh, and its necks close up."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,13 +15,70 @@ from flexfem.plot.marks import arrow, clear_spot, frame_cross, hatch_ground, wri
 from flexfem.plot.numbers import SPACE
 from flexfem.plot.style import GREY, INK, PALE, add_axes, header, in_house_style, new_figure
 from flexfem.plot.triangles import Edges, clamped_edges, drawn_edges, edges_of, loops_of, polygon
+from flexfem.stage.bodies import draw_sector, turn
+from flexfem.stage.outline import Segment, polygon_points
+from flexfem.stage.schema import CHAINS, Stage
 from flexfem.units import LENGTH
 from flexfem.verify.result import Fields, HingeDrawing, Model
 
 MESH_COLOUR = "#5B7FA6"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
+STEP = np.pi / 24  # rad of arc between two points of a small drawing
 MOST_VECTORS = 2500  # sides of triangles; more are rasterised in a PDF
+
+
+def plot_stage(ax: Axes, stage: Stage) -> Axes:
+    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`.
+
+    Raises BadInput when its bodies cannot be drawn.
+    """
+    outline = outline_of(stage)
+    draw_outline(ax, outline)
+    _fit(ax, np.concatenate(outline.bodies))
+    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    return ax
+
+
+class Outline(NamedTuple):
+    """A stage to draw: filled `bodies` (n, 2), their `rims` and `grounds` (n, 2) as lines, mm, and `hub`, a radius."""
+
+    bodies: list[Array]
+    rims: list[Array]
+    grounds: list[Array]
+    hub: float
+
+
+def outline_of(stage: Stage) -> Outline:
+    """The stage's outline. Raises BadInput when its bodies cannot be drawn."""
+    outline = Outline([], [], [], stage.platform.hub_radius)
+    for chain in CHAINS:
+        for face in draw_sector(stage, chain).values():
+            loop = turn(face.loop, chain)
+            outline.bodies.append(np.asarray(polygon_points(loop, STEP)))
+            for segment, label in zip(loop, face.labels, strict=True):
+                lines = {"free": outline.rims, "ground": outline.grounds}.get(label)
+                if lines is not None:
+                    lines.append(_points(segment))
+    return outline
+
+
+def draw_outline(axes: Axes, outline: Outline, at: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Draw an outline with the platform centre at a place, in mm; its grounds heavy, its hub as a disc."""
+    place = np.array(at)
+    fill = PolyCollection(
+        [body + place for body in outline.bodies], facecolors=PALE, edgecolors=PALE, linewidths=0.4, zorder=1
+    )
+    rims = LineCollection([line + place for line in outline.rims], colors=INK, linewidths=0.7, zorder=2)
+    grounds = LineCollection([line + place for line in outline.grounds], colors=INK, linewidths=2.4, zorder=3)
+    for collection in (fill, rims, grounds):
+        axes.add_collection(collection, autolim=False)
+    axes.add_patch(Circle(at, outline.hub, facecolor="#C9CED6", edgecolor=INK, linewidth=0.6, zorder=2.5))
+
+
+def _points(segment: Segment) -> Array:
+    z = np.append(segment.points(STEP), segment.end)
+    return np.column_stack([z.real, z.imag])
 
 
 @in_house_style
@@ -43,8 +102,7 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     axes.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(axes, max(0.6 * model.hub_radius, 0.04 * size))
     _number_hinges(axes, model, fields.nodes, size)
-    axes.set_xlabel(f"x ({LENGTH})")
-    axes.set_ylabel(f"y ({LENGTH})")
+    axes.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return figure
 
 

@@ -62,7 +62,8 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         row, column = divmod(index, columns)
         axes = add_axes(figure, 0.15 + column * PANEL, top - (row + 1) * (tall + TITLE) + 0.2, PANEL, tall)
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        _draw_deformed(axes, result.models[label], fields[label], factor, norm)
+        plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=result.models[label].hub_radius)
+        _name_largest(axes, result.models[label], fields[label], factor)
     _draw_scale(figure, norm, width)
     return figure
 
@@ -107,35 +108,51 @@ def name_of_place(model: Model, fields: Fields, node: int) -> str:
     return BODIES[body] if BODIES[body] == "platform" else f"{BODIES[body]} of chain {chain + 1}"
 
 
-def _draw_deformed(axes: Axes, model: Model, fields: Fields, factor: float, norm: LogNorm) -> None:
+def plot_displacement(
+    ax: Axes,
+    fields: Fields,
+    *,
+    factor: float | None = None,
+    norm: LogNorm | None = None,
+    hub_radius: float = 0.0,
+) -> Axes:
+    """Draw a stage displaced by finite elements, coloured by von Mises stress; in grey its outline at rest.
+
+    Parameters
+    ----------
+    fields : nodes and displacement, mm, and stress, MPa, under one load.
+    factor, norm : exaggeration and scale of stress; by default those that suit these fields.
+    hub_radius : mm, of the rigid disc at the platform centre, which is filled; 0 leaves its hole.
+
+    Returns `ax`.
+    """
+    factor, norm = factor or exaggeration({"": fields}), norm or stress_scale({"": fields})
     moved = fields.nodes + factor * fields.displacement
     loops = loops_of(edges_of(fields.triangles).boundary)
     at_rest = LineCollection([polygon(fields.nodes, loop) for loop in loops], colors="#8A8A8A", linewidths=0.9)
     outline = LineCollection([polygon(moved, loop) for loop in loops], colors=INK, linewidths=0.5, zorder=3)
+    hubs = [polygon(moved, loop) for loop in loops if _around_origin(polygon(fields.nodes, loop), hub_radius)]
+    hub = PolyCollection(hubs, facecolors="#D0D0D0", edgecolors=INK, linewidths=0.5)
     stress = np.clip(fields.stress, norm.vmin, None)
     grid = Triangulation(moved[:, 0], moved[:, 1], quarters(fields.triangles))
-    axes.tripcolor(grid, stress, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
-    for collection in (at_rest, outline):
-        axes.add_collection(collection, autolim=False)
-    hubs = [loop for loop in loops if _around_origin(polygon(fields.nodes, loop), model.hub_radius)]
-    axes.add_collection(
-        PolyCollection([polygon(moved, loop) for loop in hubs], facecolors="#D0D0D0", edgecolors=INK, linewidths=0.5),
-        autolim=False,
-    )
+    ax.tripcolor(grid, stress, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
+    for collection in (at_rest, outline, hub):
+        ax.add_collection(collection, autolim=False)
     both = np.concatenate([fields.nodes, moved])
-    size = float(np.ptp(both, axis=0).max())
     pad = 0.03 * np.ptp(both, axis=0)
-    show_window(axes, both.min(axis=0) - pad, both.max(axis=0) + pad)
-    axes.set_axis_off()
-    _name_largest(axes, model, fields, moved, size)
+    show_window(ax, both.min(axis=0) - pad, both.max(axis=0) + pad)
+    ax.set_axis_off()
+    return ax
 
 
 def _around_origin(points: Array, hub_radius: float) -> bool:
     return bool(np.hypot(*points.T).max() < 1.01 * hub_radius)
 
 
-def _name_largest(axes: Axes, model: Model, fields: Fields, moved: Array, size: float) -> None:
+def _name_largest(axes: Axes, model: Model, fields: Fields, factor: float) -> None:
     """Point at the largest stress and write value and place below the stage."""
+    moved = fields.nodes + factor * fields.displacement
+    size = float(np.ptp(np.concatenate([fields.nodes, moved]), axis=0).max())
     node, place = largest_stress(model, fields)
     text = f"largest {significant(float(fields.stress[node]), 3)} {STRESS} at {place}"
     axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
