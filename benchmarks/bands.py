@@ -21,7 +21,7 @@ from flexfem.arrays import Array
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
-from flexfem.verify.alternatives import error_matrix
+from flexfem.verify.comparison import error_matrix
 from flexfem.verify.convergence import ORDER, command_convergence
 from flexfem.verify.protocol import solve_stage
 

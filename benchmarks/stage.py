@@ -45,7 +45,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.plane_stress import integration
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.stage.feasibility import load_feasible
-    from flexfem.verify.protocol import compare
+    from flexfem.verify.comparison import compare
 
     clock = Clock()
     clock("import", lambda: subprocess.run([sys.executable, "-c", IMPORTS], check=True))

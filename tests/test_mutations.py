@@ -148,7 +148,7 @@ MUTATIONS = [
     ),
     Mutation(
         "commanded minus finite-element displacement",
-        "verify/protocol.py",
+        "verify/comparison.py",
         "error = force @ compliance.T - command",
         "error = command - force @ compliance.T",
         "tests/verify/test_protocol.py::test_error_is_finite_element_displacement_minus_commanded",

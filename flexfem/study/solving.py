@@ -21,7 +21,7 @@ from flexfem.study.designs import stage_of
 from flexfem.study.outputs import common_columns, travel_columns
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.rows import Rows
-from flexfem.verify.alternatives import error_matrix
+from flexfem.verify.comparison import error_matrix
 from flexfem.verify.convergence import CAUTIOUS, ORDER, grid_convergence, levels
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import json
 import math
+import platform
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,42 +16,21 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve, solve_triangular
 from scipy.special import ndtri
 
-from flexfem.sources import PACKAGE, hashes, manifest
+from flexfem.sources import PACKAGE, hashes, require_unchanged
+from flexfem.study.closure import closure
 
 NUMERIC = ("flexfem", "numpy", "scipy", "shapely")
 MESHED = ("gmsh", "scikit-fem")
-DECIDES_NOTHING = (  # shows, runs or keeps what others decide; a new module counts until it is named here
-    "__main__.py",
-    "commands",
-    "files/writing.py",
-    "plot",
-    "validate",
-    "study/cells.py",
-    "study/collect.py",
-    "study/figure.py",
-    "study/findings.py",
-    "study/journal.py",
-    "study/pareto.py",
-    "study/percentiles.py",
-    "study/cluster.py",
-    "study/pool.py",
-    "study/run.py",
-    "study/shard.py",
-    "study/sensitivity.py",
-    "study/stale.py",
-    "study/status.py",
-    "study/table.py",
-    "study/worker.py",
-    "verify/claims.py",
-    "verify/workspace.py",
-)
+DATA = "data/"
+ROOTS = ("study/answer.py", "study/parts.py")  # what answers designs, and what keeps the answers
 
 
 @lru_cache
 def versions_of(meshed: bool) -> MappingProxyType[str, str]:
     """Versions by name of what decides the results of a study, `meshed` when finite elements take part in it."""
     names = (*NUMERIC, *MESHED) if meshed else NUMERIC
-    found = {name: _version(name) for name in names} | {"sources": digest(), "arithmetic": arithmetic()}
+    found = {"python": ".".join(platform.python_version_tuple()[:2])} | {name: _version(name) for name in names}
+    found |= {"sources": digest(), "arithmetic": arithmetic()}
     if meshed:
         installed = _version("cvxopt")
         found["solver"] = "superlu" if installed == "none" else f"cvxopt {installed}"
@@ -86,18 +68,27 @@ def arithmetic() -> str:
 
 
 @lru_cache
-def digest(sources: Path = PACKAGE) -> str:
-    """First 16 digits of the SHA-256 of every source and data file that decides results, paths included."""
-    total = hashlib.sha256()
-    for name, content in (manifest() if sources == PACKAGE else hashes(sources)).items():
-        if counts(name):
-            total.update(f"{name}\0{content}".encode())
-    return total.hexdigest()[:16]
+def digest(package: Path = PACKAGE) -> str:
+    """First 16 digits of the SHA-256 of what decides results: code as Python reads it, and the bytes of data files.
+
+    Comments, docstrings and how lines are broken change nothing. Raises SourcesChanged as `require_unchanged`.
+    """
+    found = dict(_deciding(package))
+    found |= {path: content for path, content in hashes(package).items() if path.startswith(DATA)}
+    if package == PACKAGE:
+        require_unchanged()
+    return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def counts(name: str) -> bool:
     """Whether a file, by its path below the package, decides results."""
-    return not any(name == silent or name.startswith(f"{silent}/") for silent in DECIDES_NOTHING)
+    return name.startswith(DATA) or name in _deciding(PACKAGE)
+
+
+@lru_cache
+def _deciding(package: Path) -> MappingProxyType[str, str]:
+    """Syntax trees as text of the modules that decide results, by path."""
+    return MappingProxyType({path: ast.dump(tree) for path, tree in closure(ROOTS, package).items()})
 
 
 def _version(name: str) -> str:

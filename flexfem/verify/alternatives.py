@@ -30,7 +30,8 @@ from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.protocol import Solved, compare
+from flexfem.verify.comparison import error_matrix
+from flexfem.verify.protocol import Solved
 from flexfem.verify.result import Record, Triple
 
 Solve: TypeAlias = Callable[[Stage, int], Solved]
@@ -56,12 +57,6 @@ class Alternative(Record):
     mobility: int
     along: Triple
     across: Triple
-
-
-def error_matrix(stiffness: Array, compliance: Array, lever: float) -> Array:
-    """Error percentages (3, 3) of `protocol.compare`; column j for command j, order x, y, theta."""
-    one = np.array([0.0, 1.0])
-    return np.array([compare(stiffness, compliance, axis, one, lever).percent for axis in DIRECTIONS]).T
 
 
 def alternatives(three: Stage, six: Stage, solve: Solve) -> list[Alternative]:

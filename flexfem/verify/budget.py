@@ -22,8 +22,9 @@ from flexfem.fem.response import load_case, plate_of
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.comparison import compare, percentages
 from flexfem.verify.convergence import command_convergence, levels
-from flexfem.verify.protocol import Solved, compare, percentages, solve_stage
+from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Record, Triple, versions
 
 CALIBRATED = "calibrated"

@@ -15,8 +15,9 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS
-from flexfem.verify.alternatives import Solve, error_matrix
+from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.comparison import error_matrix
 from flexfem.verify.convergence import command_convergence, levels
 
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)

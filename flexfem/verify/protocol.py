@@ -22,6 +22,7 @@ from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
+from flexfem.verify.comparison import Comparison, compare, percentages
 from flexfem.verify.convergence import Convergence, command_convergence, levels
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
 
@@ -33,47 +34,11 @@ class Solved(NamedTuple):
     response: Response
 
 
-class Comparison(NamedTuple):
-    """Analytic forces and the finite elements' answer.
-
-    force : (points, 3), N, N, N mm, by (18).  error : (points, 3), mm, mm, rad, finite-element pose minus commanded.
-    percent : (3,), at the largest command.
-    """
-
-    force: Array
-    error: Array
-    percent: Array
-
-
 def solve_stage(stage: Stage, resolution: int) -> Solved:
     """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
     plate = plate_of(stage)
     mesh = build_mesh(stage, resolution)
     return Solved(mesh, platform_response(mesh, plate))
-
-
-def compare(stiffness: Array, compliance: Array, direction: Direction, commanded: Array, lever: float) -> Comparison:
-    """Apply the force that an analytic stiffness predicts to a finite-element compliance.
-
-    Parameters
-    ----------
-    stiffness, compliance : (3, 3), order x, y, theta.
-    commanded : (points,), mm or rad.
-    lever : l3, mm, by which rotations become comparable with translations.
-    """
-    axis = DIRECTIONS.index(direction)
-    command = np.zeros((len(commanded), 3))
-    command[:, axis] = commanded
-    force = command @ stiffness.T  # (18)
-    error = force @ compliance.T - command
-    largest = int(np.argmax(commanded))
-    return Comparison(force, error, percentages(error[largest], commanded[largest], direction, lever))
-
-
-def percentages(error: Array, commanded: float, direction: Direction, lever: float) -> Array:
-    """Error (3,), mm, mm, rad, in per cent of one command; the lever makes rotations and translations comparable."""
-    scale = np.array([1.0, 1.0, lever])
-    return np.asarray(100.0 * error * scale / (commanded * scale[DIRECTIONS.index(direction)]))
 
 
 def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direction, commanded: Array) -> Comparison:

@@ -24,7 +24,8 @@ from flexfem.fem.response import load_case, plate_of
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.protocol import Solved, percentages, solve_stage
+from flexfem.verify.comparison import percentages
+from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import versions
 from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import subprocess
@@ -26,7 +25,6 @@ from flexfem.study.pool import LocalPool
 from flexfem.study.run import Progress, run_study
 from flexfem.study.shard import Shard, shard_of, shuffled
 from flexfem.study.status import status_facts
-from flexfem.study.versions import counts, digest
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 
@@ -117,41 +115,6 @@ def test_any_split_into_chunks_and_shards_gives_the_same_rows(tmp_path_factory, 
 def test_every_chunk_is_seen_to_once_by_one_shard(count, shards, seed):
     numbers = [list(shuffled(range(first, count, shards), seed)) for first in range(shards)]
     assert sorted(chain(*numbers)) == list(range(count))
-
-
-def imported(name):
-    """Names of flexfem's modules that a module imports, itself or through others, anywhere in it."""
-    seen, ahead = set(), [name]
-    while ahead:
-        name = ahead.pop()
-        path = ROOT / (name.replace(".", "/") + ".py")
-        if name in seen or not path.exists():
-            continue
-        seen.add(name)
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("flexfem"):
-                ahead += [node.module, *(f"{node.module}.{each.name}" for each in node.names)]
-    return seen
-
-
-def test_every_module_that_answers_decides_which_parts_are_valid():
-    answering = imported("flexfem.study.answer") | imported("flexfem.study.parts")
-    assert {"flexfem.study.solving", "flexfem.fem.factor", "flexfem.analytic.notch"} <= answering
-    paths = {name.removeprefix("flexfem.").replace(".", "/") + ".py" for name in answering}
-    silent = {path for path in paths if not counts(path)}
-    assert silent <= {"files/writing.py", "study/figure.py"}  # writes what others decide; drawn afterwards
-
-
-def test_results_of_other_sources_are_not_taken_for_these(tmp_path):
-    for name in ("fem/factor.py", "data/chart.json", "plot/style.py"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("1")
-    before = digest(tmp_path)
-    for name, changes in (("plot/style.py", False), ("data/chart.json", True), ("fem/factor.py", True)):
-        (tmp_path / name).write_text("2")
-        digest.cache_clear()
-        assert (digest(tmp_path) != before) is changes, name
-        before = digest(tmp_path)
 
 
 def test_orders_of_runners_differ():

@@ -21,8 +21,9 @@ from flexfem.study.answer import answer
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.solving import mesh_band, solved_values
+from flexfem.verify.comparison import compare
 from flexfem.verify.convergence import grid_convergence
-from flexfem.verify.protocol import compare, solve_stage
+from flexfem.verify.protocol import solve_stage
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
 STRESS = 1e-2  # averaged nodal stress at a notch on two coarse meshes

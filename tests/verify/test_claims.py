@@ -26,6 +26,7 @@ from flexfem.verify.claims import (
     measure_claims,
     report_claims,
 )
+from flexfem.verify.comparison import error_matrix
 from flexfem.verify.measures import MEASURES
 
 ROOT = Path(__file__).parents[2]
@@ -169,7 +170,7 @@ def test_errors_of_a_command_stand_in_its_column():
     """Softer by 10, 20 and 50 %, and moved across by the force of the command."""
     K, C = np.diag([40.0, 50.0, 46000.0]), np.diag([1.1 / 40, 1.2 / 50, 1.5 / 46000])
     C[1, 0], C[2, 0], C[0, 2] = 3e-4, 2e-6, 2e-6
-    found = other.error_matrix(K, C, 24.0)
+    found = error_matrix(K, C, 24.0)
     expected = [[10.0, 0.0, 100 * 2e-6 * 46000 / 24], [1.2, 20.0, 0.0], [100 * 2e-6 * 40 * 24, 0.0, 50.0]]
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
@@ -231,7 +232,7 @@ def test_without_scatter_nothing_errs_across(modelled):
     stage, model = modelled
     exact = other.scatter(stage, model, deviation=0.0, draws=1)[0]
     lever = stage.chain.link_lengths[2]
-    expected = other.error_matrix(analyse(stage, model).stiffness, linked_compliance(stage, CALIBRATED), lever)
+    expected = error_matrix(analyse(stage, model).stiffness, linked_compliance(stage, CALIBRATED), lever)
     np.testing.assert_allclose(exact, expected, atol=ROUND_OFF)
     assert np.max(np.abs(exact[~np.eye(3, dtype=bool)])) < ROUND_OFF
 
@@ -280,7 +281,7 @@ def test_plane_strain_is_that_of_the_metal_whatever_the_stage_is(six, model, mon
     found = {each.name: each.along.x for each in other._finite_elements(stage, 6, lambda stage, resolution: own)}
     lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     held = platform_response(mesh, SimpleNamespace(lame=(lame, mu), thickness=10.0)).compliance
-    expected = other.error_matrix(analyse(stage, 6).stiffness, held, lever)[0, 0]
+    expected = error_matrix(analyse(stage, 6).stiffness, held, lever)[0, 0]
     strained = found["finite elements in plane strain, the limit of wide necks"]
     assert strained == pytest.approx(expected, rel=1e-9)
     repeated = strained == pytest.approx(found["none: curved quadratic triangles, as verified"], rel=1e-9)

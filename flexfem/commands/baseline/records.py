@@ -29,9 +29,10 @@ from flexfem.verify import budget, workspace
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
+from flexfem.verify.comparison import compare
 from flexfem.verify.converge import converge
 from flexfem.verify.convergence import levels
-from flexfem.verify.protocol import Solved, compare, run_case
+from flexfem.verify.protocol import Solved, run_case
 
 Section: TypeAlias = Callable[[], Any]
 FORCE = (1.0, -2.0, 30.0)  # N, N, N mm: of `solve`; no two components alike
