@@ -25,8 +25,7 @@ from random_stages import draw
 
 from flexfem.arrays import Array
 from flexfem.errors import BadInput
-from flexfem.fem import sector
-from flexfem.fem.factor import Factor
+from flexfem.fem import cyclic
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
@@ -98,26 +97,21 @@ def study(resolution: int) -> LoadedStudy:
 def watched(stage: Stage, loaded: LoadedStudy) -> tuple[dict[str, float], Array]:
     """Seconds by part and the outputs of one design."""
     clock = Clock()
-    kept = solving.mesh_thirds, sector._condense, sector.factor_of
-
-    def factor_of(lower: Any) -> Factor:
-        factor = clock.watching("factor", kept[2])(lower)
-        return Factor(factor.solve, clock.watching("factor", factor.squared))
-
-    solving.mesh_thirds, sector._condense = clock.watching("mesh", kept[0]), clock.watching("condense", kept[1])
-    sector.factor_of = factor_of
+    kept = solving.mesh_sectors, cyclic.tied_lower, cyclic.condense
+    solving.mesh_sectors = clock.watching("mesh", kept[0])
+    cyclic.tied_lower, cyclic.condense = clock.watching("assembly", kept[1]), clock.watching("condense", kept[2])
     try:
         clock.watching("check", check_feasible)(stage)
         values = clock.watching("solve", solving.solved_values)(stage, loaded, True)
     finally:
-        solving.mesh_thirds, sector._condense, sector.factor_of = kept
+        solving.mesh_sectors, cyclic.tied_lower, cyclic.condense = kept
     s = clock.seconds
     parts = {
         "feasibility": s["check"],
         "mesh": s["mesh"],
-        "assembly": s["condense"] - s["factor"],
-        "factor": s["factor"],
-        "rest": s["solve"] - s["mesh"] - s["condense"],
+        "assembly": s["assembly"],
+        "condense": s["condense"],
+        "rest": s["solve"] - s["mesh"] - s["assembly"] - s["condense"],
         "all": s["check"] + s["solve"],
     }
     return parts, values

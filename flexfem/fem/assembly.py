@@ -18,6 +18,62 @@ ENTRIES = np.ravel_multi_index(
 CACHED = 400  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
 
 
+LOWER = np.tril_indices(12)  # the 78 pairs of a triangle's degrees of freedom
+
+
+def tied_lower(batches: list[ElementBatch], plate: Plate, number: Index, rigid: sp.csr_array) -> sp.csc_array:
+    """Lower triangle (2 free + 3, 2 free + 3) of the stiffness matrix, N/mm, after some nodes are tied to a pose.
+
+    number : (n,), free nodes counted first, then those tied; -1 for a node left out (held at zero).
+    rigid : (2 tied, 3), displacement of the tied nodes per pose: with u = T q, the lower triangle of T' K T.
+    """
+    free = int(number.max()) + 1 - rigid.shape[0] // 2
+    pieces = [piece for batch in batches for piece in (_beside(batch, number, free), _off(batch, number, free))]
+    parts = [_entries(off, plate, number) for off in pieces[1::2]]
+    parts += [_tied_entries(_entries(beside, plate, number), free, rigid) for beside in pieces[::2]]
+    values, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
+    found = sp.coo_array((values, (rows, columns)), shape=(2 * free + 3, 2 * free + 3)).tocsc()
+    found.sort_indices()
+    return found
+
+
+def _beside(batch: ElementBatch, number: Index, free: int) -> ElementBatch:
+    """The triangles that have a tied node."""
+    return batch.where(np.any(number[batch.triangles] >= free, axis=1))
+
+
+def _off(batch: ElementBatch, number: Index, free: int) -> ElementBatch:
+    """The triangles that have none."""
+    return batch.where(np.all(number[batch.triangles] < free, axis=1))
+
+
+def _entries(batch: ElementBatch, plate: Plate, number: Index) -> tuple[Array, Index, Index]:
+    """Entries of the lower triangle, triangle by triangle: values (78 e,), rows and columns."""
+    nodes = 2 * number[batch.triangles].astype(np.int32)
+    dofs = (nodes[:, :, None] + np.array([0, 1], dtype=np.int32)).reshape(-1, 12)
+    one, other = dofs[:, LOWER[0]].ravel(), dofs[:, LOWER[1]].ravel()
+    rows, columns = np.maximum(one, other), np.minimum(one, other)
+    values, done = np.empty((len(dofs), 78)), 0
+    for piece in batch.pieces(CACHED):
+        matrices = element_matrices(piece, plate).reshape(-1, 144)
+        values[done : done + len(matrices)] = matrices[:, 12 * LOWER[0] + LOWER[1]]
+        done += len(matrices)
+    held = columns < 0
+    if not held.any():
+        return values.ravel(), rows, columns
+    return values.ravel()[~held], rows[~held], columns[~held]
+
+
+def _tied_entries(entries: tuple[Array, Index, Index], free: int, rigid: sp.csr_array) -> tuple[Array, Index, Index]:
+    """Entries of T' K T from those of K."""
+    values, rows, columns = entries
+    size = 2 * free + rigid.shape[0]
+    lower = sp.coo_array((values, (rows, columns)), shape=(size, size)).tocsr()
+    T = sp.block_diag([sp.eye_array(2 * free), rigid], format="csr")
+    tied = sp.tril(T.T @ (lower + sp.tril(lower, -1).T) @ T).tocoo()
+    return tied.data, tied.coords[0], tied.coords[1]
+
+
 class Blocks(NamedTuple):
     """Lower triangle of a symmetric matrix as 2 x 2 blocks, column by column.
 

@@ -17,6 +17,7 @@ from flexfem.clock import Limit, Stopwatch
 from flexfem.errors import ComputationFailed, SourcesChanged
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesher import Export
+from flexfem.fem.triangle import NODES, determinants
 from flexfem.sources import CHANGED, child_command, manifest
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.frames import CHAIN_TURN, turned
@@ -253,14 +254,7 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
 
 def jacobians(mesh: StageMesh) -> Array:
     """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, and their mean over it."""
-    xi = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
-    at = mesh.nodes[mesh.triangles]
-    a, b = xi.T
-    zero = np.zeros(6)
-    by_a = np.array([4 * a + 4 * b - 3, 4 * a - 1, zero, 4 - 8 * a - 4 * b, 4 * b, -4 * b])
-    by_b = np.array([4 * a + 4 * b - 3, zero, 4 * b - 1, -4 * a, 4 * a, 4 - 4 * a - 8 * b])
-    da, db = np.einsum("mkd,kq->mqd", at, by_a), np.einsum("mkd,kq->mqd", at, by_b)
-    found = da[..., 0] * db[..., 1] - da[..., 1] * db[..., 0]
+    found = determinants(mesh.nodes[mesh.triangles], NODES)
     mean = found[:, 3:].mean(axis=1)  # exact: the determinant is quadratic, and so is this rule
     return np.column_stack([found, mean])
 

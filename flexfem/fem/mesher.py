@@ -87,7 +87,7 @@ def mesh_faces(job: Job) -> dict[str, AnyArray]:
     -------
     nodes (n, 2) in mm; triangles (m, 6) corners then middles, faces (m,) index of each triangle's face;
     edges (k, 3) ends then middle, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. With cones
-    the triangles (m, 3) and edges (k, 2) have no middles yet: `thirds.curved` adds them faster than gmsh.
+    the triangles (m, 3) and edges (k, 2) have no middles yet: `sectors.curved` adds them faster than gmsh.
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.geo if job.cones else gmsh.model.occ

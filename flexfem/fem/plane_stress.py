@@ -1,14 +1,15 @@
-"""Plane stress on curved quadratic triangles: stiffness and stresses, on scikit-fem's mesh, element and mapping."""
+"""Plane stress on curved quadratic triangles: stiffness, nodal forces and stresses."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.mesh import StageMesh
+from flexfem.fem.triangle import NODES, gradients, quadrature
 
 if TYPE_CHECKING:
     import skfem
@@ -50,6 +51,10 @@ class ElementBatch(NamedTuple):
     gradients: Array
     weights: Array
 
+    def where(self, chosen: AnyArray) -> ElementBatch:
+        """The triangles for which `chosen` (e,) holds."""
+        return ElementBatch(self.triangles[chosen], self.gradients[chosen], self.weights[chosen])
+
     def pieces(self, size: int) -> Iterator[ElementBatch]:
         """The batch in pieces of at most `size` triangles."""
         for start in range(0, len(self.triangles), size):
@@ -58,23 +63,16 @@ class ElementBatch(NamedTuple):
 
 
 def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
-    """Gradients and weights of all triangles in batches of `CHUNK`, from scikit-fem's element, mapping and quadrature.
+    """Gradients and weights of all triangles in batches of `CHUNK`.
 
     Raises ValueError for a degree whose rule has weights that are not positive.
     """
-    from skfem import ElementTriP2
-    from skfem.quadrature import get_quadrature
-
-    element, mapping = ElementTriP2(), skfem_mesh(mesh).mapping()
-    points, rule = get_quadrature(element.refdom, degree)
-    slopes = [element.lbasis(points, node)[1] for node in range(6)]  # on the reference triangle, (2, q)
-    if np.any(rule <= 0):
-        raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
+    points, rule = quadrature(degree)
     batches = []
     for start in range(0, len(mesh.triangles), CHUNK):
-        part = np.arange(start, min(start + CHUNK, len(mesh.triangles)))
-        gradients = np.einsum("ijeq,niq->enjq", mapping.invDF(points, part), slopes)
-        batches.append(ElementBatch(mesh.triangles[part], gradients, np.abs(mapping.detDF(points, part)) * rule))
+        part = mesh.triangles[start : start + CHUNK]
+        found, determinant = gradients(mesh.nodes[part], points)
+        batches.append(ElementBatch(part, found, np.abs(determinant) * rule))
     return batches
 
 
@@ -142,7 +140,8 @@ def nodal_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
     field : (n, 2) displacements, mm.
     """
     relative = field[mesh.triangles] - field[mesh.triangles[:, :1]]
-    stress = stress_tensor(plate, np.einsum("eia,eibq->eabq", relative, _gradients_at_nodes(mesh), optimize=True))
+    found, _ = gradients(mesh.nodes[mesh.triangles], NODES)
+    stress = stress_tensor(plate, np.einsum("eia,eibq->eabq", relative, found, optimize=True))
     around = np.bincount(mesh.triangles.ravel())
     parts = (stress[:, 0, 0], stress[:, 1, 1], stress[:, 0, 1])
     return np.stack([np.bincount(mesh.triangles.ravel(), part.ravel()) / around for part in parts], axis=-1)
@@ -153,13 +152,3 @@ def von_mises(stress: Array, pull: float = 0.0) -> Array:
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     zz = pull * (xx + yy)
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2))
-
-
-def _gradients_at_nodes(mesh: StageMesh) -> Array:
-    """Shape function gradients (e, 6 nodes, 2, 6 points), 1/mm, at the nodes of every triangle."""
-    from skfem import Basis, ElementTriP2
-
-    nodes = np.array([[0.0, 1.0, 0.0, 0.5, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0, 0.5, 0.5]])
-    rule: Any = (nodes, np.full(6, 1 / 12))
-    basis = Basis(skfem_mesh(mesh), ElementTriP2(), quadrature=rule)
-    return np.asarray(np.array([field[0].grad for field in basis.basis]).transpose(2, 0, 1, 3))

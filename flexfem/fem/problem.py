@@ -13,6 +13,7 @@ from flexfem.fem.assembly import stiffness_matrix
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, stress_tensor
+from flexfem.fem.triangle import quadrature, shape_functions
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
 EDGE_POINTS = 3  # of Gauss, on a curved edge
@@ -121,12 +122,7 @@ def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = D
 
 def shape_values(degree: int) -> Array:
     """Shape functions (6 nodes, q points) at the quadrature points of `plane_stress.integration`."""
-    from skfem.quadrature import get_quadrature
-    from skfem.refdom import RefTri
-
-    a, b = get_quadrature(RefTri, degree)[0]
-    c = 1 - a - b
-    return np.array([c * (2 * c - 1), a * (2 * a - 1), b * (2 * b - 1), 4 * a * c, 4 * a * b, 4 * b * c])
+    return shape_functions(quadrature(degree)[0])[0]
 
 
 class Errors(NamedTuple):

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
 from flexfem.errors import BadInput, ComputationFailed
-from flexfem.fem.assembly import blocks, with_rigid_part
+from flexfem.fem.assembly import tied_lower
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
@@ -78,7 +78,7 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -
     compliance is the pose block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
     """
     batches, tied = integration(mesh, degree), tie_hub(mesh)
-    solve = factorise(with_rigid_part(blocks(batches, plate, tied.number), len(tied.free), tied.rigid))
+    solve = factorise(tied_lower(batches, plate, tied.number, tied.rigid))
     loads = np.zeros((2 * len(tied.free) + 3, 3))
     loads[-3:] = np.eye(3)
     motion, residual, last = np.zeros_like(loads), loads, np.ones(3)

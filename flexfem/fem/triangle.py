@@ -1,28 +1,47 @@
-"""The curved quadratic triangle on its own, for meshes in any order of nodes: gradients of its shape functions.
+"""The curved quadratic triangle: scikit-fem's element and quadrature, mapped in any order of nodes.
 
-`plane_stress.integration` takes them from scikit-fem, whose mesh must be in its own order; here is the same element
-for the meshes of studies, at a third of the time.
+scikit-fem maps only meshes in its own order of nodes, and takes three times as long; a test holds the gradients and
+weights here to those of its own mapping.
 """
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import ElementBatch
 
-NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
-POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6  # exact for quadratic integrands, weights 1/6
+NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])  # on the reference triangle
 
 
-def slopes(points: Array) -> Array:
-    """Slopes (6 nodes, 2, q) of the shape functions at points (q, 2) of the reference triangle."""
-    a, b = points.T
-    zero = np.zeros(len(points))
-    by_a = [4 * a + 4 * b - 3, 4 * a - 1, zero, 4 - 8 * a - 4 * b, 4 * b, -4 * b]
-    by_b = [4 * a + 4 * b - 3, zero, 4 * b - 1, -4 * a, 4 * a, 4 - 4 * a - 8 * b]
-    return np.stack([by_a, by_b], axis=1)
+@cache
+def quadrature(degree: int) -> tuple[Array, Array]:
+    """Points (q, 2) on the reference triangle and weights (q,), exact for polynomials of a degree.
+
+    Raises ValueError for a degree whose rule has weights that are not positive.
+    """
+    from skfem.quadrature import get_quadrature
+    from skfem.refdom import RefTri
+
+    points, weights = get_quadrature(RefTri, degree)
+    if np.any(weights <= 0):
+        raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
+    return np.ascontiguousarray(points.T), weights
+
+
+def shape_functions(points: Array) -> tuple[Array, Array]:
+    """Values (6 nodes, q) and slopes (6 nodes, 2, q) of the shape functions at points (q, 2)."""
+    from skfem import ElementTriP2
+
+    found = [ElementTriP2().lbasis(points.T, node) for node in range(6)]
+    return np.array([value for value, _ in found]), np.array([slope for _, slope in found])
+
+
+def determinants(at: Array, points: Array) -> Array:
+    """Jacobian determinants (e, q), mm^2, of triangles with nodes (e, 6, 2), mm, at points (q, 2)."""
+    (xa, xb), (ya, yb) = _jacobian(at, shape_functions(points)[1])
+    return np.asarray(xa * yb - xb * ya)
 
 
 def gradients(at: Array, points: Array) -> tuple[Array, Array]:
@@ -30,19 +49,17 @@ def gradients(at: Array, points: Array) -> tuple[Array, Array]:
 
     at : (e, 6, 2), mm, nodes of the triangles.   points : (q, 2), on the reference triangle.
     """
-    slope, q = slopes(points), len(points)
-    J = (at.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, q)
-    (xa, xb), (ya, yb) = J.transpose(1, 2, 0, 3)
+    slope = shape_functions(points)[1]
+    (xa, xb), (ya, yb) = _jacobian(at, slope)
     determinant = xa * yb - xb * ya
-    found = np.empty((len(at), 6, 2, q))
-    for axis, (a, b) in enumerate(
-        [(yb, -ya), (-xb, xa)]
-    ):  # d xi_a / dx and d xi_b / dx, then dy, times the determinant
+    found = np.empty((len(at), 6, 2, len(points)))
+    for axis, (a, b) in enumerate([(yb, -ya), (-xb, xa)]):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
         found[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[:, None] * slope[:, 1]
     return found, determinant
 
 
-def whole_batch(mesh: StageMesh) -> ElementBatch:
-    """All triangles with gradients and weights at the points of `plane_stress.QUADRATURE`."""
-    found, determinant = gradients(mesh.nodes[mesh.triangles], POINTS)
-    return ElementBatch(mesh.triangles, found, np.abs(determinant) / 6)
+def _jacobian(at: Array, slope: Array) -> Array:
+    """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map."""
+    q = slope.shape[-1]
+    J = (at.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, q)
+    return J.transpose(1, 2, 0, 3)

@@ -1,4 +1,4 @@
-"""One design by finite elements: meshed in thirds, condensed to a ring, and asked for the columns of a study."""
+"""One design by finite elements: meshed and condensed sector by sector, and asked for the columns of a study."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.errors import BadInput, ComputationFailed
+from flexfem.fem.cyclic import CyclicResponse, cyclic_response
+from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.response import plate_of
-from flexfem.fem.ring_fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.sector import Ring, ring_response
-from flexfem.fem.thirds import mesh_thirds
+from flexfem.fem.sectors import mesh_sectors
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
@@ -62,32 +62,32 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     """
     study, clock = loaded.study, _Clock(Limit(loaded.study.time_limit), inside)
     analytic = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
-    ring = _solved(stage, study.resolution, clock)
-    stiffness = np.linalg.inv(ring.compliance)
+    response = _solved(stage, study.resolution, clock)
+    stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = neck_stresses(stage, ring, stiffness).max(axis=(1, 2))  # row j: the loads of a unit displacement j
-    strength, size = np.array([stage.material.yield_strength]), np.array([envelope(ring)])
+    stress = neck_stresses(stage, response, stiffness).max(axis=(1, 2))  # row j: the loads of a unit displacement j
+    strength, size = np.array([stage.material.yield_strength]), np.array([envelope(response)])
     found = [common_columns(stiffness[None], stress[None], strength, size)[0]]
     if study.drive is not None:
-        turning = np.abs(stiffness @ base_rotations(stage, ring)).max(axis=1)
+        turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
         found.append(travel_columns(turning[None], study.drive.rotation)[0])
     if analytic is not None:
-        found.append(_errors(stage, loaded, analytic, ring, clock))
+        found.append(_errors(stage, loaded, analytic, response, clock))
     return np.concatenate(found)
 
 
-def _solved(stage: Stage, resolution: int, clock: _Clock) -> Ring:
+def _solved(stage: Stage, resolution: int, clock: _Clock) -> CyclicResponse:
     plate = plate_of(stage)
-    return ring_response(mesh_thirds(stage, resolution, *clock), plate)
+    return cyclic_response(mesh_sectors(stage, resolution, *clock), plate)
 
 
-def _errors(stage: Stage, loaded: LoadedStudy, analytic: Array, ring: Ring, clock: _Clock) -> Array:
+def _errors(stage: Stage, loaded: LoadedStudy, analytic: Array, response: CyclicResponse, clock: _Clock) -> Array:
     """Error percentages of the protocol, the largest across each command, and the bands of the former if wanted.
 
     analytic : (3, 3), the stiffness by which (18) predicts the loads.
     """
     study, lever = loaded.study, stage.chain.link_lengths[2]
-    percent = error_matrix(analytic, ring.compliance, lever)
+    percent = error_matrix(analytic, response.compliance, lever)
     along = np.diag(percent)
     across = np.max(np.abs(percent - np.diag(along)), axis=0)
     if not study.bands:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import flexfem.fem.condensation
 from flexfem.errors import ComputationFailed
-from flexfem.fem.factor import Solve, cholmod, dense, factor_of, factorise, superlu
+from flexfem.fem.condensation import condense
+from flexfem.fem.factor import Solve, cholmod, dense, factorise, superlu
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
 NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt is optional")
@@ -43,14 +45,24 @@ def test_a_part_that_is_not_held_is_refused(method: Callable[[sp.coo_array], Sol
 
 
 @pytest.mark.parametrize("installed", [pytest.param(True, marks=NEEDS_CHOLMOD), False], ids=["cholmod", "superlu"])
-def test_condensing_squares_the_inverse_whichever_is_installed(installed: bool, monkeypatch) -> None:
+def test_condensed_equations_are_those_of_the_whole(installed: bool, monkeypatch) -> None:
     if not installed:
         monkeypatch.setitem(sys.modules, "cvxopt", None)  # importing it fails, as where it is missing
-    K, b = sample(), np.random.default_rng(7).normal(size=(41, 3))
-    factor = factor_of(sp.tril(K).tocoo())
-    np.testing.assert_allclose(factor.squared(b), b.T @ np.linalg.solve(K.toarray(), b), rtol=0, atol=ROUND_OFF)
-    np.testing.assert_allclose(K @ factor.solve(b), b, rtol=0, atol=ROUND_OFF)
-    assert ("superlu" in factor.solve.__qualname__) is not installed
+    rng = np.random.default_rng(7)
+    A = rng.normal(size=(41, 41)) * (rng.uniform(size=(41, 41)) < 0.1)
+    K = A @ A.T + np.diag(rng.uniform(1.0, 2.0, 41)) + 0.1  # every unknown meets the boundary, none in its order
+    inner, b = 34, rng.normal(size=(41, 3))
+    for apart in (0, 1000):  # the factor taken apart, and solved for every unknown of the boundary
+        monkeypatch.setattr(flexfem.fem.condensation, "TAKEN_APART", apart)
+        found = condense(sp.csc_array(np.tril(K)), 7)
+        schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], K[:inner, inner:])
+        np.testing.assert_allclose(found.schur, schur, rtol=0, atol=ROUND_OFF)
+        inside, left = found.reduced(b)
+        expected = b[inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], b[:inner])
+        np.testing.assert_allclose(left, expected, rtol=0, atol=ROUND_OFF)
+        x = found.expanded(inside, np.linalg.solve(schur, left))
+        np.testing.assert_allclose(K @ x, b, rtol=0, atol=ROUND_OFF)
+    assert ("by_superlu" in found.reduced.__qualname__) is not installed
 
 
 def test_a_dense_matrix_is_solved_and_refused_alike() -> None:

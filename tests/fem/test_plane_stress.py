@@ -226,3 +226,20 @@ def test_von_mises_stress(stress: tuple[float, float, float], expected: float | 
     assert found == pytest.approx(by_principals, rel=ROUND_OFF)
     if expected is not None:
         assert found == pytest.approx(expected, rel=ROUND_OFF)
+
+
+def test_gradients_and_weights_are_scikit_fems(distorted: StageMesh) -> None:
+    """By its own mapping, at points of another degree too."""
+    from skfem import ElementTriP2
+    from skfem.quadrature import get_quadrature
+
+    for degree in (QUADRATURE, 4):
+        points, rule = get_quadrature(ElementTriP2().refdom, degree)
+        mapping = skfem_mesh(distorted).mapping()
+        slopes = [ElementTriP2().lbasis(points, node)[1] for node in range(6)]
+        gradients = np.einsum("ijeq,niq->enjq", mapping.invDF(points), slopes)
+        weights = np.abs(mapping.detDF(points)) * rule
+        ours = integration(distorted, degree)
+        for name, theirs in (("gradients", gradients), ("weights", weights)):
+            found = np.concatenate([getattr(batch, name) for batch in ours])
+            np.testing.assert_allclose(found, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())

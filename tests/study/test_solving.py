@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.thirds
+import flexfem.fem.sectors
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
-from flexfem.fem.thirds import mesh_thirds
+from flexfem.fem.sectors import mesh_sectors
 from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
@@ -115,9 +115,9 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
     def folding(of: Stage, resolution: int, *others: Any) -> Any:
         if resolution == 2:
             raise ComputationFailed("folded")
-        return mesh_thirds(of, resolution, *others)
+        return mesh_sectors(of, resolution, *others)
 
-    monkeypatch.setattr("flexfem.study.solving.mesh_thirds", folding)
+    monkeypatch.setattr("flexfem.study.solving.mesh_sectors", folding)
     without = columns(loaded, stage)
     assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
@@ -145,7 +145,7 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.thirds, "_meshed_inside", meshed)
+    monkeypatch.setattr(flexfem.fem.sectors, "_meshed_inside", meshed)
     rows = answer(loaded, 0, 4, inside=True)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
     assert [bool(reason) for reason in rows.reason] == [False, True, True, True]

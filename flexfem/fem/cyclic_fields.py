@@ -1,4 +1,4 @@
-"""What a study asks of the fields of a ring of thirds: neck stresses, rotations of the base hinges, the envelope."""
+"""What the fields of sectors say: neck stresses, rotations of the base hinges, the envelope."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.cyclic import CyclicResponse, rotation, under_loads
 from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
 from flexfem.fem.response import out_of_plane_ratio_of, plate_of
-from flexfem.fem.sector import Ring, rotation, under_loads
-from flexfem.fem.thirds import Third
+from flexfem.fem.sectors import Sector
 from flexfem.fem.triangle import NODES, gradients
 from flexfem.stage.bodies import BODIES, necks
 from flexfem.stage.schema import HINGE_NAMES, Stage
@@ -18,7 +18,7 @@ from flexfem.stage.schema import HINGE_NAMES, Stage
 BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
 
 
-def neck_stresses(stage: Stage, ring: Ring, loads: Array) -> Array:
+def neck_stresses(stage: Stage, response: CyclicResponse, loads: Array) -> Array:
     """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, in each notch under loads (k, 3), N, N, N mm.
 
     Notes
@@ -26,10 +26,10 @@ def neck_stresses(stage: Stage, ring: Ring, loads: Array) -> Array:
     As `response.load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
     """
     found, plate, pull = np.empty((len(loads), 3, 3)), plate_of(stage), out_of_plane_ratio_of(stage)
-    for third, field, chains in _thirds(ring):
-        near = _near(stage, third, chains[0])
+    for sector, field, chains in _sectors(response):
+        near = _near(stage, sector, chains[0])
         chosen = np.flatnonzero(np.any(near, axis=0))
-        near, stress = near[:, chosen], _stress_at(third, plate, field, chosen)
+        near, stress = near[:, chosen], _stress_at(sector, plate, field, chosen)
         for chain in chains:
             turned_back = loads @ rotation(chain - chains[0])
             values = von_mises(np.tensordot(turned_back, stress, axes=1), pull)
@@ -38,7 +38,7 @@ def neck_stresses(stage: Stage, ring: Ring, loads: Array) -> Array:
     return found
 
 
-def base_rotations(stage: Stage, ring: Ring) -> Array:
+def base_rotations(stage: Stage, response: CyclicResponse) -> Array:
     """Rotation (3 loads, 3 chains), rad, of link 1 against the pad, of every base hinge under unit loads.
 
     Notes
@@ -46,36 +46,36 @@ def base_rotations(stage: Stage, ring: Ring) -> Array:
     The rotation of a body is that of the rigid motion that fits the displacements of its nodes between one and two
     notch radii from the neck's centre best, by least squares: beside the notch and not in it.
     """
-    rows = [_base_rotation(stage, third, field, chains[0])[:, None] for third, field, chains in _thirds(ring)]
+    rows = [_base_rotation(stage, sector, field, chains[0])[:, None] for sector, field, chains in _sectors(response)]
     return np.concatenate(under_loads(rows), axis=1)
 
 
-def envelope(ring: Ring) -> float:
+def envelope(response: CyclicResponse) -> float:
     """Diameter, mm, of the circle about the platform's centre that holds the stage."""
-    return 2 * max(float(np.max(np.hypot(*third.mesh.nodes.T))) for third in ring.thirds)
+    return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
 
 
-def _thirds(ring: Ring) -> Iterator[tuple[Third, Array, tuple[int, ...]]]:
-    """Every third with its fields and the chains, from 0, that it stands for."""
-    if len(ring.thirds) == 1:
-        yield ring.thirds[0], ring.fields[0], (0, 1, 2)
+def _sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
+    """Every sector with its fields and the chains, from 0, that it stands for."""
+    if len(response.sectors) == 1:
+        yield response.sectors[0], response.fields[0], (0, 1, 2)
         return
-    for chain, (third, field) in enumerate(zip(ring.thirds, ring.fields, strict=True)):
-        yield third, field, (chain,)
+    for chain, (sector, field) in enumerate(zip(response.sectors, response.fields, strict=True)):
+        yield sector, field, (chain,)
 
 
-def _near(stage: Stage, third: Third, chain: int) -> AnyArray:
+def _near(stage: Stage, sector: Sector, chain: int) -> AnyArray:
     """Which nodes are within a notch radius of each neck's centre, bool (3 hinges, n)."""
-    x, y = third.mesh.nodes.T
+    x, y = sector.mesh.nodes.T
     places = zip(necks(stage, chain + 1), HINGE_NAMES, strict=True)
     return np.array(
         [np.hypot(x - p.point.real, y - p.point.imag) <= stage.hinge(chain + 1, name).radius for p, name in places]
     )
 
 
-def _stress_at(third: Third, plate: Plate, fields: Array, chosen: Index) -> Array:
+def _stress_at(sector: Sector, plate: Plate, fields: Array, chosen: Index) -> Array:
     """Stress (3 loads, c, 3), MPa, as xx, yy, xy at chosen nodes (c,), averaged over the triangles around each."""
-    mesh, n = third.mesh, len(third.mesh.nodes)
+    mesh, n = sector.mesh, len(sector.mesh.nodes)
     triangles = mesh.triangles[np.isin(mesh.triangles, chosen).any(axis=1)]
     gradient, _ = gradients(mesh.nodes[triangles], NODES)
     relative = fields[:, triangles] - fields[:, triangles[:, :1]]
@@ -88,9 +88,9 @@ def _stress_at(third: Third, plate: Plate, fields: Array, chosen: Index) -> Arra
     return found
 
 
-def _base_rotation(stage: Stage, third: Third, fields: Array, chain: int) -> Array:
-    """Rotation (3 loads,) at the base hinge of one third."""
-    mesh, place, hinge = third.mesh, necks(stage, chain + 1)[0].point, stage.hinge(chain + 1, "base")
+def _base_rotation(stage: Stage, sector: Sector, fields: Array, chain: int) -> Array:
+    """Rotation (3 loads,) at the base hinge of one sector."""
+    mesh, place, hinge = sector.mesh, necks(stage, chain + 1)[0].point, stage.hinge(chain + 1, "base")
     distance = np.hypot(*(mesh.nodes - [place.real, place.imag]).T) / hinge.radius
     beside = (distance >= BESIDE[0]) & (distance <= BESIDE[1])
     turns = []

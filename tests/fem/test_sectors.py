@@ -12,16 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.thirds
-from flexfem.arrays import Array
+import flexfem.fem.sectors
 from flexfem.errors import ComputationFailed
+from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.mesh import MeshTimeout, estimate_triangles, run_mesher
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.plane_stress import integration
 from flexfem.fem.response import plate_of, platform_response
-from flexfem.fem.sector import ring_response
-from flexfem.fem.thirds import Third, curved, mesh_thirds, third_job
-from flexfem.fem.triangle import whole_batch
+from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import area
@@ -50,7 +48,7 @@ def stages(alike: Any, unlike: Any, make_stage: Callable[..., Stage]) -> list[St
 
 
 def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages: list[Stage]) -> None:
-    jobs = [third_job(stage, chain, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
+    jobs = [sector_drawing(stage, chain, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
     fresh = [run_mesher(job, 60.0) for job in jobs]
     for order in (range(len(jobs)), reversed(range(len(jobs))), [1, 1, 0, 2, 0]):
         for index in order:
@@ -60,9 +58,9 @@ def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages: list[Stage
 def test_a_mesh_does_not_depend_on_the_seed_of_hashes(stages: list[Stage]) -> None:
     script = (
         "import sys, pickle, hashlib\n"
-        "from flexfem.fem.thirds import mesh_thirds\n"
-        "(third,) = mesh_thirds(pickle.load(sys.stdin.buffer), 4, inside=True)\n"
-        "print(hashlib.sha256(third.mesh.nodes.tobytes() + third.mesh.triangles.tobytes()).hexdigest())"
+        "from flexfem.fem.sectors import mesh_sectors\n"
+        "(sector,) = mesh_sectors(pickle.load(sys.stdin.buffer), 4, inside=True)\n"
+        "print(hashlib.sha256(sector.mesh.nodes.tobytes() + sector.mesh.triangles.tobytes()).hexdigest())"
     )
     found = {
         subprocess.run(
@@ -79,25 +77,25 @@ def test_a_mesh_does_not_depend_on_the_seed_of_hashes(stages: list[Stage]) -> No
 
 
 def test_inside_and_in_a_child_process_the_thirds_are_the_same(unlike: Any) -> None:
-    inside, apart = (mesh_thirds(unlike.stage, 2, inside=inside) for inside in (True, False))
+    inside, apart = (mesh_sectors(unlike.stage, 2, inside=inside) for inside in (True, False))
     for one, other in zip(inside, apart, strict=True):
         assert np.array_equal(one.mesh.nodes, other.mesh.nodes)
         assert np.array_equal(one.mesh.triangles, other.mesh.triangles)
 
 
 @pytest.fixture(scope="module")
-def thirds(unlike: Any) -> tuple[Third, ...]:
-    return mesh_thirds(unlike.stage, RESOLUTION, inside=True)
+def sectors(unlike: Any) -> tuple[Sector, ...]:
+    return mesh_sectors(unlike.stage, RESOLUTION, inside=True)
 
 
-def test_thirds_cover_the_drawn_area_in_well_shaped_triangles(thirds: tuple[Third, ...], unlike: Any) -> None:
-    for chain, third in enumerate(thirds, start=1):
+def test_thirds_cover_the_drawn_area_in_well_shaped_triangles(sectors: tuple[Sector, ...], unlike: Any) -> None:
+    for chain, sector in enumerate(sectors, start=1):
         drawn = sum(area(face.loop) for face in draw_sector(unlike.stage, chain).values())
-        assert whole_batch(third.mesh).weights.sum() == pytest.approx(drawn, rel=CHORD)
+        assert sum(batch.weights.sum() for batch in integration(sector.mesh)) == pytest.approx(drawn, rel=CHORD)
 
 
 def test_middles_of_edges_on_arcs_are_on_the_arcs(unlike: Any) -> None:
-    job = third_job(unlike.stage, 1, RESOLUTION)
+    job = sector_drawing(unlike.stage, 1, RESOLUTION)
     made = mesh_faces(job)
     mesh = curved(made)
     centres, edges = made["edge_centres"], np.concatenate(list(mesh.edges.values()))
@@ -113,23 +111,23 @@ def test_middles_of_edges_on_arcs_are_on_the_arcs(unlike: Any) -> None:
     assert arcs > 12 * RESOLUTION  # four quarter arcs a notch
 
 
-def test_necks_have_as_many_edges_as_asked(thirds: tuple[Third, ...], unlike: Any) -> None:
-    for chain, third in enumerate(thirds, start=1):
+def test_necks_have_as_many_edges_as_asked(sectors: tuple[Sector, ...], unlike: Any) -> None:
+    for chain, sector in enumerate(sectors, start=1):
         for name, pose in zip(HINGE_NAMES, necks(unlike.stage, chain), strict=True):
-            edges = third.mesh.edges[f"neck {name}"]
+            edges = sector.mesh.edges[f"neck {name}"]
             hinge = unlike.stage.hinge(chain, name)
             assert len(edges) == (RESOLUTION if hinge.neck < hinge.radius / 2 else RESOLUTION + 1)
             half = hinge.neck / 2
-            reach = np.hypot(*(third.mesh.nodes[np.unique(edges)] - [pose.point.real, pose.point.imag]).T)
+            reach = np.hypot(*(sector.mesh.nodes[np.unique(edges)] - [pose.point.real, pose.point.imag]).T)
             assert reach.max() == pytest.approx(half, abs=ON_ARC)
 
 
 def test_a_stubby_neck_has_more_edges_and_a_slender_one_is_no_coarser(make_stage: Callable[..., Stage]) -> None:
     """t/R of 1.25 at the elbow and 0.003 at the platform hinge."""
     stage = make_stage({"hinges.elbow.neck_mm": 2.0, "hinges.platform.neck_mm": 0.004})
-    (third,) = mesh_thirds(stage, RESOLUTION, inside=True)
-    assert len(third.mesh.edges["neck elbow"]) == 10
-    assert len(third.mesh.edges["neck platform"]) == RESOLUTION
+    (sector,) = mesh_sectors(stage, RESOLUTION, inside=True)
+    assert len(sector.mesh.edges["neck elbow"]) == 10
+    assert len(sector.mesh.edges["neck platform"]) == RESOLUTION
 
 
 @pytest.mark.slow
@@ -139,12 +137,12 @@ def test_slender_and_stubby_hinges_are_as_accurate(
 ) -> None:
     stage = make_stage({"hinges.elbow.neck_mm": neck})
     fine = np.diag(solve(stage, 8).response.compliance)
-    found = np.diag(ring_response(mesh_thirds(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
+    found = np.diag(cyclic_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
     np.testing.assert_allclose(found, fine, rtol=ACCURACY)
 
 
-def test_cuts_of_neighbours_fit(thirds: tuple[Third, ...]) -> None:
-    for one, following in zip(thirds, (*thirds[1:], thirds[0]), strict=True):
+def test_cuts_of_neighbours_fit(sectors: tuple[Sector, ...]) -> None:
+    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         there = turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         np.testing.assert_allclose(one.mesh.nodes[one.ahead], there, rtol=0, atol=1e-9)
         assert not np.isin(one.ahead, one.mesh.edges["hub"]).any()
@@ -152,12 +150,12 @@ def test_cuts_of_neighbours_fit(thirds: tuple[Third, ...]) -> None:
 
 def test_thirds_that_do_not_fit_are_refused(unlike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def finer(stage: Stage, chain: int, resolution: int) -> Any:
-        job = third_job(stage, chain, resolution)
+        job = sector_drawing(stage, chain, resolution)
         return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
 
-    monkeypatch.setattr(flexfem.fem.thirds, "third_job", finer)
+    monkeypatch.setattr(flexfem.fem.sectors, "sector_drawing", finer)
     with pytest.raises(ComputationFailed, match="cut"):
-        mesh_thirds(unlike.stage, 2, inside=True)
+        mesh_sectors(unlike.stage, 2, inside=True)
 
 
 def test_a_mesh_that_does_not_cover_the_stage_is_refused(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,27 +168,27 @@ def test_a_mesh_that_does_not_cover_the_stage_is_refused(alike: Any, monkeypatch
         kept = np.arange(len(corners)) != np.argmax(np.where(inside, ux * vy - uy * vx, 0.0))
         return {**made, "triangles": made["triangles"][kept], "faces": made["faces"][kept]}
 
-    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lost)
+    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lost)
     with pytest.raises(ComputationFailed, match="mesh covers"):
-        mesh_thirds(alike.stage, 2, inside=True)
+        mesh_sectors(alike.stage, 2, inside=True)
 
 
 def test_too_fine_a_mesh_is_refused_before_it_is_made(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lambda job: pytest.fail("meshed"))
+    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lambda job: pytest.fail("meshed"))
     with pytest.raises(ComputationFailed, match="coarser resolution"):
-        mesh_thirds(alike.stage, 100, inside=True)
+        mesh_sectors(alike.stage, 100, inside=True)
 
 
 def test_the_size_that_may_be_refused_is_that_of_the_whole_stage(
     alike: Any, unlike: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether one third stands for three alike chains or not, it is the estimate for whole meshes."""
+    """Whether one sector stands for three alike chains or not, it is the estimate for whole meshes."""
     told: list[float] = []
-    monkeypatch.setattr(flexfem.fem.thirds, "refuse_size", told.append)
-    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", lambda job: pytest.fail("meshed"))
+    monkeypatch.setattr(flexfem.fem.sectors, "refuse_size", told.append)
+    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lambda job: pytest.fail("meshed"))
     for stage in (alike.stage, unlike.stage):
         with pytest.raises(pytest.fail.Exception, match="meshed"):
-            mesh_thirds(stage, 5, inside=True)
+            mesh_sectors(stage, 5, inside=True)
     expected = [estimate_triangles(stage, 5) for stage in (alike.stage, unlike.stage)]
     assert told == pytest.approx(expected, rel=1e-9)
 
@@ -199,24 +197,14 @@ def test_what_gmsh_says_becomes_one_line(alike: Any, monkeypatch: pytest.MonkeyP
     def broken(job: Any) -> Any:
         raise Exception("two\nlines")
 
-    monkeypatch.setattr(flexfem.fem.thirds, "mesh_faces", broken)
+    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", broken)
     with pytest.raises(ComputationFailed, match="gmsh: two lines"):
-        mesh_thirds(alike.stage, 2, inside=True)
+        mesh_sectors(alike.stage, 2, inside=True)
 
 
 def test_a_child_process_is_stopped_after_the_time_limit(alike: Any) -> None:
     with pytest.raises(MeshTimeout, match="not done within"):
-        mesh_thirds(alike.stage, 2, time_limit=1e-3)
-
-
-def test_triangles_integrate_as_scikit_fems(alike: Any) -> None:
-    ours, theirs = whole_batch(alike.mesh), integration(alike.mesh)
-    gradients, weights = (np.concatenate([getattr(s, name) for s in theirs]) for name in ("gradients", "weights"))
-    order: Array = np.argsort(weights[0])
-    mine = np.argsort(ours.weights[0])
-    np.testing.assert_allclose(ours.weights[:, mine], weights[:, order], rtol=ROUND_OFF)
-    scale = np.abs(gradients).max()
-    np.testing.assert_allclose(ours.gradients[..., mine], gradients[..., order], rtol=0, atol=ROUND_OFF * scale)
+        mesh_sectors(alike.stage, 2, time_limit=1e-3)
 
 
 @pytest.mark.slow
@@ -228,7 +216,7 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(
     stage, levels = request.getfixturevalue(name).stage, np.array([6, 8, 11])
     fine = np.array([np.diag(np.linalg.inv(solve(stage, int(n)).response.compliance)) for n in levels])
     limit = np.array([grid_convergence(levels, fine[:, k], 0.0).extrapolated for k in range(3)])
-    ring = ring_response(mesh_thirds(stage, RESOLUTION, inside=True), plate_of(stage))
+    ring = cyclic_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage))
     found = np.diag(np.linalg.inv(ring.compliance))
     assert np.abs(found / limit - 1).max() < ACCURACY
     assert np.abs(fine[-1] / limit - 1).max() < ACCURACY / 20  # so that the limit is one
@@ -236,6 +224,6 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(
 
 def test_the_ordinary_mesh_gives_nearly_the_same(alike: Any) -> None:
     """Both coarse meshes of this resolution are within 0.5 %."""
-    ring = ring_response(mesh_thirds(alike.stage, 3, inside=True), plate_of(alike.stage))
+    ring = cyclic_response(mesh_sectors(alike.stage, 3, inside=True), plate_of(alike.stage))
     slow = platform_response(alike.mesh, plate_of(alike.stage)).compliance
     np.testing.assert_allclose(np.diag(ring.compliance), np.diag(slow), rtol=5e-3)

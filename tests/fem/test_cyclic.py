@@ -1,4 +1,4 @@
-"""A ring of condensed thirds answers as the whole stage does, whose equations are the slow reference."""
+"""Condensed sectors answer as the whole stage does, whose equations are the slow reference."""
 
 from __future__ import annotations
 
@@ -8,21 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-import flexfem.fem.sector
+import flexfem.fem.cyclic
 from flexfem.arrays import Array
 from flexfem.errors import ComputationFailed
-from flexfem.fem.factor import factor_of
+from flexfem.fem.cyclic import CyclicResponse, cyclic_response, rotation, under_loads
+from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
-from flexfem.fem.ring_fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.sector import Ring, ring_response, rotation, under_loads
-from flexfem.fem.thirds import Third, mesh_thirds
+from flexfem.fem.sectors import Sector, mesh_sectors
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both
 LOADS = np.array([[1.3, -0.7, 0.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm
-OPEN = 1e-14  # of the largest displacement; 5e-9 before the ring's motion was made that of alike chains
+OPEN = 1e-14  # of the largest displacement; 5e-9 before the common motion was made that of alike chains
 COARSE = 2  # triangles across a neck; the algebra does not care
 
 
@@ -30,28 +29,28 @@ class Both(NamedTuple):
     """A stage solved in both ways on the same triangles."""
 
     stage: Stage
-    ring: Ring
+    response: CyclicResponse
     mesh: StageMesh
     whole: Response
 
 
-def raw(third: Third) -> dict[str, Any]:
-    """A third as the mesher would hand it to `welded`."""
-    edges = third.mesh.edges
+def raw(sector: Sector) -> dict[str, Any]:
+    """A sector as the mesher would hand it to `welded`."""
+    edges = sector.mesh.edges
     return {
-        "nodes": third.mesh.nodes,
-        "triangles": third.mesh.triangles,
-        "faces": third.mesh.bodies,
+        "nodes": sector.mesh.nodes,
+        "triangles": sector.mesh.triangles,
+        "faces": sector.mesh.bodies,
         "edges": np.concatenate(list(edges.values())),
         "edge_labels": np.repeat(list(edges), [len(edge) for edge in edges.values()]),
     }
 
 
 def in_both_ways(stage: Stage) -> Both:
-    thirds = mesh_thirds(stage, COARSE, inside=True)
-    mesh = welded([raw(third) for third in (thirds if len(thirds) == 3 else thirds * 3)])
+    sectors = mesh_sectors(stage, COARSE, inside=True)
+    mesh = welded([raw(sector) for sector in (sectors if len(sectors) == 3 else sectors * 3)])
     plate = plate_of(stage)
-    return Both(stage, ring_response(thirds, plate), mesh, platform_response(mesh, plate))
+    return Both(stage, cyclic_response(sectors, plate), mesh, platform_response(mesh, plate))
 
 
 @pytest.fixture(scope="module")
@@ -71,21 +70,21 @@ def scaled(compliance: Array) -> Array:
 
 
 def test_one_third_stands_for_three_alike_chains(pair: dict[str, Both]) -> None:
-    assert [len(pair[name].ring.thirds) for name in ("alike", "unlike")] == [1, 3]
+    assert [len(pair[name].response.sectors) for name in ("alike", "unlike")] == [1, 3]
 
 
 def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
     size = np.sqrt(np.diag(both.whole.compliance))
-    difference = (both.ring.compliance - both.whole.compliance) / np.outer(size, size)
+    difference = (both.response.compliance - both.whole.compliance) / np.outer(size, size)
     assert np.abs(difference).max() < SAME
-    assert both.ring.unknowns == both.whole.unknowns
+    assert both.response.unknowns == both.whole.unknowns
 
 
 def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
-    fields = under_loads(both.ring.fields)
-    thirds = both.ring.thirds * (3 // len(both.ring.thirds))
-    for chain, (third, field) in enumerate(zip(thirds, fields, strict=True)):
-        places = turned(third.mesh.nodes, chain * CHAIN_TURN)
+    fields = under_loads(both.response.fields)
+    sectors = both.response.sectors * (3 // len(both.response.sectors))
+    for chain, (sector, field) in enumerate(zip(sectors, fields, strict=True)):
+        places = turned(sector.mesh.nodes, chain * CHAIN_TURN)
         there = turned(field, chain * CHAIN_TURN)
         for place in np.linspace(0, len(places) - 1, 40).astype(int):
             node = int(np.argmin(np.hypot(*(both.mesh.nodes - places[place]).T)))
@@ -94,31 +93,31 @@ def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
 
 
 def test_neck_stresses_are_those_of_the_whole_stage(both: Both) -> None:
-    found = neck_stresses(both.stage, both.ring, LOADS)
+    found = neck_stresses(both.stage, both.response, LOADS)
     expected = [load_case(both.stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
     np.testing.assert_allclose(found, expected, rtol=1e-7)  # differences of displacements, over a small triangle
 
 
 def test_envelope_holds_every_node_of_the_whole_stage(both: Both) -> None:
-    assert envelope(both.ring) == pytest.approx(2 * np.hypot(*both.mesh.nodes.T).max(), rel=1e-12)
+    assert envelope(both.response) == pytest.approx(2 * np.hypot(*both.mesh.nodes.T).max(), rel=1e-12)
 
 
 def test_alike_chains_solved_as_three_answer_the_same(pair: dict[str, Both]) -> None:
     one = pair["alike"]
-    three = ring_response(one.ring.thirds * 3, plate_of(one.stage))
-    assert np.abs(scaled(three.compliance) - scaled(one.ring.compliance)).max() < SAME
+    three = cyclic_response(one.response.sectors * 3, plate_of(one.stage))
+    assert np.abs(scaled(three.compliance) - scaled(one.response.compliance)).max() < SAME
     np.testing.assert_allclose(
-        neck_stresses(one.stage, three, LOADS), neck_stresses(one.stage, one.ring, LOADS), rtol=1e-7
+        neck_stresses(one.stage, three, LOADS), neck_stresses(one.stage, one.response, LOADS), rtol=1e-7
     )
     size = np.abs(base_rotations(one.stage, three)).max(axis=1, keepdims=True)
     np.testing.assert_allclose(
-        base_rotations(one.stage, three) / size, base_rotations(one.stage, one.ring) / size, rtol=0, atol=1e-7
+        base_rotations(one.stage, three) / size, base_rotations(one.stage, one.response) / size, rtol=0, atol=1e-7
     )
 
 
 def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair: dict[str, Both]) -> None:
-    stage, ring = pair["alike"].stage, pair["alike"].ring
-    turns = base_rotations(stage, ring)
+    stage, response = pair["alike"].stage, pair["alike"].response
+    turns = base_rotations(stage, response)
     load = np.array([1.3, -0.7, 5.0])
     here, there = load @ turns, (rotation(1) @ load) @ turns
     np.testing.assert_allclose(np.roll(here, 1), there, rtol=1e-6)
@@ -129,12 +128,12 @@ def test_base_rotation_of_a_rigidly_turned_link_is_its_angle(pair: dict[str, Bot
     """Displacements of a rigid rotation of link 1 about the neck, the pad at rest."""
     both, angle = pair["unlike"], 1.7e-3
     fields = []
-    for third in both.ring.thirds:
-        field = np.zeros((3, len(third.mesh.nodes), 2))
-        moved = np.unique(third.mesh.triangles[third.mesh.bodies >= 1])
-        field[1, moved] = angle * np.stack([-third.mesh.nodes[moved, 1], third.mesh.nodes[moved, 0]], axis=-1)
+    for sector in both.response.sectors:
+        field = np.zeros((3, len(sector.mesh.nodes), 2))
+        moved = np.unique(sector.mesh.triangles[sector.mesh.bodies >= 1])
+        field[1, moved] = angle * np.stack([-sector.mesh.nodes[moved, 1], sector.mesh.nodes[moved, 0]], axis=-1)
         fields.append(field)
-    turns = base_rotations(both.stage, both.ring._replace(fields=tuple(fields)))
+    turns = base_rotations(both.stage, both.response._replace(fields=tuple(fields)))
     np.testing.assert_allclose(turns[1], angle, rtol=1e-12)
     assert np.all(turns[[0, 2]] == 0.0)
 
@@ -142,29 +141,29 @@ def test_base_rotation_of_a_rigidly_turned_link_is_its_angle(pair: dict[str, Bot
 def test_without_cholmod_the_answer_is_the_same(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cvxopt", None)  # as if it were not installed
     both = pair["unlike"]
-    again = ring_response(both.ring.thirds, plate_of(both.stage))
-    assert np.abs(scaled(again.compliance) - scaled(both.ring.compliance)).max() < SAME
+    again = cyclic_response(both.response.sectors, plate_of(both.stage))
+    assert np.abs(scaled(again.compliance) - scaled(both.response.compliance)).max() < SAME
 
 
 def test_an_answer_that_does_not_balance_is_refused(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
     """Element matrices that are not those of the residuals: refinement does not mend it, and the check sees it."""
     both = pair["alike"]
-    stiffer = flexfem.fem.sector.blocks
+    stiffer = flexfem.fem.cyclic.tied_lower
 
     def wrong(*given: Any) -> Any:
         found = stiffer(*given)
-        return found._replace(values=9.0 * found.values)
+        return 9.0 * found
 
-    monkeypatch.setattr(flexfem.fem.sector, "blocks", wrong)
+    monkeypatch.setattr(flexfem.fem.cyclic, "tied_lower", wrong)
     with pytest.raises(ComputationFailed, match="refused"):
-        ring_response(both.ring.thirds, plate_of(both.stage))
+        cyclic_response(both.response.sectors, plate_of(both.stage))
 
 
 def test_a_stage_that_is_not_held_is_refused(pair: dict[str, Both]) -> None:
-    (third,) = pair["alike"].ring.thirds
-    floating = third._replace(mesh=third.mesh._replace(edges={**third.mesh.edges, "ground": np.empty((0, 3), int)}))
+    (sector,) = pair["alike"].response.sectors
+    floating = sector._replace(mesh=sector.mesh._replace(edges={**sector.mesh.edges, "ground": np.empty((0, 3), int)}))
     with pytest.raises(ComputationFailed, match="singular to working precision: a part is not held"):
-        ring_response((floating,), plate_of(pair["alike"].stage))
+        cyclic_response((floating,), plate_of(pair["alike"].stage))
 
 
 @pytest.mark.parametrize("name", ["alike", "unlike"])
@@ -172,27 +171,15 @@ def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(name: str, pair:
     stage = pair[name].stage.model_copy(update={"model": "plane_strain"})
     both = in_both_ways(stage)
     expected = [load_case(stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
-    np.testing.assert_allclose(neck_stresses(stage, both.ring, LOADS), expected, rtol=1e-10)
-
-
-def test_squared_is_the_inverse_between_two_vectors() -> None:
-    import scipy.sparse as sp
-
-    rng = np.random.default_rng(29)
-    A = rng.normal(size=(30, 30))
-    K = A @ A.T + 30 * np.eye(30)
-    b = rng.normal(size=(30, 4))
-    factor = factor_of(sp.coo_array(np.tril(K)))
-    np.testing.assert_allclose(factor.squared(b), b.T @ np.linalg.solve(K, b), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(K, b), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(neck_stresses(stage, both.response, LOADS), expected, rtol=1e-10)
 
 
 def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike: Any) -> None:
     """The equations of nine thin necks lose eight digits; energy and work agree, because cuts stay shut."""
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})
-    ring = ring_response(mesh_thirds(stage, COARSE, inside=True), plate_of(stage))
-    (third,), fields = ring.thirds, under_loads(ring.fields)
+    response = cyclic_response(mesh_sectors(stage, COARSE, inside=True), plate_of(stage))
+    (sector,), fields = response.sectors, under_loads(response.fields)
     for chain in range(3):
-        ahead, behind = fields[chain][:, third.ahead], turned(fields[(chain + 1) % 3][:, third.behind], CHAIN_TURN)
+        ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)
         np.testing.assert_allclose(ahead, behind, rtol=0, atol=OPEN * np.max(np.abs(ahead)))

@@ -1,4 +1,4 @@
-"""The mesh of one design of many: each third on its own, not welded, at a fraction of the time of `mesh.build_mesh`.
+"""The mesh of one design of many: each sector on its own, not welded, at a fraction of the time of `mesh.build_mesh`.
 
 Sizes are cones about the necks instead of hyperbolas, and they stay at their least over the length on which a notch
 bends, about `sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to
@@ -41,11 +41,11 @@ GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle acr
 SLENDER = 0.3  # of a notch's radius: up to here its own thickness `t + d^2/R` grows slower than a cone
 STUBBY = 0.5  # t/R from which on the notch and not the neck sets the size
 PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch has its neck's cone
-SAME_PLACE = 1e-6  # mm; nodes of two thirds on their common cut, centres of arcs
+SAME_PLACE = 1e-6  # mm; nodes of two sectors on their common cut, centres of arcs
 
 
-class Third(NamedTuple):
-    """Curved quadratic triangles of one chain with its third of the platform, in the frame of chain 1.
+class Sector(NamedTuple):
+    """Curved quadratic triangles of one chain with its sector of the platform, in the frame of chain 1.
 
     mesh : bodies 0 to 3 in the order of `layout.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
         and, for each hinge, `neck base` and so on.
@@ -57,37 +57,37 @@ class Third(NamedTuple):
     ahead: Index
 
 
-def mesh_thirds(
+def mesh_sectors(
     stage: Stage, resolution: int, time_limit: float | Limit = TIME_LIMIT, inside: bool = False
-) -> tuple[Third, ...]:
-    """Mesh a feasible stage: three thirds, or the one that three alike chains share.
+) -> tuple[Sector, ...]:
+    """Mesh a feasible stage: three sectors, or the one that three alike chains share.
 
     Parameters
     ----------
     resolution : quadratic triangles across every neck, or more.
-    time_limit : s, for gmsh on all thirds; not watched over inside.
+    time_limit : s, for gmsh on all sectors; not watched over inside.
     inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
 
     Raises ComputationFailed when the mesh would be too large or fails its checks, MeshTimeout when it takes too long.
     """
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
     chains = (1,) if stage.chains_alike else (1, 2, 3)
-    jobs = [third_job(stage, chain, resolution) for chain in chains]
+    jobs = [sector_drawing(stage, chain, resolution) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
     refuse_size(estimate_drawn(stage, sum(areas) * 3 / len(chains), resolution))
     made = {}
     for chain, job, drawn in zip(chains, jobs, areas, strict=True):
         hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
         if hinges not in made:
-            made[hinges] = _third(_meshed_inside(job) if inside else run_mesher(job, limit), drawn)
-    thirds = tuple(made[tuple(stage.hinge(chain, name) for name in HINGE_NAMES)] for chain in chains)
-    for one, following in zip(thirds, (*thirds[1:], thirds[0]), strict=True):
+            made[hinges] = _sector(_meshed_inside(job) if inside else run_mesher(job, limit), drawn)
+    sectors = tuple(made[tuple(stage.hinge(chain, name) for name in HINGE_NAMES)] for chain in chains)
+    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         _check_cut(one, following)
-    return thirds
+    return sectors
 
 
-def third_job(stage: Stage, chain: int, resolution: int) -> Job:
-    """Drawing and sizes of the third that holds one chain."""
+def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
+    """Drawing and sizes of the sector that holds one chain."""
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / resolution
     cones = [
         Cone(centre, radius, least, coarse, (coarse - least) * resolution / GROWTH)
@@ -153,17 +153,17 @@ def curved(made: dict[str, AnyArray]) -> StageMesh:
     return StageMesh(np.concatenate([nodes, middles]), triangles, made["faces"], groups)
 
 
-def _third(made: dict[str, AnyArray], drawn: float) -> Third:
+def _sector(made: dict[str, AnyArray], drawn: float) -> Sector:
     mesh = curved(made)
     check_triangles(mesh, drawn)
     edges = mesh.edges
     hub = np.unique(edges["hub"])
     behind, ahead = (outwards(mesh.nodes, edges[f"cut {side}"]) for side in ("behind", "ahead"))
-    return Third(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
+    return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
 
 
-def _check_cut(one: Third, following: Third) -> None:
-    """Refuse two thirds whose nodes on their common cut are not the same."""
+def _check_cut(one: Sector, following: Sector) -> None:
+    """Refuse two sectors whose nodes on their common cut are not the same."""
     ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
     if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
-        raise ComputationFailed("meshes of two thirds do not have the same nodes on their cut")
+        raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
