@@ -113,14 +113,23 @@ def test_only_the_mesher_imports_gmsh():
     assert users == ["mesher.py"]
 
 
-@pytest.mark.parametrize("command", [["--help"], ["stiffness", "geometry/mobility6.toml", "--json"]])
-def test_light_commands_load_no_heavy_library(command):
+HEAVIEST = {"gmsh", "skfem", "matplotlib", "meshio", "scipy", "pyarrow"}
+
+
+@pytest.mark.parametrize(
+    ("command", "heavy"),
+    [
+        (["--help"], HEAVIEST | {"numpy", "pydantic", "rich", "shapely"}),
+        (["stiffness", "geometry/mobility6.toml", "--json"], HEAVIEST),
+    ],
+)
+def test_light_commands_load_no_heavy_library(command, heavy):
     script = (
         "import sys; sys.argv = ['flexfem', *sys.argv[1:]]\n"
         "from flexfem.commands.cli import app\n"
         "try: app(standalone_mode=False)\n"
         "except SystemExit: pass\n"
-        "heavy = {'gmsh', 'skfem', 'matplotlib', 'meshio'} & set(sys.modules)\n"
+        f"heavy = {heavy!r} & set(sys.modules)\n"
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", script, *command], cwd=ROOT, check=True, capture_output=True, timeout=60)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.inverse import inverse
@@ -28,7 +27,9 @@ RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius
 
 def body_compliance(stage: Stage) -> Array:
     """Compliance (9, 9) that pads, links and platform add to the three chains: x, y, theta of chain 1, 2 and 3."""
-    return np.asarray(block_diag(*link_compliance(stage)) + platform_compliance(stage))
+    chain, links = np.arange(3), np.zeros((3, 3, 3, 3))
+    links[chain, :, chain] = link_compliance(stage)
+    return links.reshape(9, 9) + platform_compliance(stage)
 
 
 def link_compliance(stage: Stage) -> Array:

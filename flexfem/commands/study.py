@@ -171,7 +171,7 @@ def collect(
     json: Json = False,
 ) -> None:
     """Join what is done to one table, design after design."""
-    from flexfem.commands import console, tables
+    from flexfem.commands import console
     from flexfem.files.writing import check_folder
     from flexfem.study.collect import check_target, table_path
     from flexfem.study.collect import collect as join
@@ -181,14 +181,13 @@ def collect(
     check_target(target, partitioned or (to is None and target.suffix == ""))
     check_folder(target.parent)
     made = join(parts, target, partial)
-    facts = {"written": [str(made.path)], "designs": made.designs, "open": made.open}
-    console.show(facts, json, tables.print_written)
+    console.show_written([made.path], json, designs=made.designs, open=made.open)
 
 
 @app.command()
 def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
     """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
-    from flexfem.commands import console, tables
+    from flexfem.commands import console
     from flexfem.files.writing import check_folder
     from flexfem.plot.study import named, write_study_figures
     from flexfem.plot.study_shown import Source
@@ -208,12 +207,8 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     doubts = [*nothing, *table.warnings]
     by_name = dict(zip((name for name, _ in named(loaded)), found, strict=True))
     written = write_study_figures(Source(loaded, table, base, nothing), found, parts.folder.parent)
-    facts = {
-        "written": [str(path) for path in (made.path, *written)],
-        "warnings": doubts,
-        "findings": {name: facts_of(one) for name, one in by_name.items()},
-    }
-    console.show(facts, json, tables.print_written)
+    shown = {name: facts_of(one) for name, one in by_name.items()}
+    console.show_written([made.path, *written], json, warnings=doubts, findings=shown)
     for text in doubts:
         _note(f"warning: {text}")
     refused = {name: one.reason for name, one in by_name.items() if isinstance(one, Refused)}

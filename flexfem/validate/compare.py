@@ -44,8 +44,9 @@ class CrossCheck(NamedTuple):
     """Our answer and another solver's.
 
     triangles, unknowns : of the mesh and of our equations.
-    ours, theirs : (3, 3), platform compliance, mm and rad per N and N mm; CalculiX's of the thin sheet, scaled.
-    our_seconds : assembly, solution and balances as `flexfem solve` does them.
+    compliance, their_compliance : (3, 3), of the platform, mm and rad per N and N mm; CalculiX's of the thin sheet,
+        scaled.
+    seconds : assembly, solution and balances as `flexfem solve` does them.
     their_seconds : from the mesh to their fields, all of their runs.
     """
 
@@ -53,10 +54,10 @@ class CrossCheck(NamedTuple):
     version: str
     triangles: int
     unknowns: int
-    ours: Array
-    theirs: Array
+    compliance: Array
+    their_compliance: Array
     checks: tuple[Check, ...]
-    our_seconds: float
+    seconds: float
     their_seconds: float
 
     @property
@@ -73,8 +74,8 @@ class Problem(NamedTuple):
     resolution: int
 
 
-class Finding(NamedTuple):
-    """What a peer's comparison hands back: our answer, theirs, the checks, and the seconds of all their runs."""
+class Compared(NamedTuple):
+    """What another solver was compared by: our answer, theirs, the checks, and the seconds of all their runs."""
 
     ours: Response
     theirs: Answer
@@ -102,10 +103,10 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
         version=found.theirs.version,
         triangles=len(problem.mesh.triangles),
         unknowns=shipped.unknowns,
-        ours=found.ours.compliance,
-        theirs=found.theirs.compliance,
+        compliance=found.ours.compliance,
+        their_compliance=found.theirs.compliance,
         checks=found.checks,
-        our_seconds=seconds,
+        seconds=seconds,
         their_seconds=found.seconds,
     )
 
@@ -150,7 +151,7 @@ def _pose_and_field(problem: Problem, ours: Response, theirs: Answer, what: str,
     ]
 
 
-def _ngsolve(problem: Problem, shipped: Response) -> Finding:
+def _ngsolve(problem: Problem, shipped: Response) -> Compared:
     plate = plate_of(problem.stage)
     ours, theirs = platform_response(problem.mesh, plate, FULL), ngsolve.solve(problem.mesh, plate)
     stress = neck_stress(problem, ours.fields)
@@ -162,10 +163,10 @@ def _ngsolve(problem: Problem, shipped: Response) -> Finding:
         Check("neck stress, its own", neck_difference(stress, largest(problem, theirs.stress)), NGSOLVE),
         Check("pose, ours by default quadrature", quadrature, None),
     )
-    return Finding(ours, theirs, checks, theirs.seconds)
+    return Compared(ours, theirs, checks, theirs.seconds)
 
 
-def _calculix(problem: Problem, shipped: Response) -> Finding:
+def _calculix(problem: Problem, shipped: Response) -> Compared:
     plate = plate_of(problem.stage)
     ours = platform_response(problem.mesh, plate, calculix.INTEGRATION)
     own = largest(problem, [calculix.extrapolated_stress(problem.mesh, plate, field) for field in ours.fields])
@@ -184,10 +185,10 @@ def _calculix(problem: Problem, shipped: Response) -> Finding:
             Check(f"neck stress, its own{what}", neck_difference(own, largest(problem, theirs.stress)), stresses),
         ]
         seconds += theirs.seconds
-    return Finding(ours, theirs, tuple(checks), seconds)
+    return Compared(ours, theirs, tuple(checks), seconds)
 
 
-SOLVERS: dict[str, tuple[Callable[[], object], Callable[[Problem, Response], Finding]]] = {
+SOLVERS: dict[str, tuple[Callable[[], object], Callable[[Problem, Response], Compared]]] = {
     "ngsolve": (ngsolve.import_ngsolve, _ngsolve),
     "calculix": (calculix.find_program, _calculix),
 }

@@ -27,9 +27,9 @@ def test_calculix_agrees(stage_named: Callable[[str], Stage], name: str) -> None
     assert all(check.difference > 0 and check.allowed is not None for check in found.checks)
     scale = np.array([1.0, 1.0, 24.0])
     np.testing.assert_allclose(
-        found.theirs * np.outer(scale, scale),
-        found.ours * np.outer(scale, scale),
-        atol=thin_tolerance(RESOLUTION) * found.ours[0, 0],
+        found.their_compliance * np.outer(scale, scale),
+        found.compliance * np.outer(scale, scale),
+        atol=thin_tolerance(RESOLUTION) * found.compliance[0, 0],
     )
 
 

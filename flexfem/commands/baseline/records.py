@@ -16,10 +16,11 @@ import numpy as np
 
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
-from flexfem.commands import facts
+from flexfem.commands import answers
 from flexfem.commands.baseline.leaves import Leaf, leaves, named
 from flexfem.commands.baseline.meshes import COARSE, committed_mesh, mesh_name
 from flexfem.commands.baseline.sources import Kind, kind_of
+from flexfem.commands.console import plain
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
@@ -87,13 +88,13 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     stage, named_file = load_feasible(path), Path(path.name)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: facts.stage_facts(named_file, stage),
+        "check": lambda: answers.of_stage(named_file, stage),
         "stiffness": lambda: _stiffness(named_file, stage),
         "mesh": lambda: _or_refused(lambda: _solution(named_file, stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(named_file, stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
-        "budget": lambda: _or_refused(lambda: _dumped(budget.budget(named_file, stage, solve=solve))),
-        "workspace": lambda: _or_refused(lambda: _dumped(workspace.workspace(named_file, stage, solve=solve))),
-        "converge": lambda: _or_refused(lambda: _dumped(converge(named_file, stage, LEVELS, solve))),
+        "budget": lambda: _or_refused(lambda: budget.budget(named_file, stage, solve=solve)),
+        "workspace": lambda: _or_refused(lambda: workspace.workspace(named_file, stage, solve=solve)),
+        "converge": lambda: _or_refused(lambda: converge(named_file, stage, LEVELS, solve)),
     }
 
 
@@ -105,14 +106,14 @@ def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
         "links": lambda: linked(stage, budget.CALIBRATED),
     }
     return {
-        name: _or_refused(partial(lambda found: facts.analytic_facts(file, stage, found()), found))
+        name: _or_refused(partial(lambda found: answers.of_model(file, stage, found()), found))
         for name, found in models.items()
     }
 
 
 def _solution(file: Path, stage: Stage, solved: Solved, force: Any, resolution: int) -> dict[str, Any]:
     full = load_case(stage, solved.mesh, solved.response, np.array(force))
-    return facts.solution_facts(file, stage, solved, full, resolution)
+    return answers.of_solution(file, stage, solved, full, resolution)
 
 
 def _on_committed(stage: Stage, path: Path) -> Solved:
@@ -125,7 +126,7 @@ def _of_case(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     loaded = LoadedCase(path)
     return {
         "committed": lambda: {curve.label: _curve(loaded, curve, folder) for curve in loaded.case.curve},
-        "result": lambda: _dumped(run_case(loaded, solve)[0]),
+        "result": lambda: run_case(loaded, solve)[0],
     }
 
 
@@ -142,30 +143,19 @@ def _curve(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
 
 def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     load_claims(path)
-    return {"claims": lambda: {**_dumped(report_claims(path, solve)), "file": path.name}}
+    return {"claims": lambda: report_claims(path, solve).model_copy(update={"file": path.name})}
 
 
 def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     """What the analytic model reads from a chart of flexfem itself."""
     if path.stem == "thickness_chart":
-        return {"thickness": facts.thickness_review}
+        return {"thickness": answers.thickness_review}
     middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
     return {
-        "formulas": facts.formula_facts,
-        "hinges": facts.hinge_review,
-        "middle": lambda: facts.hinge_review(middle),
+        "formulas": answers.of_formulas,
+        "hinges": answers.hinge_review,
+        "middle": lambda: answers.hinge_review(middle),
     }
-
-
-def plain(value: Any) -> Any:
-    """Named tuples and arrays as plain data."""
-    if hasattr(value, "_asdict"):
-        return {name: plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, dict):
-        return {name: plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def _of_study(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
@@ -202,11 +192,6 @@ def _cell(text: str) -> Leaf:
         return float(text)
     except ValueError:
         return text or None
-
-
-def _dumped(found: Any) -> dict[str, Any]:
-    dumped: dict[str, Any] = found.model_dump(mode="json")
-    return dumped
 
 
 def _or_refused(make: Section) -> Any:

@@ -21,7 +21,7 @@ from flexfem.files.writing import write_atomically
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.result import Record, stamp, versions
 
-Finding: TypeAlias = Change | Move | str
+Difference: TypeAlias = Change | Move | str
 SETTINGS = "settings of flexfem"
 
 
@@ -55,11 +55,11 @@ class Checked(NamedTuple):
     """A baseline and what is not as accepted; nothing when all is well."""
 
     name: str
-    findings: list[Finding]
+    findings: list[Difference]
 
     @staticmethod
-    def data(finding: Finding) -> dict[str, Leaf]:
-        """A finding by name; `was` or `now` is left out where there is nothing."""
+    def data(finding: Difference) -> dict[str, Leaf]:
+        """A difference by name; `was` or `now` is left out where there is nothing."""
         named = {} if isinstance(finding, str) else finding._asdict()
         return {key: value for key, value in named.items() if value != MISSING}
 
@@ -110,7 +110,7 @@ def changed(path: Path, folder: Path, baseline: Baseline) -> list[Change]:
     ]
 
 
-def check(path: Path, folder: Path, solve: Solve, made: dict[str, Any] | None = None) -> list[Finding]:
+def check(path: Path, folder: Path, solve: Solve, made: dict[str, Any] | None = None) -> list[Difference]:
     """What is not as the baseline of an input file has it: changed inputs alone, or else numbers that moved.
 
     Parameters
@@ -178,7 +178,7 @@ def checked(path: Path, solve: Solve) -> Checked:
     return Checked(path.stem, _findings(path, solve))
 
 
-def _findings(path: Path, solve: Solve) -> list[Finding]:
+def _findings(path: Path, solve: Solve) -> list[Difference]:
     try:
         baseline = read_baseline(path)
         source = Path(os.path.normpath(path.parent / baseline.file))

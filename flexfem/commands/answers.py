@@ -1,0 +1,158 @@
+"""What commands answer where no record is stored: the data that `--json` prints, tables show and baselines hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.notch import FORMULAS, over_calibrated
+from flexfem.analytic.thick import factors
+from flexfem.files.provenance import key_paths, provenance_of
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.verify import warning
+
+if TYPE_CHECKING:
+    from flexfem.fem.mesh import StageMesh
+    from flexfem.fem.response import LoadCase
+    from flexfem.plot.hinge_chart import HingeReview, ThicknessReview
+    from flexfem.validate.compare import CrossCheck
+    from flexfem.validate.registry import Table
+    from flexfem.verify.protocol import Solved
+
+Answer = dict[str, Any]
+UNITS = "N, mm, rad; order x, y, theta"
+
+
+def _about(path: Path, stage: Stage, warnings: warning.Warnings, **found: Any) -> Answer:
+    """An answer on a stage: which it is, what was found, and what is to be known of that."""
+    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(path), "name": stage.name, **found, "warnings": warnings, **doubts}
+
+
+def of_stage(path: Path, stage: Stage) -> Answer:
+    """What `check` answers."""
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage)}
+    return _about(
+        path,
+        stage,
+        warning.of_stage(stage),
+        mobility=stage.mobility,
+        model=stage.model,
+        chains_alike=stage.chains_alike,
+        hash=stage.hash,
+        dimensions=stage.model_dump(mode="json", exclude={"name", "hinges", "override", "provenance"}),
+        hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
+        provenance={key: source for key, source in sources.items() if source},
+    )
+
+
+def _hinge(stage: Stage, chain: int, position: int) -> Answer:
+    placed, hinge = stage_frames(stage), stage.hinge(chain + 1, HINGE_NAMES[position])
+    return {
+        "chain": chain + 1,
+        "hinge": HINGE_NAMES[position],
+        "centre_mm": placed.centres[chain, position].tolist(),
+        "axis_deg": float(np.rad2deg(placed.axes[chain, position]) % 360.0),
+        "radius_mm": hinge.radius,
+        "neck_mm": hinge.neck,
+        "prismatic": hinge.prismatic,
+    }
+
+
+def of_model(path: Path, stage: Stage, result: AnalyticResult) -> Answer:
+    """What `stiffness` answers."""
+    return _about(
+        path,
+        stage,
+        [*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
+        units=UNITS,
+        model=stage.model,
+        mobility=result.mobility,
+        formula=result.formula,
+        formula_source=FORMULAS[result.formula].source,
+        formula_in_range=bool(np.all(result.in_range)),
+        stiffness=result.stiffness,
+        compliance=result.compliance,
+        hinge_compliance=result.hinges,
+    )
+
+
+def of_mesh(path: Path, stage: Stage, mesh: StageMesh, resolution: int, output: Path) -> Answer:
+    """What `mesh` answers."""
+    counts = {"nodes": len(mesh.nodes), "triangles": len(mesh.triangles)}
+    return _about(path, stage, [], written=str(output), resolution=resolution, **counts)
+
+
+def of_solution(path: Path, stage: Stage, solved: Solved, case: LoadCase, resolution: int) -> Answer:
+    """What `solve` answers."""
+    strength, where = stage.material.yield_strength, "under this load"
+    return _about(
+        path,
+        stage,
+        [
+            *warning.of_yield(float(np.max(case.neck_stress)), strength, where),
+            *warning.of_motion(stage, case.pose, where),
+        ],
+        units=f"{UNITS}; stress MPa",
+        model=stage.model,
+        resolution=resolution,
+        triangles=len(solved.mesh.triangles),
+        unknowns=solved.response.unknowns,
+        stiffness=np.linalg.inv(solved.response.compliance),
+        compliance=solved.response.compliance,
+        force=case.force,
+        displacement=case.pose,
+        reaction=case.reaction,
+        energy=case.energy,
+        neck_stress=case.neck_stress,
+    )
+
+
+def of_cross_check(path: Path, stage: Stage, found: CrossCheck) -> Answer:
+    """What `cross-check` answers."""
+    checks = [{**check._asdict(), "passed": check.passed} for check in found.checks]
+    return _about(path, stage, [], units=UNITS, **(found._asdict() | {"checks": checks, "passed": found.passed}))
+
+
+def of_benchmarks(table: Table) -> Answer:
+    """What `benchmark` answers."""
+    findings = [{**f._asdict(), "ours": f.ours if np.isfinite(f.ours) else None} for f in table.findings]
+    return {"findings": findings, "seconds": table.seconds, "passed": table.passed}
+
+
+def of_formulas() -> Answer:
+    """What `formulas` answers."""
+    return {
+        name: {"freedoms": f.freedoms, "t_over_R": f.valid, "source": f.source, "status": f.status}
+        for name, f in FORMULAS.items()
+    }
+
+
+def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
+    """Every formula over the calibrated hinge, for blocks `height` times as high as the notch."""
+    from flexfem.plot.hinge_chart import FormulaCurve, HingeReview
+
+    ratio = np.geomspace(*FORMULAS["calibrated"].valid, 121)
+    found = over_calibrated(ratio, height, poissons_ratio)
+
+    def curve(name: str) -> FormulaCurve:
+        stated = FORMULAS[name].freedoms
+        values = (getattr(found[name], f) if f in stated else None for f in ("rotation", "axial", "shear"))
+        return FormulaCurve(name, FORMULAS[name].valid, *values)
+
+    published = [curve(name) for name in FORMULAS if name != "calibrated"]
+    return HingeReview(ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source)
+
+
+def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
+    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout."""
+    from flexfem.plot.hinge_chart import ThicknessReview
+
+    width, ratio = np.geomspace(0.5, 50.0, 121), np.array([0.02, 0.1, 0.3, 1.0])
+    found = factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
+    source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
+    return ThicknessReview(width, ratio, poissons_ratio, found.rotation, found.axial, {}, source)

@@ -1,0 +1,160 @@
+"""Commands that compare both models: verify, budget, workspace, converge, claims; and the figures of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexfem.commands.options import Baselines, Json, Output, Stage, Wanted, check_finite
+
+app = typer.Typer()
+REPORTS = Path("reports")
+
+
+@app.command()
+def verify(
+    cases: Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")],
+    output: Output = REPORTS,
+    check: Annotated[
+        bool, typer.Option("--check", help="Compare with the baselines; exit 1 if a number moved.")
+    ] = False,
+    baselines: Baselines = None,
+    json: Json = False,
+) -> None:
+    """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
+    from flexfem.commands import console, tables
+    from flexfem.commands.baseline import store
+    from flexfem.verify.result import write_result
+
+    loaded = console.load_cases(cases)
+    folders = [baselines or store.folder_of(case.path) for case in loaded]
+    if check:
+        for case, folder in zip(loaded, folders, strict=True):
+            store.read_baseline(store.file_of(case.path, folder))
+    solve, results, checked = console.solved_once(), [], []
+    for case, folder, (result, fields) in zip(loaded, folders, console.run_cases(loaded, solve), strict=True):
+        write_result(result, fields, output)
+        results.append(result)
+        if check:
+            made = {"result": console.plain(result)}
+            checked.append(store.Checked(case.stem, store.check(case.path, folder, solve, made)))
+    if check:
+        console.show_checked(checked, json)
+    console.show(results[0] if len(results) == 1 else results, json, lambda _: tables.print_results(results, output))
+
+
+@app.command()
+def budget(
+    stage: Stage,
+    amplitude_um: Annotated[
+        float, typer.Option(min=1e-3, max=1e4, help="Command in X and Y of the large-displacement share.")
+    ] = 50.0,
+    amplitude_mrad: Annotated[float, typer.Option(min=1e-3, max=1e3, help="And in theta.")] = 1.0,
+    output: Wanted = None,
+    json: Json = False,
+) -> None:
+    """Split the error of the stage's own analytic model into named shares that add up to it."""
+    from flexfem.commands import console, tables
+    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.verify import budget as verify
+    from flexfem.verify.case import Direction
+
+    loaded = load_feasible(stage)
+    check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
+    with naming(stage):
+        amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), 1e-3 * amplitude_um)
+        amplitudes["theta"] = 1e-3 * amplitude_mrad
+        found = verify.budget(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
+    if output is not None:
+        from flexfem.plot.accuracy import budget_figure
+
+        console.keep(found, output / f"{stage.stem}-budget.json", budget_figure)
+    console.show(found, json, tables.print_budget)
+
+
+@app.command()
+def workspace(
+    stage: Stage,
+    amplitude_um: Annotated[
+        float, typer.Option(min=1e-3, max=1e4, help="Largest command in X and Y; in theta 0.02 mrad for every um.")
+    ] = 500.0,
+    output: Wanted = None,
+    json: Json = False,
+) -> None:
+    """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
+    from flexfem.commands import console, tables
+    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.units import unit_of
+    from flexfem.verify import workspace as verify
+
+    loaded = load_feasible(stage)
+    check_finite(amplitude_um=amplitude_um)
+    with naming(stage):
+        found = verify.workspace(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
+    if output is not None:
+        from flexfem.plot.workspace import workspace_figure
+
+        console.keep(found, output / f"{stage.stem}-workspace.json", workspace_figure)
+    console.show(found, json, tables.print_workspace)
+
+
+@app.command()
+def converge(
+    stage: Stage,
+    level: Annotated[
+        list[int] | None,
+        typer.Option(min=2, max=64, help="Triangles across every neck, coarse to fine; give three or more."),
+    ] = None,
+    output: Wanted = None,
+    json: Json = False,
+) -> None:
+    """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
+    from flexfem.commands import console, tables
+    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.verify import converge as verify
+
+    loaded = load_feasible(stage)
+    resolutions = verify.checked_resolutions(level or verify.RESOLUTIONS)
+    with naming(stage):
+        found = verify.converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    if output is not None:
+        from flexfem.plot.accuracy import convergence_figure
+
+        console.keep(found, output / f"{stage.stem}-convergence.json", convergence_figure)
+    console.show(found, json, tables.print_convergence)
+
+
+@app.command()
+def claims(
+    path: Annotated[Path, typer.Argument(help="Claims file, see cases/README.md.", metavar="CLAIMS")],
+    output: Wanted = None,
+    json: Json = False,
+) -> None:
+    """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
+    from flexfem.commands import console, tables
+    from flexfem.files.writing import write_atomically
+    from flexfem.verify.claims import markdown_report, report_claims
+    from flexfem.verify.result import write_record
+
+    report = report_claims(path)
+    if output is not None:
+        write_record(report, output / "claims.json")
+        write_atomically(output / "claims.md", lambda file: file.write(markdown_report(report).encode()))
+    console.show(report, json, tables.print_claims)
+
+
+@app.command()
+def plot(
+    results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
+    output: Output = REPORTS,
+    json: Json = False,
+) -> None:
+    """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.commands import console
+    from flexfem.plot.write import write_figures
+    from flexfem.verify.result import read_fields, read_result
+
+    read = [(path, read_result(path)) for path in results]
+    console.show_written(write_figures([(result, read_fields(path, result)) for path, result in read], output), json)
