@@ -65,6 +65,7 @@ def run(
 ) -> None:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
     from flexfem.commands import console
+    from flexfem.commands.processes import processors
     from flexfem.commands.progress import print_status, watching
     from flexfem.files.writing import check_folder
     from flexfem.study.run import run_study
@@ -79,7 +80,7 @@ def run(
     for text in unseen(parts.loaded):
         _note(f"warning: {text}")
     tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
-    with _resumable(parts), _pool(min(workers or _processors(), tasks), scheduler) as pool, watching() as watch:
+    with _resumable(parts), _pool(min(workers or processors(), tasks), scheduler) as pool, watching() as watch:
         run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
     facts, lost = _run_facts(parts, part), _lost(parts, part)
     console.show(facts, json, print_status)
@@ -103,11 +104,6 @@ def _pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
         yield pool
     finally:
         pool.close()
-
-
-def _processors() -> int:
-    """Processors that this process may use: a job's share, not the whole machine."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -153,8 +153,11 @@ def plot(
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
     from flexfem.commands import console
+    from flexfem.commands.processes import side_by_side
     from flexfem.plot.write import write_figures
     from flexfem.verify.result import read_fields, read_result
 
     read = [(path, read_result(path)) for path in results]
-    console.show_written(write_figures([(result, read_fields(path, result)) for path, result in read], output), json)
+    stored = [(result, read_fields(path, result)) for path, result in read]
+    with side_by_side() as each:
+        console.show_written(write_figures(stored, output, each), json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -32,25 +32,30 @@ class Plan(NamedTuple):
     draw: Callable[[], Figure]
 
 
-def write_figures(results: list[Stored], folder: Path) -> list[Path]:
+def write_figures(results: list[Stored], folder: Path, each: Callable[..., Iterable[list[bytes]]] = map) -> list[Path]:
     """Draw every figure of the results as PNG and PDF and write the page of text beside them.
 
     Parameters
     ----------
     results : stored verifications, each with its fields by label.
     folder : where the files go; made when missing.
+    each : applies a function to every figure, in order, as `map` does; that of a pool of processes draws side by side.
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
-    paths = []
-    for name, draw in plans(results):
-        figure = draw()
-        for form in FORMS:
-            content = rendered(figure, form)
-            paths.append(_written(folder / f"{name}.{form}", content))
-    pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in plans(results))
+    planned, paths = plans(results), []
+    for plan, contents in zip(planned, each(drawn, planned), strict=True):
+        for form, content in zip(FORMS, contents, strict=True):
+            paths.append(_written(folder / f"{plan.name}.{form}", content))
+    pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in planned)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
+
+
+def drawn(plan: Plan) -> list[bytes]:
+    """A figure as the bytes of its files, one for each of `FORMS`."""
+    figure = plan.draw()
+    return [rendered(figure, form) for form in FORMS]
 
 
 def write_beside(stored: Path, figure: Figure) -> list[Path]:

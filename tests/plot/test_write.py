@@ -21,7 +21,9 @@ from flexfem.plot.write import write_figures
 from flexfem.verify.result import read_fields, read_result
 path = sys.argv[1]
 result = read_result(path)
-write_figures([(result, read_fields(path, result))], Path(sys.argv[2]))
+from flexfem.commands.processes import side_by_side
+with side_by_side(2) as each:
+    write_figures([(result, read_fields(path, result))], Path(sys.argv[2]), each)
 """
 
 
@@ -40,7 +42,7 @@ def drawn(made, tmp_path_factory):
     return write_figures([stored(made)], tmp_path_factory.mktemp("drawn"))
 
 
-def test_another_process_gives_the_same_bytes(made, drawn, tmp_path):
+def test_other_processes_side_by_side_give_the_same_bytes(made, drawn, tmp_path):
     path = write_result(*stored(made), tmp_path)
     variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
     subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
