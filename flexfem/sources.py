@@ -8,20 +8,25 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import marshal
 import os
 import pickle
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import MAGIC_NUMBER, cache_from_source, source_hash
 from pathlib import Path
 from types import CodeType, MappingProxyType, ModuleType
+from typing import cast
 
 from flexfem.errors import SourcesChanged
 
 PACKAGE = Path(__file__).parent
 CHANGED = 3  # exit code of a child
+CHECKED_HASH = b"\3\0\0\0"  # flags of bytecode that Python takes only for a source of the hash that follows (PEP 552)
 _expected: dict[str, str] = {}  # of a child; empty in a process that nobody guards
 
 
@@ -74,11 +79,20 @@ def begin_child(module: str) -> None:
 
 
 class _Loader(SourceFileLoader):
-    """Compiles the very bytes that were checked; what is cached may be of others."""
+    """Runs the very bytes that were checked, from the cache only where it says that it was compiled from these."""
 
     def get_code(self, fullname: str) -> CodeType | None:
         path = self.get_filename(fullname)
-        return self.source_to_code(_checked(Path(path), self.get_data(path)), path)
+        source, cached = _checked(Path(path), self.get_data(path)), cache_from_source(path)
+        head = MAGIC_NUMBER + CHECKED_HASH + source_hash(source)
+        with suppress(OSError, EOFError, TypeError, ValueError):
+            content = self.get_data(cached)
+            if content.startswith(head):
+                return cast(CodeType, marshal.loads(content[len(head) :]))
+        code: CodeType = self.source_to_code(source, path)
+        if not sys.dont_write_bytecode:
+            self.set_data(cached, head + marshal.dumps(code))  # whole or not at all; where it may not write, none
+        return code
 
 
 class _Finder(MetaPathFinder):

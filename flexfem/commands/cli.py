@@ -1,4 +1,6 @@
-"""The command line, put together from its groups. Exit 0 done, 1 a check or a computation failed, 2 bad input."""
+"""The command line, put together from its groups. Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n
+stopped by signal n.
+"""
 
 from __future__ import annotations
 

@@ -77,21 +77,25 @@ def run(
         raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = _parts(study, output)
     check_folder(parts.folder)
-    for text in unseen(parts.loaded):
+    told = unseen(parts.loaded)  # before a run that may take days; not again after it
+    for text in told:
         _note(f"warning: {text}")
     tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
     with _resumable(parts), _pool(min(workers or processors(), tasks), scheduler) as pool, watching() as watch:
         run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
     facts, lost = _run_facts(parts, part), _lost(parts, part)
-    console.show(facts, json, print_status)
+    later = [text for text in facts["warnings"] if text not in told]
+    console.show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
     if lost:
-        _note(f"{lost} parts of this run are not in {parts.folder}: the same command computes them")
+        blocked = [path for path in lost if path.exists()]
+        cure = f"; first remove {shlex.quote(str(blocked[0]))}, which is no file" if blocked else ""
+        _note(f"{len(lost)} parts of this run are not in {parts.folder}: the same command computes them{cure}")
     raise typer.Exit(1 if lost or (facts["failed"] and not facts["ok"]) else 0)
 
 
-def _lost(parts: Parts, part: Shard) -> int:
-    """How many parts of a share that has been computed are not there: removed meanwhile, or never taken."""
-    return sum(not parts.path(parts.chunk(number)).is_file() for number in part.chunks(parts))
+def _lost(parts: Parts, part: Shard) -> list[Path]:
+    """Where parts of a share that has been computed are not there: removed meanwhile, or never taken."""
+    return [path for number in part.chunks(parts) if not (path := parts.path(parts.chunk(number))).is_file()]
 
 
 @contextmanager
@@ -143,6 +147,7 @@ def clean(
     from flexfem.commands import console
     from flexfem.commands.progress import print_cleaned
     from flexfem.files.writing import check_folder
+    from flexfem.study.kernels import release_folder
     from flexfem.study.stale import clean_facts, remove, stale_parts
 
     parts = _parts(study, output)
@@ -150,6 +155,7 @@ def clean(
     found = stale_parts(parts)
     if not dry_run:
         remove(found, parts.stale)
+        release_folder(parts)
     console.show({**clean_facts(found), "removed": bool(found) and not dry_run}, json, print_cleaned)
 
 

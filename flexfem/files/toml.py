@@ -36,6 +36,8 @@ MAX_BYTES = 2**20
 
 LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
 
+DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
+
 Path: TypeAlias = str | os.PathLike[str]
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -164,10 +166,11 @@ def _is_json(text: str) -> bool:
 def _require_plain_stem(path: Path) -> None:
     """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
     stem = PurePath(path).stem
-    if stem[:1] in ("", ".", "-") or not stem.isprintable() or "\\" in stem:
+    device = stem.partition(".")[0].rstrip().upper() in DEVICES
+    if stem[:1] in ("", ".", "-", " ") or stem[-1] in ". " or device or not stem.isprintable() or "\\" in stem:
         raise BadInput(
-            f"{place_of(path)}: expected a plain file name, for results are named after it: no dot or hyphen in front, "
-            "no control character, no backslash"
+            f"{place_of(path)}: expected a plain file name, for results are named after it: no dot, blank or hyphen in "
+            "front, no dot or blank behind, no control character, no backslash, no device of Windows such as CON"
         )
 
 

@@ -215,7 +215,8 @@ def read_whole(path: Path) -> Any:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     if path.exists() and not path.is_file():
-        raise BadInput(f"{path}: a pipe, device or folder in the place of a part")
+        what = "a folder in the place of a part: remove it" if path.is_dir() else "a pipe or device, no part"
+        raise BadInput(f"{path}: {what}")
     try:
         with path.open("rb") as content, pq.ParquetFile(content, page_checksum_verification=True) as file:
             yield file  # opened here: pyarrow takes no name that is not UTF-8

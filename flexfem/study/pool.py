@@ -11,14 +11,14 @@ from typing import Any, Protocol, TypeAlias
 from flexfem.errors import BadInput, ComputationFailed, SourcesChanged
 from flexfem.files.refusals import one_line
 from flexfem.sources import manifest
+from flexfem.study.kernels import CURE
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.rows import Rows
-from flexfem.study.versions import counts, versions_of
+from flexfem.study.versions import counts, libraries_of, versions_of
 from flexfem.study.worker import Died, Worker
 
 Answer: TypeAlias = Callable[[LoadedStudy, int, int, bool], Rows]
 CLEAR = (BadInput, ComputationFailed, SourcesChanged, Died, TimeoutError)
-CURE = "; processors may differ: OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES, set alike everywhere, make them one"
 
 
 def deciding(loaded: LoadedStudy) -> dict[str, str]:
@@ -48,13 +48,15 @@ class Pool(Protocol):
 
 
 def answered(solve: Answer, loaded: LoadedStudy, start: int, stop: int, versions: dict[str, str]) -> Rows | str:
-    """In a worker: answer designs; an exception comes back as its text. Raises BadInput for other versions."""
-    own = deciding(loaded)
-    if own != versions:
-        name = next(name for name in versions if own.get(name) != versions[name])
+    """In a worker: answer designs; an exception comes back as its text. Raises BadInput for other versions.
+
+    Its sources are those of the runner: what loads them checks each.
+    """
+    own = libraries_of(loaded.study.model != "analytic")
+    for name in (name for name in own if own[name] != versions.get(name)):
         raise BadInput(
-            f"a worker has {name} {own.get(name)}, the runner {versions[name]}, expected the same versions everywhere"
-            f"{CURE if name == 'arithmetic' else ''}"
+            f"a worker has {name} {own[name]}, the runner {versions[name]}, expected the same versions everywhere"
+            f"{f': {CURE}' if name == 'arithmetic' else ''}"
         )
     if start == stop:  # only asked whether it can
         return ""

@@ -19,6 +19,7 @@ from flexfem.files.refusals import one_line
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
 from flexfem.study.journal import forget_rows, keep_row, kept_rows
+from flexfem.study.kernels import claim_folder, require_same_arithmetic
 from flexfem.study.parts import (
     RETRIED,
     Chunk,
@@ -86,19 +87,21 @@ def run_study(
     Raises
     ------
     BadInput
-        The folder takes no file, or a worker has another flexfem.
+        The folder takes no file or has rows of another arithmetic, or a worker has another flexfem.
     ComputationFailed
         Workers cannot be started, or are lost. Parts that are written stay in any case.
     SourcesChanged
         flexfem was edited since this process began.
     """
     require_unchanged()  # what this process has loaded by now is what its parts are named after
+    require_same_arithmetic(parts)
     sweep(parts.folder)
     _set_apart(parts, say)
     run = _Run(parts, pool, solve, shard, retry, say)
     watch(run.progress)
     if run.known < run.designs:
         require_workers(pool, solve, parts, lambda: watch(run.progress))
+        claim_folder(parts)
     with ThreadPoolExecutor(1) as writer:
         while run.step(writer):
             watch(run.progress)

@@ -28,9 +28,15 @@ ROOTS = ("study/answer.py", "study/parts.py")  # what answers designs, and what 
 @lru_cache
 def versions_of(meshed: bool) -> MappingProxyType[str, str]:
     """Versions by name of what decides the results of a study, `meshed` when finite elements take part in it."""
+    return MappingProxyType({"sources": digest(), **libraries_of(meshed)})
+
+
+@lru_cache
+def libraries_of(meshed: bool) -> MappingProxyType[str, str]:
+    """As `versions_of`, but for flexfem's sources."""
     names = (*NUMERIC, *MESHED) if meshed else NUMERIC
     found = {"python": ".".join(platform.python_version_tuple()[:2])} | {name: _version(name) for name in names}
-    found |= {"sources": digest(), "arithmetic": arithmetic()}
+    found["arithmetic"] = arithmetic()
     if meshed:
         installed = _version("cvxopt")
         found["solver"] = "superlu" if installed == "none" else f"cvxopt {installed}"

@@ -25,6 +25,8 @@ from flexfem.sources import child_command
 
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 STOPPED = 60.0  # s, after which a worker that somebody has stopped is given up
+LOADING = 300.0  # s for a new worker to import what a task needs, on a busy machine or from a slow disk
+BEGUN = "begun"  # what a worker says when it has a task in hand: its limit counts from then
 IDLE = 300.0  # s without a task, after which a worker ends
 GONE = 5.0  # s, for a killed process to be gone
 
@@ -44,7 +46,7 @@ class Worker:
         self.future: Future[Any] | None = None
         self._process: Popen[bytes] | None = None
         self._manifest: Mapping[str, str] = {}
-        self._watch, self._left, self._stopped = Stopwatch(), 0.0, 0.0
+        self._watch, self._begun, self._left = Stopwatch(), threading.Event(), {"at work": 0.0}
 
     @property
     def free(self) -> bool:
@@ -52,7 +54,7 @@ class Worker:
         return self.future is None or self.future.done()
 
     def start(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float, manifest: Any) -> Any:
-        """Give it a task: a function and what it takes, `limit` s, and the sources that may be loaded for it.
+        """Give it a task: a function and what it takes, `limit` s once it is loaded, and the sources it may load.
 
         Returns a future that raises Died, TimeoutError after the limit, or what the function raises.
         """
@@ -63,23 +65,22 @@ class Worker:
             content = pickle.dumps(dict(manifest)) + pickle.dumps(content)
         else:
             content = pickle.dumps(content)
-        self._watch, self._left, self._stopped = Stopwatch(), limit, STOPPED
+        self._watch, self._begun = Stopwatch(), threading.Event()
+        self._left = {"at work": limit, "loading": LOADING, "stopped": STOPPED}
         self.future = Future()
-        threading.Thread(target=_exchange, args=(self._process, content, self.future), daemon=True).start()
+        arguments = (self._process, content, self._begun, self.future)
+        threading.Thread(target=_exchange, args=arguments, daemon=True).start()
         return self.future
 
     def check(self) -> None:
         """Take off the time since the last look; kill the process when its limit is over. Look often."""
         if self.future is None or self.future.done() or self._process is None:
             return
-        passed = self._watch.step()
-        if _is_stopped(self._process.pid):
-            self._stopped -= passed
-        else:
-            self._left -= passed
-        if min(self._left, self._stopped) <= 0:
+        begun = "at work" if self._begun.is_set() else "loading"
+        self._left["stopped" if _is_stopped(self._process.pid) else begun] -= self._watch.step()
+        if min(self._left.values()) <= 0:
             with suppress(InvalidStateError):  # done meanwhile
-                self.future.set_exception(TimeoutError() if self._left <= 0 else Died())
+                self.future.set_exception(TimeoutError() if self._left["at work"] <= 0 else Died())
                 self.kill()
 
     def kill(self) -> None:
@@ -101,14 +102,20 @@ def _started() -> Popen[bytes]:
         )
 
 
-def _exchange(process: Popen[bytes], content: bytes, future: Future[Any]) -> None:
+def _exchange(process: Popen[bytes], content: bytes, begun: threading.Event, future: Future[Any]) -> None:
     """In a thread: send a task, and put what comes back into the future."""
     try:
         process.stdin.write(content)  # type: ignore[union-attr]
         process.stdin.flush()  # type: ignore[union-attr]
         answer = pickle.load(process.stdout)  # type: ignore[arg-type]
+        if answer == BEGUN:
+            begun.set()
+            answer = pickle.load(process.stdout)  # type: ignore[arg-type]
     except Exception:  # however an answer breaks off
         answer = Died()
+        process.kill()
+        with suppress(TimeoutExpired):
+            process.wait(GONE)  # else the next task is given to one that is still on its way out
     with suppress(InvalidStateError):  # given up meanwhile
         future.set_exception(answer) if isinstance(answer, Exception) else future.set_result(answer)
 
@@ -147,8 +154,9 @@ def main() -> None:
             content = tasks.get(timeout=IDLE)
         except queue.Empty:
             return
-        answers.write(_answered(content))
-        answers.flush()
+        for answer in _answers(content):
+            answers.write(answer)
+            answers.flush()
 
 
 def _receive(tasks: queue.Queue[bytes]) -> None:
@@ -159,9 +167,11 @@ def _receive(tasks: queue.Queue[bytes]) -> None:
         os._exit(1)
 
 
-def _answered(content: bytes) -> bytes:
+def _answers(content: bytes) -> Iterator[bytes]:
+    """What a worker says of a task: that it has begun, and the answer or the exception."""
     try:
         function, arguments = pickle.loads(content)
-        return pickle.dumps(function(*arguments))
+        yield pickle.dumps(BEGUN)
+        yield pickle.dumps(function(*arguments))
     except Exception as error:
-        return pickle.dumps(error)
+        yield pickle.dumps(error)

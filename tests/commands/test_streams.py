@@ -6,6 +6,8 @@ import io
 import os
 import pickle
 import subprocess
+import sys
+from contextlib import nullcontext
 
 import pytest
 
@@ -14,7 +16,16 @@ from flexfem.commands.streams import Plain
 from flexfem.errors import BadInput
 from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
-from flexfem.sources import child_command, hashes
+from flexfem.sources import _Loader, child_command, hashes
+
+PITFALLS = [
+    "CON.toml",
+    "nul.x.toml",
+    "Lpt1 .toml",
+    "a .toml",
+    "a..toml",
+    " a.toml",
+]  # other systems read these otherwise
 
 
 def test_a_child_refuses_sources_that_its_parent_did_not_hash():
@@ -22,6 +33,44 @@ def test_a_child_refuses_sources_that_its_parent_did_not_hash():
     child = subprocess.run(child_command("flexfem.fem.mesher"), input=told, capture_output=True)
     assert child.returncode == 3
     assert child.stderr.decode().startswith("flexfem/fem/drawing.py is not what it was")
+
+
+def test_children_import_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    for name in ("numpy", "signal", "json", "flexfem"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(77)")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend("")
+    child = subprocess.run(
+        child_command("flexfem.fem.mesher"), input=pickle.dumps(hashes()) + b".", capture_output=True
+    )
+    assert child.returncode == 1 and b"pickle" in child.stderr  # of the job, by then all is imported
+
+
+def test_bytecode_is_that_of_the_very_source(tmp_path, monkeypatch):
+    """A source of the same size and time as that of the cached bytecode is run itself."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.setattr(sys, "pycache_prefix", None)
+    monkeypatch.setattr("flexfem.sources.PACKAGE", tmp_path)
+    path, loader = tmp_path / "one.py", _Loader("flexfem.one", str(tmp_path / "one.py"))
+    for text in ("x = 1", "x = 2", "x = 1"):
+        path.write_text(text)
+        os.utime(path, (1e9, 1e9))
+        for _ in range(2):  # compiled, then cached
+            found = {}
+            exec(loader.get_code("flexfem.one"), found)
+            assert found["x"] == int(text[-1])
+    (cached,) = (tmp_path / "__pycache__").iterdir()
+    monkeypatch.setattr(loader, "source_to_code", None)
+    assert loader.get_code("flexfem.one").co_consts[0] == 1  # of the cache alone
+    cached.write_bytes(cached.read_bytes()[:20])
+    monkeypatch.undo()
+
+
+def test_progress_to_a_full_stream_ends_nothing_and_results_to_one_do():
+    for silent in (True, False):
+        with open("/dev/full", "w") as full, nullcontext() if silent else pytest.raises(OSError, match="No space"):
+            Plain(full, silent).write("x" * 10000)
+            Plain(full, silent).flush()
 
 
 def test_a_stop_adds_a_second_at_most(monkeypatch):
@@ -37,7 +86,7 @@ def test_control_characters_are_printed_as_text():
     assert stream.getvalue() == "a\\x1b[31m\tb\\x9b\\r\\u202e\n"
 
 
-@pytest.mark.parametrize("name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml"])
+@pytest.mark.parametrize("name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml", *PITFALLS])
 def test_a_name_that_is_no_plain_stem_is_refused(tmp_path, name):
     path = tmp_path / name
     path.write_text("")

@@ -207,16 +207,17 @@ def test_two_runners_of_which_one_is_killed_make_the_table_of_one_run(kept):
     assert kept.same()
 
 
-def test_interrupted_by_ctrl_c_parts_are_kept_and_workers_gone(kept):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_by_a_signal_parts_are_kept_and_workers_gone(kept, number, code):
     command = [sys.executable, "-m", "flexfem", "study", "run", kept.path, "--workers", "2", "--output", kept.folder]
     kept.path.write_text(STUDY.replace(f"designs = {DESIGNS}", "designs = 3000000"))
     runner = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT)
     folder = kept.folder / "killed" / "parts"
     assert until(lambda: len(list(folder.glob("*.parquet"))) > 3)
     workers = children(runner)
-    runner.send_signal(signal.SIGINT)
+    runner.send_signal(number)
     _, err = runner.communicate(timeout=20)
-    assert runner.returncode == 130
+    assert runner.returncode == code
     assert err.count("\n") == 1 and "kept in" in err
     assert gone(workers)
     parts = parts_of(load_study(kept.path), kept.folder)

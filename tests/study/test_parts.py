@@ -15,14 +15,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from flexfem.commands.study import collect as collect_command
+from flexfem.commands.study import status
 from flexfem.errors import BadInput
 from flexfem.study.collect import collect
-from flexfem.study.parts import kind_of, parts_of, read_part, sweep, write_part
+from flexfem.study.parts import COUNTS, KEY, kind_of, parts_of, read_part, sweep, write_part
 from flexfem.study.plan import load_study
 from flexfem.study.rows import Rows
 from flexfem.study.shard import Shard
 from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.status import status_facts, survey
+from flexfem.study.table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
 STUDY = f"""
@@ -125,6 +128,34 @@ def test_no_flipped_bit_of_the_pages_changes_a_number_unnoticed(written):
         except BadInput:
             noticed += 1
     assert noticed > 10
+
+
+@pytest.mark.parametrize("key", [KEY, COUNTS])
+def test_metadata_nested_without_end_are_those_of_a_damaged_part(written, key):
+    path = written.path(written.chunk(1))
+    table = pq.read_table(path)
+    deep = table.replace_schema_metadata({**table.schema.metadata, key: b"[" * 100_000})
+    pq.write_table(deep, path)
+    facts = status_facts(written)
+    assert (facts["done"], len(facts["damaged"])) == (30, 1)
+    assert stale_parts(written) == []
+    with pytest.raises(BadInput, match=r"part-0000001-\w{16}.parquet: (a damaged part|not the part)"):
+        collect(written, path.parent.parent / "t.parquet")
+    pq.write_table(deep, path.parent.parent / "t.parquet")
+    if key == KEY:
+        with pytest.raises(BadInput, match="a Parquet file of something else"):
+            read_table(path.parent.parent / "t.parquet", written.loaded)
+
+
+def test_a_study_that_may_only_be_read_is_counted(written, monkeypatch, capsys):
+    monkeypatch.setattr("flexfem.files.writing.os.access", lambda path, mode: mode != os.W_OK)
+    monkeypatch.setattr("flexfem.study.parts.BROADCAST", 20)
+    before = sorted(written.folder.parent.parent.rglob("*"))
+    status(written.loaded.path, written.folder.parent.parent)
+    assert "50 designs, 0 open" in capsys.readouterr().out
+    assert sorted(written.folder.parent.parent.rglob("*")) == before
+    with pytest.raises(BadInput, match="no permission to write"):
+        collect_command(written.loaded.path, written.folder.parent.parent)
 
 
 def test_other_programs_read_the_parts_as_they_are(written):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import contextmanager
 from itertools import chain, pairwise
 from pathlib import Path
 
@@ -19,12 +21,14 @@ from hypothesis import strategies as st
 from flexfem.commands.progress import said
 from flexfem.errors import BadInput, ComputationFailed
 from flexfem.study.collect import collect
+from flexfem.study.kernels import release_folder
 from flexfem.study.parts import parts_of, read_part
 from flexfem.study.plan import load_study
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import Progress, run_study
 from flexfem.study.shard import Shard, shard_of, shuffled
 from flexfem.study.status import status_facts
+from flexfem.study.worker import Died, Worker, _is_stopped
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 
@@ -196,6 +200,59 @@ def test_a_worker_killed_twice_from_outside_changes_no_row(study, workers, tmp_p
     run_study(parts, workers, strange.once)
     assert len(list(tmp_path.glob("try-*"))) == 2
     assert status_facts(parts)["ok"] == 20
+
+
+def test_a_worker_on_its_way_out_is_given_no_task_and_loading_eats_no_limit(monkeypatch):
+    """A death counted twice, or a slow start, would be a false row."""
+    worker = Worker()
+    try:
+        leaving = "__import__('os').closerange(0, 64) or __import__('time').sleep(99)"
+        with pytest.raises(Died):
+            worker.start(eval, (leaving,), 60.0, {}).result(60)
+        monkeypatch.setattr("flexfem.study.worker.LOADING", 1e9)
+        future = worker.start(eval, ("6 * 7",), 1e-9, {})
+        worker.check()
+        assert future.result(60) == 42
+        late = worker.start(eval, ("__import__('time').sleep(99)",), 0.05, {})
+        while not late.done():
+            worker.check()
+        with pytest.raises(TimeoutError):
+            late.result()
+    finally:
+        worker.kill()
+
+
+def test_a_stopped_worker_keeps_its_limit_and_is_given_up_in_the_end(monkeypatch):
+    worker, now = Worker(), [0.0]
+    monkeypatch.setattr("flexfem.clock.time.monotonic", lambda: now[0])
+
+    def pass_time(seconds):
+        for _ in range(4 * seconds):
+            now[0] += 0.25
+            worker.check()
+
+    def stopped(pid):
+        os.kill(pid, signal.SIGSTOP)
+        while not _is_stopped(pid):
+            pass
+
+    try:
+        late = worker.start(eval, ("[f.open().read() for f in [__import__('pathlib').Path('/dev/stdin')]]",), 5.0, {})
+        worker._begun.wait(60)
+        stopped(worker._process.pid)
+        pass_time(55)
+        assert not late.done()
+        os.kill(worker._process.pid, signal.SIGCONT)
+        while _is_stopped(worker._process.pid):
+            pass
+        pass_time(4)
+        assert not late.done()
+        stopped(worker._process.pid)
+        pass_time(6)
+        with pytest.raises(Died):
+            late.result(60)
+    finally:
+        worker.kill()
 
 
 @pytest.mark.slow
@@ -411,6 +468,88 @@ def test_a_pipe_in_the_place_of_a_part_is_named_and_replaced(study, tmp_path):
     run_study(parts, Here(), say=told.append)
     assert len(told) == 1 and str(path) in told[0]
     assert path.read_bytes() == whole
+
+
+def test_processors_that_round_otherwise_are_refused_not_mixed_and_nothing_moves(study, tmp_path, monkeypatch):
+    loaded = load_study(study())
+    own, other = parts_of(loaded, tmp_path, 30), parts_of(loaded, tmp_path, 30)
+    other.__dict__["versions"] = dict(own.versions) | {"arithmetic": "0123456789abcdef"}
+    refused = []
+
+    def beside(loaded, start, stop, inside):
+        if not refused:  # before there is a part
+            with pytest.raises(
+                BadInput, match=r"of arithmetic \w{16}, those of this .* 0123456789abcdef: .*OPENBLAS_CORETYPE"
+            ):
+                run_study(other, Here())
+            refused.append(sorted(tmp_path.rglob("*.parquet")))
+        return strange.plain(loaded, start, stop, inside)
+
+    run_study(own, Here(), beside, shard=Shard(0, 2))
+    before = sorted(own.folder.iterdir())
+    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
+        run_study(other, Here())
+    assert refused == [[]] and sorted(own.folder.iterdir()) == before and len(before) == 5
+    release_folder(own)  # its own: stays
+    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
+        run_study(other, Here())
+    release_folder(other)  # as study clean does there
+    run_study(other, Here(), strange.plain)
+    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
+        run_study(own, Here())
+
+
+def test_open_designs_in_the_end_are_no_success_and_a_folder_in_the_way_is_named(flexfem, study, monkeypatch):
+    path, spoilt = study("fe", 32), []
+
+    @contextmanager
+    def here(workers, scheduler):
+        yield Here()
+
+    def spoiling(parts, pool, solve=None, **more):
+        made = run_study(parts, pool, strange.plain, **more)
+        first, second = (parts.path(parts.chunk(number)) for number in (0, 1))
+        if not spoilt:
+            first.unlink()
+            second.unlink()
+            second.mkdir()
+        spoilt.append(second)
+        return made
+
+    monkeypatch.setattr("flexfem.commands.study._pool", here)
+    monkeypatch.setattr("flexfem.study.run.run_study", spoiling)
+    code, out, err = flexfem("study", "run", path)
+    lines = err.splitlines()
+    assert code == 1 and "32 designs, 32 open" in out
+    assert lines[-1].startswith(
+        "flexfem: 2 parts of this run are not in reports/necks/parts: the same command computes"
+    )
+    assert lines[-1].endswith(f"; first remove {spoilt[0]}, which is no file")
+    code, out, err = flexfem("study", "run", path)
+    assert code == 1 and "32 designs, 16 open" in out and "a folder in the place of a part: remove it" in err
+    spoilt[0].rmdir()
+    code, out, err = flexfem("study", "run", path)
+    assert (code, err) == (0, "") and "32 designs, 0 open" in out
+
+
+def test_a_warning_is_said_once_before_the_run(flexfem, study, monkeypatch):
+    @contextmanager
+    def here(workers, scheduler):
+        yield Here()
+
+    monkeypatch.setattr("flexfem.commands.study._pool", here)
+    shown = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]\n[sampling]'
+    path = study(
+        designs=4,
+        edit=(
+            "[sampling]",
+            f'[[factor]]\nkey = "material.yield_strength_mpa"\nsd = 1.0\ndistribution = "normal"\n{shown}',
+        ),
+    )
+    code, out, err = flexfem("study", "run", path)
+    assert code == 0
+    assert err.count("changes none of kxx_n_per_mm") == 1 and "changes none" not in out
+    assert "changes none of kxx_n_per_mm" in flexfem("study", "status", path)[1]
 
 
 def test_a_partial_table_of_nothing_replaces_none(study, tmp_path):
