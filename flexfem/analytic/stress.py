@@ -74,7 +74,7 @@ def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pu
     Parameters
     ----------
     radius, neck : (..., 3, 3), mm.   thickness : (...), mm.
-    pull : (...), of `design.out_of_plane`: the stress across the plane, per stress along the neck.
+    pull : (...), of `schema.out_of_plane`: the stress across the plane, per stress along the neck.
 
     Notes
     -----

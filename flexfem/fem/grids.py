@@ -41,7 +41,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
 
 
 def meshed(face: Face, sizes: Sequence[str], curvature: float) -> StageMesh:
-    """Mesh one face of lines and arcs with gmsh in its own process; `sizes` and `curvature` as in `mesher.Job`.
+    """Mesh one face of lines and arcs with gmsh in its own process; `sizes` and `curvature` as in `drawing.Job`.
 
     Raises ComputationFailed as `run_mesher` does.
     """

@@ -47,7 +47,7 @@ SAME_PLACE = 1e-6  # mm; nodes of two sectors on their common cut, centres of ar
 class Sector(NamedTuple):
     """Curved quadratic triangles of one chain with its sector of the platform, in the frame of chain 1.
 
-    mesh : bodies 0 to 3 in the order of `layout.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
+    mesh : bodies 0 to 3 in the order of `stage.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
         and, for each hinge, `neck base` and so on.
     behind, ahead : (k,), nodes on the cuts without those on the hub, outwards; ahead is behind turned by 120 degrees.
     """

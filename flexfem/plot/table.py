@@ -57,8 +57,13 @@ def _what(keys: Sequence[str]) -> str:
 def _opening(results: Sequence[Result]) -> str:
     note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in ("assumed", "not_stated")))
     warning = f"**{note}**: these numbers are listed at the end."
+    exact = (
+        ", in nonlinear cases by its exact equilibrium,"
+        if any(each.analysis == "nonlinear" for each in results)
+        else ""
+    )
     text = (
-        "The force that the analytic model predicts for a platform displacement by (18) is applied to the "
+        f"The force that the analytic model predicts for a platform displacement by (18){exact} is applied to the "
         "finite-element stage. The error is the finite-element displacement minus the commanded one."
     )
     return f"{text}\n\n{warning}" if note else text

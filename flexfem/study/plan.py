@@ -299,7 +299,7 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     Raises
     ------
     BadInput
-        As `tomlfile.validate`, or the base stage cannot be read or made; one line naming file, line and key.
+        As `toml.validate`, or the base stage cannot be read or made; one line naming file, line and key.
     """
     study = validate(Study, path)
     try:

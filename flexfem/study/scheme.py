@@ -45,7 +45,7 @@ class Sampling(Table):
 
 
 class Drive(Table):
-    """The piezo: `stroke` and, from the base hinge to where it pushes link 1, `lever_arm`; file units."""
+    """The piezo: its stroke, and the lever arm from the base hinge to where it pushes link 1; in units of the file."""
 
     stroke_um: float = Field(gt=0, le=1e6)
     lever_arm_mm: float = Field(gt=0, le=1e4)

@@ -77,7 +77,7 @@ def sobol_indices(answers: Array, factors: int) -> Indices:
 
     Notes
     -----
-    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f); intervals as `_half_width`.
+    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f); intervals as `_half_widths`.
     """
     from scipy.stats import sobol_indices as estimated
 

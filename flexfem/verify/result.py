@@ -75,7 +75,8 @@ class Model(Record):
 
     plane : the stage's own choice of plane problem.
     stiffness : (3, 3) analytic, order x, y, theta; compliance : (3, 3) of the finite elements.
-    force : (points, 3) applied loads by (18).  lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
+    force : (points, 3) applied loads, N, N, N mm: by (18), or in a nonlinear case by the exact equilibrium.
+    lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
     """
 
     stage: str
@@ -103,7 +104,7 @@ class Model(Record):
 
 
 class Result(Record):
-    """A verification: `curves` holds finite-element displacement minus commanded, `error_percent` as theory.md defines.
+    """A verification: `curves` holds finite-element displacement minus commanded, CONVENTIONS.md what `error_percent` is.
 
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).

@@ -94,7 +94,7 @@ def test_the_chart_is_one_curve_where_its_parts_meet() -> None:
 
 
 def test_a_slender_neck_is_almost_the_beam_and_a_stout_one_far_from_it() -> None:
-    """Rotation above (2) by 2/5 t/R at first; theory.md has 16 % with rigid ends at t/R = 1, and up to 12 % more."""
+    """Rotation above (2) by 2/5 t/R at first; 16 % with rigid ends at t/R = 1, and up to 12 % more."""
     slender, stout = (CALIBRATED.compliance(R, t * R, B, E, NU).rotation for t in (0.02, 1.0))
     beam = formula("paros-weisbord")
     assert slender / beam.compliance(R, 0.02 * R, B, E, NU).rotation == pytest.approx(1.008, abs=3e-5)

@@ -1,0 +1,57 @@
+"""What docstrings, comments and pages name is there: files by their path, and names of the code in backticks."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+SOURCES = sorted((ROOT / "flexfem").rglob("*.py"))
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), *ROOT.glob("*/*.toml"), *ROOT.glob("benchmarks/*.py"), *SOURCES]
+FILE = re.compile(r"(?<![\w/{*.<~-])((?:[\w-]+/)+[\w-]+\.(?:py|md|toml|json|npz))\b")
+NAME = re.compile(r"`([A-Za-z_]\w*(?:\.\w+)*)`")
+MADE = ("reports/",)  # by commands
+OF_FILES = {"from", "b", "i", "T_c", "X", "Y", "sr", "backticks", "kxy_"}  # letters of equations; a key of studies
+
+
+def test_every_file_that_is_named_exists() -> None:
+    lost = set()
+    for page in PAGES:
+        for named in FILE.findall(page.read_text()):
+            where = (ROOT, ROOT / "flexfem", page.parent)
+            if not named.startswith(MADE) and not any((place / named).exists() for place in where):
+                lost.add(f"{page.relative_to(ROOT)}: {named}")
+    assert lost == set()
+
+
+@cache
+def names_of(path: Path) -> frozenset[str]:
+    """What a source names: identifiers, and words of its texts but docstrings."""
+    found = {path.stem}
+    tree = ast.parse(path.read_text())
+    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        for field in ("name", "id", "attr", "arg", "asname"):
+            found.update((getattr(node, field, None) or "").split(".") if isinstance(node, ast.AST) else ())
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+            found.update(re.findall(r"\w+", node.value))
+    return frozenset(found)
+
+
+def test_every_name_in_backticks_is_one_of_the_code() -> None:
+    """After the name of a module, one of that module; a private name, one of the very file."""
+    everything = frozenset().union(*map(names_of, SOURCES)) | OF_FILES
+    modules = {path.stem: names_of(path) for path in SOURCES}
+    lost = set()
+    for path in SOURCES:
+        for named in NAME.findall(path.read_text()):
+            *before, last = named.split(".")
+            if (ROOT / "flexfem" / f"{named.replace('.', '/')}.py").exists():
+                continue
+            own = last.startswith("_") and not last.startswith("__") and not before
+            where = names_of(path) if own else modules.get(before[-1], everything) if before else everything
+            if last not in where | {"py", "json"} or not set(before) <= everything:
+                lost.add(f"{path.relative_to(ROOT)}: {named}")
+    assert lost == set()
