@@ -191,8 +191,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
     from flexfem.commands import console
     from flexfem.files.writing import check_folder
-    from flexfem.plot.study import named, write_study_figures
-    from flexfem.plot.study_shown import Source
+    from flexfem.plot.study import Source, named, write_study_figures
     from flexfem.study.collect import collect as join
     from flexfem.study.collect import table_path
     from flexfem.study.findings import Refused, facts_of, findings

@@ -1,4 +1,4 @@
-"""A value over two factors of a study: where it is small, where it is large, and where there is no design."""
+"""A value over two factors of a study, with contours, and where there is no design."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.plot.study_axes import ends_of, log_ticks, name_axis
-from flexfem.plot.study_contours import draw_contours
-from flexfem.plot.study_labels import Caption, Quantity, thousands
+from flexfem.plot.study_labels import Caption, Quantity, ends_of, log_ticks, name_axis, thousands
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure
 from flexfem.study.pareto import wide
 
@@ -171,3 +171,54 @@ def _draw_base(axes: Axes, shown: StudyMap) -> list[Any]:
     look: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
     axes.plot(*shown.base, linestyle="none", zorder=6, **look)
     return [Line2D([], [], linestyle="none", label="base stage", **look)]
+
+
+LINES = 8  # contours, about
+LONG = 0.4  # of the side of the map: shorter contours have no label
+
+
+def draw_contours(
+    axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, marks: tuple[float, ...], unit: str
+) -> list[Any]:
+    """Draw labelled contours of values on a grid (x, y, masked values), the marks heavier; returns their legend entry.
+
+    Labels have the `unit` after the number; contours that are too short for one have none.
+    """
+    low, high = float(grid[2].min()), float(grid[2].max())
+    heavy = np.array([mark for mark in sorted(marks) if low < mark < high])
+    thin = levels(norm, marks)
+    for where, width in ((thin[(thin > low) & (thin < high)], 0.7), (heavy, 2.2)):
+        if len(where):
+            drawn = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
+            named = [
+                level
+                for level, path in zip(where, drawn.get_paths(), strict=True)
+                if where is heavy or length_of(axes, path) > LONG
+            ]
+            names = axes.clabel(drawn, levels=named, fontsize=8.5, fmt=lambda value: shortest(value) + unit)
+            for name in names:
+                name.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
+    if not len(heavy):
+        return []
+    said = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+    return [Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {said}")]
+
+
+def levels(norm: Normalize, marks: tuple[float, ...]) -> Array:
+    """Round values for thin contours between the ends of the colours, none of them a mark."""
+    locator = LogLocator(subs=(1.0, 2.0, 5.0)) if isinstance(norm, LogNorm) else MaxNLocator(LINES)
+    assert norm.vmin is not None and norm.vmax is not None
+    found = np.asarray(locator.tick_values(norm.vmin, norm.vmax))
+    inside = (found > norm.vmin) & (found < norm.vmax)
+    return np.setdiff1d(found[inside], marks)
+
+
+def shortest(value: float) -> str:
+    """A round number in as few digits as it has."""
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+
+def length_of(axes: Axes, path: Path) -> float:
+    """Length of a path of one or more lines, in parts of the side of the axes."""
+    lines = path.transformed(axes.transData + axes.transAxes.inverted()).to_polygons(closed_only=False)
+    return float(sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in lines))

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from flexfem.arrays import Array, Index
 from flexfem.plot.numbers import SPACE, round_factor
 from flexfem.plot.stage import Outline, draw_outline
-from flexfem.plot.study_axes import ends_of, name_axis
-from flexfem.plot.study_labels import Caption, Quantity, thousands
+from flexfem.plot.study_labels import Caption, Quantity, ends_of, name_axis, thousands
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, wrapped
 from flexfem.units import LENGTH
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from flexfem.plot.table import doubt_note
+from flexfem.plot.page import doubt_note
 
 P = ParamSpec("P")
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from flexfem.errors import BadInput
+from flexfem.files.markdown import markdown_table
 from flexfem.files.writing import write_atomically
 from flexfem.validate import beams, curved, elastica, holes, invariants, manufactured, membranes, notches, taylor
 from flexfem.validate.finding import Finding
@@ -71,20 +72,18 @@ def run_benchmarks(names: Sequence[str] | None = None, progress: Callable[[str],
     return Table(findings, seconds)
 
 
-def markdown_table(table: Table) -> str:
+def markdown_page(table: Table) -> str:
     """The findings as a page in Markdown: the numbers, then sources and notes."""
     failed = sum(not finding.passed for finding in table.findings)
     verdict = f"{failed} of {len(table.findings)} failed" if failed else f"all {len(table.findings)} passed"
-    head = "| benchmark | quantity | target | ± | ours | difference | allowed | unknowns | |"
+    head = ("benchmark", "quantity", "target", "±", "ours", "difference", "allowed", "unknowns", "")
     lines = [
         "# Code verification",
         "",
         f"Every target is published or exact, none is a value of our own; {verdict},"
         f" in {sum(table.seconds.values()):.0f} s.",
         "",
-        head,
-        "|---|---|---:|---:|---:|---:|---:|---:|---|",
-        *(_row(finding) for finding in table.findings),
+        markdown_table(head, map(_row, table.findings), "llrrrrrr"),
         "",
         "## Sources",
         "",
@@ -98,13 +97,13 @@ def markdown_table(table: Table) -> str:
 def write_benchmarks(table: Table, folder: Path) -> Path:
     """Write the page into a folder, made when missing; returns its path. Raises BadInput when it takes no file."""
     path = folder / FILE
-    write_atomically(path, lambda file: file.write(markdown_table(table).encode()))
+    write_atomically(path, lambda file: file.write(markdown_page(table).encode()))
     return path
 
 
-def _row(found: Finding) -> str:
+def _row(found: Finding) -> list[str]:
     uncertainty = f"{found.target_uncertainty:.2g}" if found.target_uncertainty else "exact"
     relative = f" ({100 * found.difference / found.target:+.2f} %)" if found.target else ""
     cells = [found.name, found.quantity, f"{found.target:.5g}", uncertainty, f"{found.ours:.5g}"]
     cells += [f"{found.difference:+.1e}{relative}", f"{found.allowed:.2g}", f"{found.unknowns}"]
-    return "| " + " | ".join([*cells, "passed" if found.passed else "**FAILED**"]) + " |"
+    return [*cells, "passed" if found.passed else "**FAILED**"]

@@ -25,6 +25,7 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_mesher, sector_job, welded
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
+from flexfem.files.markdown import markdown_table
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
@@ -208,11 +209,13 @@ def _row(name: str, model: int, percent: Array) -> Alternative:
 
 def markdown_alternatives(found: list[Alternative]) -> str:
     """The alternatives as a Markdown table, per cent: along the command, and the largest across it."""
-    lines = [
-        "| alternative | model | X along | across | Y along | across | theta along | across |",
-        "|---|" + "---:|" * 7,
+    head = ("alternative", "model", "X along", "across", "Y along", "across", "theta along", "across")
+    rows = [
+        (
+            each.name,
+            f"{each.mobility}",
+            *(f"{getattr(p, axis):.3f}" for axis in DIRECTIONS for p in (each.along, each.across)),
+        )
+        for each in found
     ]
-    for each in found:
-        cells = [f"{getattr(part, axis):.3f}" for axis in DIRECTIONS for part in (each.along, each.across)]
-        lines.append(f"| {each.name} | {each.mobility} | {' | '.join(cells)} |")
-    return "\n".join([*lines, "", INFERENCE]) + "\n"
+    return f"{markdown_table(head, rows, 'lrrrrrrr')}\n\n{INFERENCE}\n"

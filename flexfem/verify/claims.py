@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from flexfem.files.markdown import markdown_table
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Table, validate
@@ -181,12 +182,11 @@ def _verdict(claim: Claim, finding: Finding, on: str) -> Verdict:
 
 def markdown_claims(verdicts: list[Verdict]) -> str:
     """The verdicts as a Markdown table."""
-    lines = ["| claim | where | verdict | found |", "|---|---|---|---|"]
+    rows = []
     for each in verdicts:
         claimed = each.statement + (f" *Read as: {each.reading}.*" if each.reading else "")
-        cells = (claimed, each.where, f"**{each.verdict}**", each.found)
-        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-    return "\n".join(lines) + "\n"
+        rows.append((claimed, each.where, f"**{each.verdict}**", each.found))
+    return markdown_table(("claim", "where", "verdict", "found"), rows) + "\n"
 
 
 def markdown_report(report: ClaimsReport) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.commands.tables import print_results
 from flexfem.files.refusals import Problem, needed
-from flexfem.plot.table import doubt_note, markdown_report
+from flexfem.plot.page import doubt_note, markdown_report
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.study.plan import load_study
 from flexfem.verify.case import Case, LoadedCase

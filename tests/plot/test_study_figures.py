@@ -15,14 +15,11 @@ from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 from flexfem.errors import BadInput
 from flexfem.plot.numbers import SPACE
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study import named, write_study_figures
-from flexfem.plot.study_contours import levels
-from flexfem.plot.study_distribution import Scatter, distribution_figure, histogram
+from flexfem.plot.study import Source, front_of, map_of, named, scatters_of, shares_of, write_study_figures
 from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
-from flexfem.plot.study_map import StudyMap, edges, map_figure, norm_of
+from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
-from flexfem.plot.study_sensitivity import Share, limits, sensitivity_figure
-from flexfem.plot.study_shown import Source, front_of, map_of, scatters_of, shares_of
+from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, histogram, limits, sensitivity_figure
 from flexfem.study.answer import answer
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexfem.plot.study import Source, front_of, scatters_of
 from flexfem.plot.study_pareto import thinned
-from flexfem.plot.study_shown import Source, front_of, scatters_of
 from flexfem.study import table as tables
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect

@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.errors import BadInput
 from flexfem.fem.response import load_case
-from flexfem.plot.table import markdown_report
+from flexfem.plot.page import markdown_report
 from flexfem.stage.schema import load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage

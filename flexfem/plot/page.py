@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexfem.files.markdown import markdown_table
 from flexfem.plot.numbers import banded, percent, significant
 from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS
@@ -76,7 +77,7 @@ def _errors(results: Sequence[Result]) -> str:
             bands = result.uncertainty[label]
             cells = [banded(getattr(error, key), bands[key].band) for key in DIRECTIONS]
             rows.append([result.case, _command(result), label, *cells])
-    return _table(["case", "command", "curve", "X", "Y", "θ"], rows, numbers=3)
+    return _numbered(["case", "command", "curve", "X", "Y", "θ"], rows, 3)
 
 
 def _command(result: Result) -> str:
@@ -102,7 +103,7 @@ def _uncertainty(results: Sequence[Result]) -> str:
         for label, found in result.uncertainty.items():
             bands = [f"± {significant(found[key].band, 2)} ({found[key].verdict})" for key in DIRECTIONS]
             rows.append([result.case, label, ", ".join(map(str, found["x"].resolutions)), *bands])
-    return _table(["case", "curve", "triangles across a neck", "X", "Y", "θ"], rows, numbers=3)
+    return _numbered(["case", "curve", "triangles across a neck", "X", "Y", "θ"], rows, 3)
 
 
 def _forces(results: Sequence[Result]) -> str:
@@ -118,7 +119,7 @@ def _forces(results: Sequence[Result]) -> str:
             stress = significant(float(np.max(model.neck_stress)), 3)
             rows.append([result.case, label, *cells, f"{stress} {STRESS}"])
     head = ["case", "curve", "F_x", "F_y", "M", "largest stress at the necks (finite elements)"]
-    return _table(head, rows, numbers=4)
+    return _numbered(head, rows, 4)
 
 
 def _scales(model: Model) -> tuple[float, float, float]:
@@ -145,7 +146,7 @@ def _stiffness(results: Sequence[Result]) -> str:
                 if row not in rows:
                     rows.append(row)
     head = ["stage", "curve", "mobility", "hinge formula", "stiffness", "analytic", "finite elements", "difference"]
-    return _table(head, rows, numbers=3)
+    return _numbered(head, rows, 3)
 
 
 def _meshes(results: Sequence[Result]) -> str:
@@ -155,7 +156,7 @@ def _meshes(results: Sequence[Result]) -> str:
             row = [model.stage, model.hash[:12], f"{model.resolution}", f"{model.triangles}", f"{model.unknowns}"]
             if row not in rows:
                 rows.append(row)
-    return _table(["stage", "hash", "triangles across a neck", "triangles", "unknowns"], rows, numbers=3)
+    return _numbered(["stage", "hash", "triangles across a neck", "triangles", "unknowns"], rows, 3)
 
 
 def _versions(results: Sequence[Result]) -> str:
@@ -163,7 +164,7 @@ def _versions(results: Sequence[Result]) -> str:
     for result in results:
         versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
         rows.append([result.case, result.written, f"{result.seconds:g} s", versions])
-    return _table(["case", "computed (UTC)", "time", "versions"], rows, numbers=0)
+    return _numbered(["case", "computed (UTC)", "time", "versions"], rows, 0)
 
 
 def _doubts(results: Sequence[Result]) -> str:
@@ -181,8 +182,6 @@ def _warnings(results: Sequence[Result]) -> str:
     return "\n".join(f"- {result.case}: {text}" for result in results for text in result.warnings)
 
 
-def _table(head: list[str], rows: list[list[str]], numbers: int) -> str:
-    """A table in Markdown whose last so many columns are numbers, set flush right."""
-    rule = ["---"] * (len(head) - numbers) + ["---:"] * numbers
-    lines = [head, rule, *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+def _numbered(head: list[str], rows: list[list[str]], numbers: int) -> str:
+    """A table whose last so many columns are numbers."""
+    return markdown_table(head, rows, "l" * (len(head) - numbers) + "r" * numbers)
