@@ -4,7 +4,12 @@ from __future__ import annotations
 
 
 class BadInput(Exception):  # noqa: N818  the exit code says error, the name says whose
-    """A file, key or option that cannot be used; its text is one line, shown as it is, and the exit code is 2."""
+    """A file, key or option that cannot be used; its text is one line, shown as it is, and the exit code is 2.
+
+    located : whether the text names the file already.
+    """
+
+    located = False
 
 
 class ComputationFailed(Exception):  # noqa: N818

@@ -74,6 +74,11 @@ def key_paths(file: Table) -> tuple[str, ...]:
     return tuple(path for path, _ in _walk(file))
 
 
+def values_by_key(file: Table) -> dict[str, Any]:
+    """Every value the file gives that is no table, by its key path."""
+    return {path: value for path, value in _walk(file) if not _is_table(value)}
+
+
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
     """Return the key paths of all measured numbers the file gives; `override[0].chain` is an address, not a number."""
     return tuple(path for path, value in _walk(file) if _is_number(value))

@@ -17,15 +17,19 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem.errors import BadInput
-from flexfem.stage.cache import of_last_stage
+from flexfem.stage.cache import once
 from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.outline import Face, Segment, polyline, reverse
-from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage, key_of
 from flexfem.stage.strip import Pose, offset, shortest_path
+from flexfem.stage.tables import HINGE_NAMES, Hinge, key_of
+
+if TYPE_CHECKING:
+    from flexfem.stage.schema import Stage
 
 FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
 LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
@@ -33,7 +37,7 @@ NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut betwee
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
-@of_last_stage
+@once
 def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
     """Neck centres and directions of one chain (1 to 3), base to platform."""
     placed = stage_frames(stage)
@@ -95,7 +99,7 @@ def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
     return [pad, notches[0][1] + first, notches[1][1] + second, [*notches[2][1], *lug_side(stage, chain, side)]]
 
 
-@of_last_stage
+@once
 def lug_side(stage: Stage, chain: int, side: int) -> tuple[Segment, ...]:
     """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
 
@@ -135,7 +139,7 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
 
-@of_last_stage
+@once
 def cut_angle(stage: Stage) -> float:
     """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
 
@@ -155,7 +159,7 @@ def cut_angle(stage: Stage) -> float:
     return float(seen + (min(first) + max(last) - CHAIN_TURN) / 2)
 
 
-@of_last_stage
+@once
 def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
     """Draw the bodies of the third of the stage that holds one chain (1 to 3).
 

@@ -1,4 +1,4 @@
-"""What was computed of the last stage: one design is drawn several times on its way from check to mesh."""
+"""What was computed of a stage is kept with it: one design is drawn several times on its way from check to mesh."""
 
 from __future__ import annotations
 
@@ -13,28 +13,25 @@ if TYPE_CHECKING:
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
+KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
 
 
-def of_last_stage(compute: Callable[Concatenate[Stage, Given], Found]) -> Callable[Concatenate[Stage, Given], Found]:
-    """Let a function of a stage (and other arguments) remember its results for the stage it was last called with.
+def once(compute: Callable[Concatenate[Stage, Given], Found]) -> Callable[Concatenate[Stage, Given], Found]:
+    """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
 
-    The stage is known by identity, which is enough as it is frozen. All callers get the same: arrays, alone or in a
-    tuple, are made read-only, and what else there is should be frozen by itself.
+    All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
     """
-    memory: list[tuple[Any, dict[tuple[Any, ...], Found]]] = [(None, {})]
 
     @wraps(compute)
-    def remembering(stage: Stage, /, *given: Given.args, **named: Given.kwargs) -> Found:
-        known, found = memory[0]
-        if known is not stage:
-            found = {}
-            memory[0] = (stage, found)  # one assignment, so that threads at worst compute twice
-        key = (given, tuple(named.items()))
-        if key not in found:
-            found[key] = _read_only(compute(stage, *given, **named))
-        return found[key]
+    def keeping(stage: Stage, /, *given: Given.args, **named: Given.kwargs) -> Found:
+        kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
+        key = (compute, given, tuple(named.items()))
+        if key not in kept:
+            kept[key] = _read_only(compute(stage, *given, **named))
+        found: Found = kept[key]
+        return found
 
-    return remembering
+    return keeping
 
 
 def _read_only(found: Found) -> Found:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.stage.tables import HINGE_NAMES
 
 Holds = NDArray[np.bool_]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.cache import of_last_stage
+from flexfem.stage.cache import once
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -58,7 +58,7 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
     )
 
 
-@of_last_stage
+@once
 def stage_frames(stage: Stage) -> Frames:
     """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
     hinges = [[stage.hinge(chain, name).axis for name in ("base", "elbow", "platform")] for chain in (1, 2, 3)]

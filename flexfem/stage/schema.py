@@ -1,115 +1,44 @@
-"""The stage: what a stage file says, validated, in N-mm-MPa-rad.
-
-A stage is a frozen noun. Its file keys end in their unit; the attributes carry none and hold inside units (the file's
-GPa become MPa, its degrees radians; density stays in kg/m^3). Only what one number can be wrong about is checked here;
-whether the parts fit together is the business of the feasibility checks.
-"""
+"""The stage: what a stage file says, validated, in N-mm-MPa-rad; and changed stages, validated again."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args, overload
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path as FilePath
+from typing import Any, ClassVar, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from flexfem.arrays import Array
-from flexfem.files.provenance import Sourced
+from flexfem.errors import BadInput
+from flexfem.files.dump import toml_text
+from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
-from flexfem.files.toml import Path, Table, validate
-
-HingeName: TypeAlias = Literal["base", "elbow", "platform"]
-HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
-Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
-CHAINS = (1, 2, 3)
-
-
-def _gpa(value: float) -> float:
-    return 1e3 * value
-
-
-def _at_least(smallest: float) -> Callable[[float], float]:
-    def checked(value: float) -> float:
-        if value < smallest:
-            raise refusal(f"at least {smallest:g}: less is a unit mistake")
-        return value
-
-    return checked
-
-
-Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), AfterValidator(_at_least(1e-6))]  # 1 nm to 10 m
-Modulus: TypeAlias = Annotated[float, Field(gt=0, le=2000), AfterValidator(_at_least(1e-3)), AfterValidator(_gpa)]
-Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), AfterValidator(math.radians)]
-
-
-class Material(Table):
-    """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3."""
-
-    name: Label
-    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa")
-    poissons_ratio: float = Field(ge=0, lt=0.5)
-    density: float = Field(alias="density_kg_m3", gt=0)
-    yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
-
-
-class Chain(Table):
-    """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
-
-    link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm")
-    joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg")
-    link_width: Length = Field(alias="link_width_mm")
-
-
-class Hinge(Table):
-    """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
-
-    radius: Length = Field(alias="radius_mm")
-    neck: Length = Field(alias="neck_mm")
-    prismatic: bool = False
-    axis: Angle | None = Field(default=None, alias="axis_deg")
-
-
-class Hinges(Table):
-    """The three hinges every chain has unless an override says otherwise."""
-
-    base: Hinge
-    elbow: Hinge
-    platform: Hinge
-
-
-class Override(Table):
-    """What differs at one of the nine hinges; None keeps the value of `Hinges`."""
-
-    chain: int = Field(ge=1, le=3)
-    hinge: HingeName
-    radius: Length | None = Field(default=None, alias="radius_mm")
-    neck: Length | None = Field(default=None, alias="neck_mm")
-    prismatic: bool | None = None
-    axis: Angle | None = Field(default=None, alias="axis_deg")
-
-    @model_validator(mode="after")
-    def _changes_something(self) -> Override:
-        if not self.changes:
-            raise refusal("at least one of radius_mm, neck_mm, prismatic, axis_deg")
-        return self
-
-    @property
-    def changes(self) -> dict[str, float | bool]:
-        """The attributes of `Hinge` that are replaced, with their new values."""
-        values = {name: getattr(self, name) for name in Hinge.model_fields}
-        return {name: value for name, value in values.items() if value is not None}
-
-
-class Platform(Table):
-    """The platform disc and its rigid hub, radii in mm."""
-
-    radius: Length = Field(alias="radius_mm")
-    hub_radius: Length = Field(alias="hub_radius_mm")
+from flexfem.files.toml import Path, validate
+from flexfem.files.writing import write_atomically
+from flexfem.stage.cache import KEPT
+from flexfem.stage.changes import merged_changes
+from flexfem.stage.checks import check_feasible
+from flexfem.stage.inside import Dimensioned, Length
+from flexfem.stage.origin import Origin, located_at
+from flexfem.stage.tables import CHAINS as CHAINS
+from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
+from flexfem.stage.tables import Chain as Chain
+from flexfem.stage.tables import Hinge as Hinge
+from flexfem.stage.tables import HingeName as HingeName
+from flexfem.stage.tables import Hinges as Hinges
+from flexfem.stage.tables import Material as Material
+from flexfem.stage.tables import Override as Override
+from flexfem.stage.tables import Plane as Plane
+from flexfem.stage.tables import Platform as Platform
+from flexfem.stage.tables import key_of as key_of
 
 
 class Elastic(NamedTuple):
@@ -137,7 +66,7 @@ def out_of_plane(model: Plane, poissons_ratio: ArrayLike) -> Array:
     return nu if model == "plane_strain" else np.zeros_like(nu)
 
 
-class Stage(Sourced):
+class Stage(Dimensioned, Sourced):
     """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
 
     model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
@@ -162,6 +91,94 @@ class Stage(Sourced):
             if first != index:
                 raise refusal(f"each hinge overridden once, and override[{first}] is the same hinge", "override", index)
         return self
+
+    @cached_property
+    def origin(self) -> Origin:
+        """Where the stage comes from; no part of its hash, and two stages may be equal without it."""
+        return Origin()
+
+    def replace(self, **changes: Any) -> Stage:
+        """A changed stage, validated and feasible; what is not named keeps its value bit for bit.
+
+        Parameters
+        ----------
+        **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are: `thickness=12.0`,
+            `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`. `radius`, `neck`, `prismatic` and `axis`
+            are those of the hinges, one value for all three or by name, `neck={"elbow": 0.4}`; a hinge with an override
+            keeps it. One of the nine hinges alone: `override={(2, "elbow"): {"neck": 0.52}}`; a sequence replaces all
+            overrides.
+
+        Raises
+        ------
+        BadInput
+            A name is not known, a value is not possible, or the stage cannot be made.
+
+        Examples
+        --------
+        >>> import flexfem
+        >>> stage = flexfem.load("geometry/mobility6.toml")
+        >>> stage.replace(neck={"elbow": 0.4}).hinges.elbow.neck
+        0.4
+        >>> stage.replace(neck=20.0)
+        Traceback (most recent call last):
+            ...
+        flexfem.errors.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
+link, expected < chain.link_width_mm = 9
+        """
+        origin = self.origin._replace(changed=self.origin.path is not None)
+        try:
+            changed = self._holding(merged_changes(self.model_dump(exclude_unset=True), changes))
+            if "provenance" not in changes:
+                changed = changed.model_copy(update={"provenance": self._sources_of(changed)})
+        except BadInput as refusal:
+            raise located_at(str(origin), str(refusal).removeprefix("Stage: ")) from None
+        changed.__dict__["origin"] = origin
+        check_feasible(changed)
+        return changed
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Stage:
+        """A copy with values replaced by name, validated like any other, of no file; whether it can be made is open."""
+        return self._holding({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+
+    def _holding(self, content: dict[str, Any]) -> Stage:
+        """A stage of this content; what was the provenance of this one's keys that are gone goes too."""
+        sources = content.pop("provenance", {})
+        made = self.from_names(content)
+        gone = {key for key in sources if key in self.provenance} - set(key_paths(made))
+        kept = {key: source for key, source in sources.items() if key not in gone}
+        return self.from_names(content | {"provenance": kept}) if kept else made
+
+    def _sources_of(self, changed: Stage) -> dict[str, str]:
+        """The provenance of a changed stage: values that differ have no source of this one's."""
+        before, after = values_by_key(self), values_by_key(changed)
+        different = [key for key, value in after.items() if before.get(key) != value]
+        return dict(changed.provenance) | {
+            key: "replaced in Python" for key in different if provenance_of(changed, key) is not None
+        }
+
+    def to_toml(self) -> str:
+        """The text of a stage file that reads back as an equal stage, with the same hash, bit for bit."""
+        content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+        sources = content.pop("provenance", {})
+        return toml_text(content | ({"provenance": sources} if sources else {}))
+
+    def save(self, path: Path) -> None:
+        """Write `to_toml` to a file. Raises BadInput when the folder does not take it."""
+        write_atomically(FilePath(path), lambda file: file.write(self.to_toml().encode()))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the outline to scale, in mm, on a matplotlib axes, a new one by default; returns the axes.
+
+        Raises BadInput when the stage cannot be made.
+        """
+        check_feasible(self)
+        return import_module("flexfem.plot.stage_outline").draw_stage(self, ax)  # drawing lies above stages
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Fields and origin: what was computed is computed again elsewhere."""
+        state = super().__getstate__()
+        content = {key: value for key, value in state["__dict__"].items() if key != KEPT}
+        return state | {"__dict__": content}
 
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a stage can be a key."""
@@ -223,16 +240,9 @@ def load_stage(path: Path) -> Stage:
         The file cannot be read, is not TOML, or says something no stage can have; one line naming file, line, key,
         value and expectation.
     """
-    return validate(Stage, path)
-
-
-def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
-    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
-    attribute = key.rsplit("_", 1)[0]
-    for index, override in enumerate(stage.override):
-        if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
-            return f"override[{index}].{key}"
-    return f"hinges.{hinge}.{key}"
+    stage = validate(Stage, path)
+    stage.__dict__["origin"] = Origin(os.fspath(path))
+    return stage
 
 
 def _canonical(value: Any) -> Any:
@@ -243,6 +253,3 @@ def _canonical(value: Any) -> Any:
     if isinstance(value, bool | str) or value is None:
         return value
     return float(value) + 0.0  # -0.0 is 0.0
-
-
-assert get_args(HingeName) == HINGE_NAMES

@@ -115,6 +115,5 @@ def _with_override(stage: Stage, chain: int, hinge: str, attribute: str, value: 
             overrides[index] = override.model_copy(update={attribute: value})
             break
     else:
-        blank = Override.model_construct(_fields_set={"chain", "hinge"}, chain=chain, hinge=hinge)
-        overrides.append(blank.model_copy(update={attribute: value}))
+        overrides.append(Override.from_names({"chain": chain, "hinge": hinge, attribute: value}))
     return stage.model_copy(update={"override": tuple(overrides)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexfem.stage.bodies import cut_angle, draw_sector, lug_side, necks
-from flexfem.stage.cache import of_last_stage
+from flexfem.stage.cache import once
 from flexfem.stage.frames import frames, stage_frames
 from flexfem.stage.schema import CHAINS, Stage
 
@@ -57,10 +58,10 @@ def test_frames_of_arrays_of_designs_are_their_owners(stage: Stage) -> None:
     assert found.centres.flags.writeable and not stage_frames(stage).centres.flags.writeable
 
 
-def test_what_was_computed_of_the_last_stage_is_not_computed_again(make_stage: StageMaker) -> None:
+def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(make_stage: StageMaker) -> None:
     asked = []
 
-    @of_last_stage
+    @once
     def length(stage: Stage, chain: int, twice: bool = False) -> float:
         asked.append((stage, chain))
         return stage.chain.link_lengths[chain] * (2 if twice else 1)
@@ -71,4 +72,6 @@ def test_what_was_computed_of_the_last_stage_is_not_computed_again(make_stage: S
     length(other, 1)
     assert asked[-1][0] is other and len(asked) == 4
     length(one, 1)
-    assert len(asked) == 5  # only the last stage is kept
+    assert len(asked) == 4  # each stage keeps its own
+    sent = pickle.loads(pickle.dumps(one))
+    assert sent == one and sent.origin == one.origin and set(vars(sent)) <= {*vars(one)} - {"kept"}

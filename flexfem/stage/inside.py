@@ -1,0 +1,154 @@
+"""Tables built in Python: by attribute names, in mm, N, MPa and rad, validated at every construction and every copy.
+
+`Dimensioned.model_validate` reads a table of a file: keys that end in their unit. Calling the class reads what Python
+says: names without a unit. Both hold the numbers to the same limits and give the same object.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, NamedTuple, Self, TypeAlias
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationError,
+    ValidationInfo,
+)
+
+from flexfem.errors import BadInput
+from flexfem.files.lines import KeyPath
+from flexfem.files.refusals import dotted, merged, one_line, problem_of, refusal, shown, suggestion
+from flexfem.files.toml import Table
+
+INSIDE = "inside units"
+
+
+class Conversion(NamedTuple):
+    """What makes a number of a file one inside, and about the way back."""
+
+    inside: Callable[[float], float]
+    back: Callable[[float], float]
+
+    def stated(self, value: float) -> float:
+        """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
+        near = [self.back(value)]
+        for _ in range(3):
+            near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
+        return min(near, key=lambda number: (abs(self.inside(number) - value), len(repr(number))))
+
+    def before(self, value: Any, info: ValidationInfo) -> Any:
+        """From Python's number to the file's, which the limits are about."""
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+        return self.stated(float(value)) if info.context == INSIDE and is_number else value
+
+    def dumped(self, value: float | None, info: SerializationInfo) -> float | None:
+        """In file units beside file keys."""
+        return self.stated(value) if info.by_alias and value is not None else value
+
+
+def converted(inside: Callable[[float], float], back: Callable[[float], float]) -> tuple[Any, ...]:
+    """Annotations of a number that files state in another unit than is held."""
+    of = Conversion(inside, back)
+    return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
+
+
+def at_least(smallest: float) -> AfterValidator:
+    """Refuse what is so small that the unit must be wrong."""
+
+    def checked(value: float) -> float:
+        if value < smallest:
+            raise refusal(f"at least {smallest:g}: less is a unit mistake")
+        return value
+
+    return AfterValidator(checked)
+
+
+Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), at_least(1e-6)]  # 1 nm to 10 m
+Modulus: TypeAlias = Annotated[
+    float, Field(gt=0, le=2000), at_least(1e-3), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
+]
+Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]
+
+
+class Dimensioned(Table):
+    """A table with two doors: `model_validate` for what a file says, the class itself for what Python says.
+
+    Notes
+    -----
+    What files state in another unit (GPa, degrees) is rounded to what a file can state, by at most one unit in the
+    last place, so that every table can be written and read back bit for bit.
+
+    Raises
+    ------
+    BadInput
+        A name is missing or unknown, or a value is not possible; one line with name, value and expectation.
+    """
+
+    def __init__(self, /, **values: Any) -> None:
+        given = plain(values)
+        try:
+            self.__pydantic_validator__.validate_python(
+                given, self_instance=self, context=INSIDE, by_alias=False, by_name=True
+            )
+        except ValidationError as error:
+            raise BadInput(f"{type(self).__name__}: {_sentence(type(self), given, error)}") from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables inside are validated, not called
+
+    @classmethod
+    def from_names(cls, values: Mapping[str, Any]) -> Self:
+        """The table with values by attribute name, as by calling the class."""
+        return cls(**values)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with values replaced by name, validated like any other."""
+        return self.from_names({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+
+    @classmethod
+    def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
+        """As calling the class: nothing is made without validation."""
+        return cls(**values)
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numbers of numpy, mappings and sequences as Python's own."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationError) -> str:
+    """The first thing wrong, and how many more there are."""
+    problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
+    first = problems[0]
+    key, more = dotted(first.path), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    fields = _fields(model, first.path[:-1])
+    if first.kind == "missing":
+        return f"{key} is missing{more}"
+    if first.kind == "extra_forbidden":
+        close = suggestion(str(first.path[-1]), fields)
+        return one_line(f"{key} is an unknown name{close or ', expected one of ' + ', '.join(fields)}{more}")
+    value: Any = given
+    for part in first.path:
+        value = value[part]
+    unit = fields.get(str(next((part for part in reversed(first.path) if isinstance(part, str)), "")), "")
+    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg")) else first.expected
+    return one_line(f"{key} = {shown(value)}, expected {expected}{more}" if key else f"expected {expected}{more}")
+
+
+def _fields(model: type[BaseModel], path: KeyPath) -> dict[str, str]:
+    """Names of the table at a path and the keys that files have for them."""
+    for part in path:
+        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
+        inner = (annotation, *getattr(annotation, "__args__", ()))
+        model = next((each for each in inner if isinstance(each, type) and issubclass(each, BaseModel)), model)
+    return {name: field.alias or name for name, field in model.model_fields.items() if name != "provenance"}

@@ -1,0 +1,60 @@
+"""Where a stage comes from, and refusals that say so."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexfem.errors import BadInput
+from flexfem.files.lines import KeyPath
+from flexfem.files.refusals import place_of
+from flexfem.files.toml import read_toml
+
+if TYPE_CHECKING:
+    from flexfem.stage.schema import Stage
+
+
+class Origin(NamedTuple):
+    """The file of a stage, None without one, and whether it was changed since it was read."""
+
+    path: str | None = None
+    changed: bool = False
+
+    def __str__(self) -> str:
+        return "" if self.path is None else self.path + ", changed" * self.changed
+
+
+@contextmanager
+def located(stage: Stage) -> Iterator[None]:
+    """Put file and line of a stage that has a file in front of refusals that begin with a key path of it."""
+    try:
+        yield
+    except BadInput as refusal:
+        if refusal.located or stage.origin.path is None:
+            raise
+        raise located_at(_place(stage.origin, str(refusal)), str(refusal)) from None
+
+
+def located_at(place: str, refusal: str) -> BadInput:
+    """A refusal with its place in front, "" for none."""
+    found = BadInput(f"{place}: {refusal}" if place else refusal)
+    found.located = bool(place)
+    return found
+
+
+def _place(origin: Origin, refusal: str) -> str:
+    if origin.path is None or origin.changed:
+        return str(origin)
+    try:
+        return place_of(origin.path, read_toml(origin.path).lines.line(_key_path(refusal)))
+    except BadInput:  # gone since
+        return place_of(origin.path)
+
+
+def _key_path(refusal: str) -> KeyPath:
+    """Key path that a refusal begins with: `override[0].neck_mm = ...` is ("override", 0, "neck_mm")."""
+    dotted = re.match(r"[\w.\[\]]*", refusal)
+    parts = re.findall(r"\w+", dotted[0]) if dotted else []
+    return tuple(int(part) if part.isdigit() else part for part in parts)

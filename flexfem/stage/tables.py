@@ -1,0 +1,100 @@
+"""The tables of a stage: material, chain, hinges, platform and overrides, in N-mm-MPa-rad.
+
+File keys end in their unit; the attributes carry none and hold inside units (the file's GPa become MPa, its degrees
+radians; density stays in kg/m^3).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+from pydantic import Field, model_validator
+
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Label
+from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus
+
+if TYPE_CHECKING:
+    from flexfem.stage.schema import Stage
+
+HingeName: TypeAlias = Literal["base", "elbow", "platform"]
+HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
+Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
+CHAINS = (1, 2, 3)
+
+
+class Material(Dimensioned):
+    """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3."""
+
+    name: Label
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa")
+    poissons_ratio: float = Field(ge=0, lt=0.5)
+    density: float = Field(alias="density_kg_m3", gt=0)
+    yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
+
+
+class Chain(Dimensioned):
+    """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
+
+    link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm")
+    joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg")
+    link_width: Length = Field(alias="link_width_mm")
+
+
+class Hinge(Dimensioned):
+    """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
+
+    radius: Length = Field(alias="radius_mm")
+    neck: Length = Field(alias="neck_mm")
+    prismatic: bool = False
+    axis: Angle | None = Field(default=None, alias="axis_deg")
+
+
+class Hinges(Dimensioned):
+    """The three hinges every chain has unless an override says otherwise."""
+
+    base: Hinge
+    elbow: Hinge
+    platform: Hinge
+
+
+class Override(Dimensioned):
+    """What differs at one of the nine hinges; None keeps the value of `Hinges`."""
+
+    chain: int = Field(ge=1, le=3)
+    hinge: HingeName
+    radius: Length | None = Field(default=None, alias="radius_mm")
+    neck: Length | None = Field(default=None, alias="neck_mm")
+    prismatic: bool | None = None
+    axis: Angle | None = Field(default=None, alias="axis_deg")
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Override:
+        if not self.changes:
+            raise refusal("at least one of radius_mm, neck_mm, prismatic, axis_deg")
+        return self
+
+    @property
+    def changes(self) -> dict[str, float | bool]:
+        """The attributes of `Hinge` that are replaced, with their new values."""
+        values = {name: getattr(self, name) for name in Hinge.model_fields}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+class Platform(Dimensioned):
+    """The platform disc and its rigid hub, radii in mm."""
+
+    radius: Length = Field(alias="radius_mm")
+    hub_radius: Length = Field(alias="hub_radius_mm")
+
+
+def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
+    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
+    attribute = key.rsplit("_", 1)[0]
+    for index, override in enumerate(stage.override):
+        if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
+            return f"override[{index}].{key}"
+    return f"hinges.{hinge}.{key}"
+
+
+assert get_args(HingeName) == HINGE_NAMES
