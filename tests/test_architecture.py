@@ -23,6 +23,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("verify", "validate"),
     ("study",),
     ("plot",),
+    ("api",),
     ("commands",),
     ("__main__",),
 )

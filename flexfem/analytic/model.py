@@ -14,7 +14,9 @@ from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
 from flexfem.errors import BadInput, ComputationFailed
+from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import stage_frames
+from flexfem.stage.origin import located
 from flexfem.stage.schema import HINGE_NAMES, Plane, elastic, key_of
 
 if TYPE_CHECKING:
@@ -44,12 +46,15 @@ class AnalyticResult(NamedTuple):
 def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
     """Compliances of the nine hinges, fields (3 chains, 3 hinges).
 
-    Raises BadInput for an unknown formula, for one that is not even positive at some hinge's t/R, and for a chart that
-    some hinge is not on: the formula's, or that of the thickness when the stage's model is "corrected".
+    Raises BadInput for a stage that cannot be made, for an unknown formula, for one that is not even positive at some
+    hinge's t/R, and for a chart that some hinge is not on: the formula's, or that of the thickness when the stage's
+    model is "corrected".
     """
+    check_feasible(stage)
     radius, neck, entry = stage.array("radius"), stage.array("neck"), notch.formula(formula)
-    _refuse_off_chart(stage, entry)
-    _refuse_off_thickness(stage)
+    with located(stage):
+        _refuse_off_chart(stage, entry)
+        _refuse_off_thickness(stage)
     b, material, width = stage.thickness, stage.material, stage.chain.link_width
     found = compliances(entry, stage.model, radius, neck, b, material.youngs_modulus, material.poissons_ratio, width)
     senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)

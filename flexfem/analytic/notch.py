@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -232,6 +233,70 @@ _ENTRIES = (
 )
 
 FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
+
+
+def formulas() -> tuple[str, ...]:
+    """Names of the hinge formulas that are known, the user's own included."""
+    return tuple(FORMULAS)
+
+
+def register_formula(
+    name: str,
+    function: Callable[[Array], Array],
+    *,
+    source: str,
+    valid: tuple[float, float],
+    axial: Callable[[Array], Array] | None = None,
+    bending: Callable[[Array], Array] | None = None,
+) -> Formula:
+    """Make a hinge formula of one's own known by a name, to every function that takes one.
+
+    Parameters
+    ----------
+    name : letters, digits and hyphens.
+    function : of t/R (...), gives `E b R^2 theta/M` (...), a pure number.
+    source : where it comes from, one line.
+    valid : smallest and largest t/R for which it is meant; outside, answers carry a warning.
+    axial, bending : as `function`, `E b dx/F_x` and the part `E b dy/F_y` of bending; None takes Paros-Weisbord's.
+
+    Raises
+    ------
+    BadInput
+        The name is taken by another formula, or a function does not give finite positive numbers over `valid`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> own = flexfem.register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
+    >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
+    'plain'
+    """
+    made = Formula(name, source, "registered by the user", valid, function, axial, bending)
+    known = FORMULAS.get(name)
+    if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
+        raise BadInput(f"hinge formula {name!r} is known already, expected another name")
+    _check_own(made)
+    FORMULAS[name] = made
+    return made
+
+
+def _check_own(made: Formula) -> None:
+    """Refuse a formula of the user's that has no name, no source, no range, or no values."""
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", str(made.name)):
+        raise BadInput(f"hinge formula {made.name!r}: expected a name of letters, digits and hyphens")
+    if not isinstance(made.source, str) or not made.source.strip():
+        raise BadInput(f"hinge formula {made.name!r}: expected a source, one line of text")
+    ends = np.asarray(made.valid, dtype=float)
+    if ends.shape != (2,) or not 0 < ends[0] < ends[1] < np.inf:
+        raise BadInput(f"hinge formula {made.name!r}: valid = {made.valid!r}, expected 0 < smallest t/R < largest")
+    ratio = np.geomspace(ends[0], ends[1], 24).reshape(2, 3, 4)
+    for function in (each for each in (made.rotation, made.axial, made.bending) if each is not None):
+        found = np.asarray(function(ratio))
+        if found.shape != ratio.shape or not np.all(np.isfinite(found) & (found > 0)):
+            raise BadInput(
+                f"hinge formula {made.name!r}: expected finite positive numbers of the shape of t/R from "
+                f"{ends[0]:g} to {ends[1]:g}"
+            )
 
 
 def formula(name: str) -> Formula:

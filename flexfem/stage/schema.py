@@ -172,13 +172,17 @@ link, expected < chain.link_width_mm = 9
         Raises BadInput when the stage cannot be made.
         """
         check_feasible(self)
-        return import_module("flexfem.plot.stage_outline").draw_stage(self, ax)  # drawing lies above stages
+        return import_module("flexfem.plot.axes").drawn_stage(self, ax)  # above stages
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""
         state = super().__getstate__()
         content = {key: value for key, value in state["__dict__"].items() if key != KEPT}
         return state | {"__dict__": content}
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all that a file says is equal; what was computed and where it was read do not count."""
+        return isinstance(other, Stage) and all(getattr(self, n) == getattr(other, n) for n in Stage.model_fields)
 
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a stage can be a key."""

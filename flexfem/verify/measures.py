@@ -58,12 +58,20 @@ def side_of(stage: Stage, model: int, solve: Solve) -> Side:
     """Model and finite elements of one stage, with the mesh band of their errors."""
     K, lever = analyse(stage, model).stiffness, stage.chain.link_lengths[2]
     found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
-    percents = np.array([error_matrix(K, compliance, lever) for compliance in found])
-    curves = (
-        command_convergence(np.array(levels(RESOLUTION)), percents[:, :, j], j, found, K[:, j], lever) for j in range(3)
-    )
-    band = np.array([[each.band for each in curve] for curve in curves]).T
-    return Side(stage, model, K, found[-1], percents[-1], band)
+    return Side(stage, model, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
+
+
+def error_bands(
+    stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
+) -> tuple[Array, Array]:
+    """Error percentages (3, 3) on the finest mesh and their bands, column j for command j.
+
+    stiffness : (3, 3), of the model.   compliances : (levels, 3, 3), on `resolutions`, coarse to fine.
+    """
+    percents = np.array([error_matrix(stiffness, compliance, lever) for compliance in compliances])
+    steps = np.array(resolutions)
+    curves = (command_convergence(steps, percents[:, :, j], j, compliances, stiffness[:, j], lever) for j in range(3))
+    return percents[-1], np.array([[each.band for each in curve] for curve in curves]).T
 
 
 def _along(of: Side) -> Array:

@@ -148,6 +148,8 @@ def of_numbers(stage: Stage) -> Warnings:
 
 def stress_accuracy(formula: str) -> str:
     """How far the analytic neck stress with elastic links is from finite elements, in words."""
+    if formula not in STRESS_ABOVE:
+        return f"stress by {formula} has not been compared with finite elements"
     low, high = STRESS_ABOVE[formula]
     return (
         f"stress by {formula} with elastic links is {low:+g} to {high:+g} % off that of plane finite elements, where "

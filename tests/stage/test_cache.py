@@ -73,5 +73,6 @@ def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(m
     assert asked[-1][0] is other and len(asked) == 4
     length(one, 1)
     assert len(asked) == 4  # each stage keeps its own
+    assert stage_frames(one) and stage_frames(other) and one == other
     sent = pickle.loads(pickle.dumps(one))
     assert sent == one and sent.origin == one.origin and set(vars(sent)) <= {*vars(one)} - {"kept"}

@@ -1,0 +1,311 @@
+"""What `import flexfem` offers: a stage, the two models of it, and how far they differ. See `flexfem.__init__`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexfem.analytic.inverse import inverse
+from flexfem.analytic.links import body_compliance, linked
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult
+from flexfem.analytic.model import analyse as analyse_stage
+from flexfem.analytic.serial import chain_compliance, chain_wrenches
+from flexfem.analytic.stiffness import apply
+from flexfem.analytic.stress import Wrench, neck_stress, neck_wrenches
+from flexfem.arrays import Array
+from flexfem.errors import BadInput
+from flexfem.fem.mesh import RESOLUTION, StageMesh
+from flexfem.fem.response import load_case
+from flexfem.files.toml import Path
+from flexfem.stage.cache import once
+from flexfem.stage.checks import check_feasible
+from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.frames import stage_frames
+from flexfem.stage.schema import Stage, out_of_plane
+from flexfem.verify import warning
+from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.measures import error_bands
+from flexfem.verify.protocol import Solved, solve_stage
+from flexfem.verify.result import Fields
+from flexfem.verify.summary import element_limits
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_solved: Callable[[Stage, int], Solved] = once(solve_stage)
+
+
+class Errors(NamedTuple):
+    """Error percentages of the protocol: finite-element displacement minus commanded, under the force of (18).
+
+    percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the lever
+        l3, as CONVENTIONS says.
+    band : (3, 3), percentage points, half-width of the numerical uncertainty by grid convergence.
+    """
+
+    percent: Array
+    band: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What both models answer; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
+
+    stiffness, compliance : (3, 3), of the platform at rest: N, mm, rad.
+    """
+
+    stage: Stage
+    stiffness: Array
+    compliance: Array
+
+    def force(self, pose: ArrayLike) -> Array:
+        """Load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput for another shape."""
+        return apply(self.stiffness, _vectors("pose", pose))
+
+    def pose(self, force: ArrayLike) -> Array:
+        """Pose (..., 3) of the platform under loads (..., 3). Raises BadInput for another shape."""
+        return apply(self.compliance, _vectors("force", force))
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyticModel(Model):
+    """The pseudo-rigid model of a stage at rest, as `analyse` gives it.
+
+    mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are elastic.
+    """
+
+    mobility: int
+    formula: str
+    links: bool
+    result: AnalyticResult
+
+    @cached_property
+    def _wrench(self) -> Wrench:
+        placed = stage_frames(self.stage)
+        chains = chain_compliance(placed, self.result.hinges, self.result.freedoms)
+        return neck_wrenches(placed, chain_wrenches(chains, body_compliance(self.stage) if self.links else None))
+
+    def neck_stress(self, pose: ArrayLike) -> Array:
+        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3).
+
+        Notes
+        -----
+        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `flexfem.analytic.stress`, which states how far it is from finite
+        elements.
+        """
+        at = _vectors("pose", pose)
+        carried = Wrench(*(np.einsum("cnd,...d->...cn", part, at)[..., None] for part in self._wrench))
+        stage = self.stage
+        pull = out_of_plane(stage.model, stage.material.poissons_ratio)
+        sizes = stage.array("radius"), stage.array("neck"), np.asarray(stage.thickness)
+        return neck_stress(carried, *sizes, pull)[..., 0]
+
+    @property
+    def range_at_yield(self) -> Array:
+        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
+        return np.asarray(self.stage.material.yield_strength / self.neck_stress(np.eye(3)).max(axis=(-2, -1)))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Where the answers leave what they are meant for, one plain sentence each."""
+        found = [*warning.of_numbers(self.stage), *warning.of_formula(self.stage, self.formula)]
+        return found if self.links else [*found, *warning.of_model(self.stage, self.result)]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementModel(Model):
+    """Plane finite elements of a stage, as `solve` gives them.
+
+    resolution : quadratic triangles across every neck.
+    """
+
+    resolution: int
+    solved: Solved
+
+    @property
+    def mesh(self) -> StageMesh:
+        """Nodes (n, 2), mm, curved quadratic triangles (m, 6), their bodies (m,) and named edges."""
+        return self.solved.mesh
+
+    def displacement(self, force: ArrayLike) -> Array:
+        """Displacement (..., n, 2), mm, of every node under loads (..., 3)."""
+        return np.tensordot(_vectors("force", force), self.solved.response.fields, axes=1)
+
+    def stress(self, force: ArrayLike) -> Array:
+        """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
+        return self._per_load(force, lambda case: case.stress)
+
+    def neck_stress(self, pose: ArrayLike) -> Array:
+        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3)."""
+        return self._per_load(self.force(pose), lambda case: case.neck_stress)
+
+    @cached_property
+    def range_at_yield(self) -> Array:
+        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
+        highest = element_limits(self.stage, self.solved).stress.max(axis=(0, 1))
+        return np.asarray(self.stage.material.yield_strength / highest)
+
+    @cached_property
+    def band(self) -> Array:
+        """Half-width (3,) of the mesh uncertainty of the diagonal compliances: mm/N, mm/N, rad/(N mm).
+
+        By grid convergence over this mesh and two coarser ones, which are made when first asked for.
+        """
+        steps = levels(self.resolution)
+        found = np.array([_solved(self.stage, level).response.compliance for level in steps])
+        return np.array([grid_convergence(np.array(steps), found[:, k, k], round_off=0.0).band for k in range(3)])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Where the answers leave what they are meant for, one plain sentence each."""
+        return warning.of_numbers(self.stage)
+
+    def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
+        """Draw the displaced stage with its von Mises stress under one load (3,).
+
+        Parameters
+        ----------
+        ax : matplotlib axes, new ones by default.   factor : exaggeration, a round one by default.
+
+        Returns
+        -------
+        The axes.
+        """
+        from flexfem.plot.axes import drawn_displacement
+
+        mesh, load = self.mesh, _vectors("force", force, 1)
+        fields = Fields(
+            nodes=mesh.nodes,
+            triangles=mesh.triangles,
+            bodies=mesh.bodies,
+            displacement=self.displacement(load),
+            stress=self.stress(load),
+        )
+        return drawn_displacement(fields, self.stage.platform.hub_radius, factor, ax)
+
+    def _per_load(self, force: ArrayLike, read: Callable[[Any], Array]) -> Array:
+        loads = _vectors("force", force)
+        cases = [read(load_case(self.stage, *self.solved, load)) for load in loads.reshape(-1, 3)]
+        return np.reshape(cases, (*loads.shape[:-1], *np.shape(cases)[1:]))
+
+
+def load(path: Path) -> Stage:
+    """Read a stage file.
+
+    Returns
+    -------
+    Stage, validated and feasible.
+
+    Raises
+    ------
+    BadInput
+        One line with file, line, key, value and what was expected.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
+    (30.0, 32.0, 24.0)
+    """
+    return load_feasible(path)
+
+
+def analyse(
+    stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
+) -> AnalyticModel:
+    """The analytic model of a stage at rest.
+
+    Parameters
+    ----------
+    mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself.
+    formula : a name of `flexfem.formulas()`.
+    links : pads, links and platform elastic, with all freedoms of the hinges (mobility 21 or None).
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, or mobility and formula do not suit it.
+    ComputationFailed
+        The stage is at a singular configuration.
+
+    Notes
+    -----
+    The stiffness is (18) of Yi et al., IEEE Trans. Robot. Autom. 19(4), 604-612 (2003).
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> model = flexfem.analyse(flexfem.load("geometry/mobility6.toml"), mobility=6)
+    >>> abs(model.force([0.05, 0, 0])).round(2)  # N, N, N mm that hold 50 um in x
+    array([2.14, 0.  , 0.  ])
+    """
+    check_feasible(stage)
+    if links and mobility not in (None, 21):
+        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
+    found = linked(stage, formula) if links else analyse_stage(stage, mobility, formula)
+    return AnalyticModel(stage, found.stiffness, found.compliance, found.mobility, formula, links, found)
+
+
+def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
+    """Plane finite elements of a stage at rest: meshed, solved for the three unit loads, checked.
+
+    Parameters
+    ----------
+    resolution : quadratic triangles across every neck, from 2.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, or its model is not plane.
+    ComputationFailed
+        The mesh or the solution does not pass its checks.
+    """
+    check_feasible(stage)
+    if not isinstance(resolution, int | np.integer) or isinstance(resolution, bool) or resolution < 2:
+        raise BadInput(f"resolution {resolution!r}, expected an integer from 2 upwards")
+    found = _solved(stage, int(resolution))
+    compliance = found.response.compliance
+    stiffness = inverse(compliance)
+    return ElementModel(stage, (stiffness + stiffness.T) / 2, compliance, int(resolution), found)
+
+
+def errors(
+    stage: Stage,
+    mobility: int | None = None,
+    formula: str = DEFAULT_FORMULA,
+    links: bool = False,
+    resolution: int = RESOLUTION,
+) -> Errors:
+    """Error percentages of an analytic model against finite elements, with their numerical bands.
+
+    Parameters
+    ----------
+    mobility, formula, links : of the model, see `analyse`.   resolution : of the finest of three meshes, from 4.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `analyse` and `solve`.
+    """
+    model = analyse(stage, mobility, formula, links)
+    meshes = [solve(stage, level) for level in levels(resolution)]
+    found = np.array([mesh.compliance for mesh in meshes])
+    return Errors(*error_bands(model.stiffness, found, levels(resolution), stage.chain.link_lengths[2]))
+
+
+def _vectors(what: str, values: ArrayLike, most: int | None = None) -> Array:
+    """Finite numbers of shape (..., 3), with at most `most` axes."""
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"{what}: expected numbers of shape (..., 3)") from None
+    if found.shape[-1:] != (3,) or (most and found.ndim > most):
+        raise BadInput(f"{what} of shape {found.shape}, expected ({'..., ' * (most is None)}3): x, y, theta")
+    if not np.all(np.isfinite(found)):
+        raise BadInput(f"{what}: expected finite numbers")
+    return found
