@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -25,24 +26,32 @@ TOUCHING = 1e-6  # mm^2; round-off of polygons that share an edge
 
 def check_feasible(stage: Stage) -> None:
     """Refuse a stage that cannot be made, looked at once. Raises BadInput with key, value and what was expected."""
-    refused = _refused(stage)
+    check_closed_form(stage)
+    _raise(_refused(stage, _check_bodies))
+
+
+def check_closed_form(stage: Stage) -> None:
+    """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
+    _raise(_refused(stage, _check_conditions))
+
+
+def _raise(refused: BadInput | None) -> None:
     if refused:
         raise refused
 
 
 @once
-def _refused(stage: Stage) -> BadInput | None:
+def _refused(stage: Stage, check: Callable[[Stage], None]) -> BadInput | None:
+    """What a check says of a stage, looked at once."""
     try:
         with located(stage):
-            check_closed_form(stage)
-            _check_bodies(stage)
+            check(stage)
     except BadInput as refusal:
         return refusal
     return None
 
 
-def check_closed_form(stage: Stage) -> None:
-    """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
+def _check_conditions(stage: Stage) -> None:
     radius, neck = stage.array("radius"), stage.array("neck")
     sizes = (stage.chain.link_width, stage.platform.radius, stage.platform.hub_radius)
     found = conditions(stage_frames(stage).centres, radius, neck, *sizes)

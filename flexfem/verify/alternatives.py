@@ -161,10 +161,17 @@ def uneven_mesh(stage: Stage, resolutions: tuple[int, int, int]) -> StageMesh:
 
 
 def with_necks(stage: Stage, ratio: float) -> Stage:
-    """The stage with the necks thickened or thinned to R/t = ratio in every hinge; overrides are dropped."""
+    """The stage with the necks thickened or thinned to R/t = ratio in every hinge; overrides are dropped.
+
+    Links are widened where a notch needs it; the rigid-link models here do not know their width.
+    """
     hinges: dict[str, Hinge] = {name: getattr(stage.hinges, name) for name in HINGE_NAMES}
     changed = {name: hinge.model_copy(update={"neck": hinge.radius / ratio}) for name, hinge in hinges.items()}
-    return stage.model_copy(update={"hinges": stage.hinges.model_copy(update=changed), "override": ()})
+    widest = max(2 * hinge.radius + hinge.neck for hinge in changed.values())
+    chain = stage.chain.model_copy(update={"link_width": max(stage.chain.link_width, widest)})
+    return stage.model_copy(
+        update={"chain": chain, "hinges": stage.hinges.model_copy(update=changed), "override": ()}
+    )
 
 
 def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:
