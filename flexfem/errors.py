@@ -15,10 +15,17 @@ from typing import Any
 class BadInput(Exception):  # noqa: N818  the exit code says error, the name says whose
     """A file, key or option that cannot be used; its text is one line, shown as it is, and the exit code is 2.
 
-    located : whether the text names the file already.
+    reason : the text without file and line, where they stand in front.   located : whether they do.
     """
 
     located = False
+
+    def __init__(self, text: str, place: str = "") -> None:
+        super().__init__(f"{place}: {text}" if place else text)
+        self.reason, self.located = text, bool(place)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.reason, str(self)[: -len(self.reason) - 2] if self.located else "")
 
 
 class ComputationFailed(Exception):  # noqa: N818

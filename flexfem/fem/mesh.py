@@ -20,6 +20,7 @@ from flexfem.fem.mesher import Export
 from flexfem.fem.triangle import NODES, determinants
 from flexfem.sources import CHANGED, child_command, manifest
 from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
@@ -64,8 +65,10 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = T
     resolution : quadratic triangles across every neck; all sizes scale with its inverse.
     time_limit : s, for each third; gmsh is stopped after it.
 
-    Raises ComputationFailed when the mesh would be too large, is not made in time or fails its checks.
+    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh would be too large, is not made in
+    time or fails its checks.
     """
+    check_feasible(stage)
     refuse_size(estimate_triangles(stage, resolution))
     made: dict[tuple[Hinge, ...], dict[str, AnyArray]] = {}
     thirds = []

@@ -14,6 +14,7 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
 from flexfem.stage.frames import stage_frames
+from flexfem.stage.origin import located
 from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
@@ -53,11 +54,12 @@ class LoadCase(NamedTuple):
 
 def plate_of(stage: Stage) -> Plate:
     """The stage's sheet. Raises BadInput for a model that finite elements in the plane cannot have."""
-    if stage.model == "corrected":
-        raise BadInput(
-            'model = "corrected", which has hinges of three dimensions, expected "plane_stress" or "plane_strain": '
-            "the finite elements are plane"
-        )
+    with located(stage):
+        if stage.model == "corrected":
+            raise BadInput(
+                'model = "corrected", which has hinges of three dimensions, expected "plane_stress" or "plane_strain": '
+                "the finite elements are plane"
+            )
     E, nu = stage.elastic
     return Plate(float(E), float(nu), stage.thickness)
 

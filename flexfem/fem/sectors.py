@@ -32,6 +32,7 @@ from flexfem.fem.mesh import (
 )
 from flexfem.fem.mesher import mesh_faces
 from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import Face, area
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
@@ -68,8 +69,10 @@ def mesh_sectors(
     time_limit : s, for gmsh on all sectors; not watched over inside.
     inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
 
-    Raises ComputationFailed when the mesh would be too large or fails its checks, MeshTimeout when it takes too long.
+    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh would be too large or fails its
+    checks, MeshTimeout when it takes too long.
     """
+    check_feasible(stage)
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
     chains = (1,) if stage.chains_alike else (1, 2, 3)
     jobs = [sector_drawing(stage, chain, resolution) for chain in chains]

@@ -34,14 +34,7 @@ def located(stage: Stage) -> Iterator[None]:
     except BadInput as refusal:
         if refusal.located or stage.origin.path is None:
             raise
-        raise located_at(_place(stage.origin, str(refusal)), str(refusal)) from None
-
-
-def located_at(place: str, refusal: str) -> BadInput:
-    """A refusal with its place in front, "" for none."""
-    found = BadInput(f"{place}: {refusal}" if place else refusal)
-    found.located = bool(place)
-    return found
+        raise BadInput(str(refusal), _place(stage.origin, str(refusal))) from None
 
 
 def _place(origin: Origin, refusal: str) -> str:

@@ -27,7 +27,7 @@ from flexfem.stage.cache import KEPT
 from flexfem.stage.changes import merged_changes
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
-from flexfem.stage.origin import Origin, located_at
+from flexfem.stage.origin import Origin
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
 from flexfem.stage.tables import Chain as Chain
@@ -131,7 +131,7 @@ link, expected < chain.link_width_mm = 9
             if "provenance" not in changes:
                 changed = changed.model_copy(update={"provenance": self._sources_of(changed)})
         except BadInput as refusal:
-            raise located_at(str(origin), str(refusal).removeprefix("Stage: ")) from None
+            raise BadInput(refusal.reason.removeprefix("Stage: "), str(origin)) from None
         changed.__dict__["origin"] = origin
         check_feasible(changed)
         return changed

@@ -169,9 +169,7 @@ def with_necks(stage: Stage, ratio: float) -> Stage:
     changed = {name: hinge.model_copy(update={"neck": hinge.radius / ratio}) for name, hinge in hinges.items()}
     widest = max(2 * hinge.radius + hinge.neck for hinge in changed.values())
     chain = stage.chain.model_copy(update={"link_width": max(stage.chain.link_width, widest)})
-    return stage.model_copy(
-        update={"chain": chain, "hinges": stage.hinges.model_copy(update=changed), "override": ()}
-    )
+    return stage.model_copy(update={"chain": chain, "hinges": stage.hinges.model_copy(update=changed), "override": ()})
 
 
 def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:

@@ -87,7 +87,7 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
             hinge_compliance(stage, CALIBRATED)
         except BadInput as refusal:
             formula = DEFAULT_FORMULA
-            warnings.append(f"{refusal}; this summary takes {DEFAULT_FORMULA} instead")
+            warnings.append(f"{refusal.reason}; this summary takes {DEFAULT_FORMULA} instead")
     warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
     analytic = _side(f"analytic, {formula}, elastic links", stage, linked_limits(stage, formula))
     for axis, (direction, limit) in enumerate(analytic.limits.items()):

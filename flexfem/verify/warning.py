@@ -63,7 +63,8 @@ def of_stage(stage: Stage) -> Warnings:
     try:
         model = analyse(stage)
     except (BadInput, ComputationFailed) as error:
-        return [*found, f"the analytic model has no answer: {error}"]
+        reason = error.reason if isinstance(error, BadInput) else error
+        return [*found, f"the analytic model has no answer: {reason}"]
     return [*found, *of_formula(stage, model.formula), *of_model(stage, model)]
 
 
