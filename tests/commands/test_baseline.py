@@ -241,6 +241,9 @@ def test_a_baseline_that_was_tampered_with_fails(project):
     assert "is new: 8" in lines_after(lambda data: data["source"]["inputs"]["fig6.toml"].pop("resolution"))
     assert "nodes is new: " in lines_after(lambda data: data["source"].update(meshes={}))
     assert "is new: 2" in lines_after(lambda data: data["source"].update(settings={}))
+    assert "the baseline of a stage, but" in lines_after(lambda data: data.update(kind="stage"))
+    assert "not a baseline: history" in lines_after(lambda data: data.update(history=[]))
+    assert "not a baseline: history.0.reason" in lines_after(lambda data: data["history"][0].update(reason=" "))
     assert "its input is gone" in lines_after(lambda data: data.update(file="../../cases/fig8.toml"))
     assert "expected the name fig5.json" in lines_after(lambda data: data.update(file="../../cases/fig5.toml"))
     for text in ("", "{", "[]", '{"case": "fig5"}', "\x00"):
@@ -325,3 +328,10 @@ def test_a_baseline_is_accepted_beside_its_case_or_where_told_and_keeps_its_reas
     code, out, err = flexfem("baseline", other, "--reason", "x", "--baselines", case.parent / "baselines")
     assert (code, out) == (2, "") and "is the baseline of another file" in err
     assert [entry["reason"] for entry in data["history"]] == ["thicker necks wanted"]
+
+
+def test_every_acceptance_keeps_its_reason(tmp_path):
+    """A chart is accepted without a mesh; the reasons of before stay, in their order."""
+    for reason in (" first ", "second"):
+        path = store.accept(ROOT / "flexfem/data/thickness_chart.json", tmp_path, reason, nothing_is_solved)
+    assert [each.reason for each in store.read_baseline(path).history] == ["first", "second"]

@@ -12,6 +12,9 @@ import meshio
 import numpy as np
 import pytest
 
+from flexfem.validate import registry
+from flexfem.validate.finding import Finding
+
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")
 
@@ -381,3 +384,12 @@ def test_links_soften_the_stage_and_go_with_all_freedoms(flexfem):
     np.testing.assert_allclose(np.array(elastic["stiffness"]) @ elastic["compliance"], np.eye(3), atol=1e-9)
     code, _, err = flexfem("stiffness", STAGE, "--links", "--mobility", 6)
     assert code == 2 and "--links" in err
+
+
+def test_a_check_that_fails_exits_with_one(flexfem, monkeypatch):
+    finding = Finding("patch", "somebody", "stress", 1.0, 0.0, 2.0, 1.0, 0.1, 9, False, "")
+    monkeypatch.setattr(
+        "flexfem.validate.registry.run_benchmarks", lambda *_: registry.Table([finding], {"patch": 0.1})
+    )
+    code, out, _ = flexfem("benchmark")
+    assert code == 1 and "FAILED" in out and "passed: False" in out

@@ -26,7 +26,9 @@ from flexfem.stage.schema import (
     CHAINS,
     HINGE_NAMES,
     Stage,
+    elastic,
     load_stage,
+    out_of_plane,
 )
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
@@ -1020,3 +1022,12 @@ def test_the_two_reference_stages_differ_in_the_base_hinge_alone() -> None:
     assert set(three.array("radius").flat) == {1.5}
     base = six.hinges.model_copy(update={"base": three.hinges.base})
     assert six.model_copy(update={"hinges": base}).hash == three.hash
+
+
+def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
+    """nu = 1/4: E / (1 - nu^2) = 16/15 E, nu / (1 - nu) = 1/3; the stress across is nu times the sum of those in it."""
+    found = elastic("plane_strain", 60.0, 0.25)
+    np.testing.assert_allclose([found.youngs_modulus, found.poissons_ratio], [64.0, 1 / 3], rtol=1e-15)
+    for model in ("plane_stress", "corrected"):
+        assert elastic(model, 60.0, 0.25) == (60.0, 0.25) and out_of_plane(model, 0.25) == 0.0
+    assert out_of_plane("plane_strain", 0.25) == 0.25

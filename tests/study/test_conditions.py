@@ -11,7 +11,8 @@ from scipy.stats import kstest, spearmanr, truncnorm, uniform
 
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
-from flexfem.study.expression import value_of
+from flexfem.study.derived import judge
+from flexfem.study.expression import names_in, value_of
 from flexfem.study.nominal import nominal
 from flexfem.study.parts import parts_of, write_part
 from flexfem.study.sampling import sample
@@ -137,3 +138,37 @@ def test_correlated_factors_have_their_rank_correlation_and_keep_their_distribut
         np.testing.assert_array_equal(found[:, 2], sample(apart, 0, 8192)[:, 2])  # who is not named stays
         np.testing.assert_array_equal(found[1000:1003], sample(loaded, 1000, 1003))
         assert loaded.hash != apart.hash
+
+
+def test_a_value_that_is_missing_leaves_no_value_and_no_expression_is_too_deep() -> None:
+    given = {"a": np.array([np.nan, 2.0]), "b": np.array([1.0, np.nan])}
+    for text in ("max(a, b)", "min(a, b)", "a + b", "0 * a * b"):
+        assert np.isnan(value_of(text, given)).all(), text
+    assert names_in("-" * 40 + "a") == ("a",)
+    with pytest.raises(ValueError, match="at most 50 operations"):
+        names_in("-" * 60 + "a")
+
+
+def test_a_key_has_the_number_of_the_file(studies) -> None:
+    """The base stage's own, an override's, and one that a factor sets: all as the file says them."""
+    stage = studies.folder / "stage.toml"
+    stage.write_text(stage.read_text().replace("neck_mm = 0.71", "neck_mm = 0.71\naxis_deg = 92.5"))
+    for key, expected in (
+        ("material.youngs_modulus_gpa", 68.3),
+        ("chain.joint_angles_deg[2]", 92.0),
+        ("override.2.elbow.axis_deg", 92.5),
+        ("override.2.elbow.neck_mm", 0.71),
+        ("override.1.elbow.neck_mm", 0.47),
+    ):
+        output = f'[[output]]\nname = "own"\nexpression = "{key}"'
+        loaded = studies.of(FEW, NECK, tail=output)
+        columns = {"neck of base": np.array([0.5, 0.6])}
+        found = judge(loaded, columns, np.array([True, True])).derived["own"]
+        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=key)
+
+
+def test_a_rank_correlation_is_that_of_the_ranks(studies) -> None:
+    """0.8 of the ranks is 0.8135 of the normal deviates; 0.8 of these would be 0.786 of the ranks."""
+    correlation = '[[correlation]]\nfactors = ["neck of base", "r"]\ncoefficient = 0.8'
+    loaded = studies.of('method = "sobol"\ndesigns = 8192\nseed = 5', NECK, RADIUS, tail=correlation)
+    assert spearmanr(*sample(loaded, 0, 8192).T).statistic == pytest.approx(0.8, abs=0.003)

@@ -11,6 +11,7 @@ import flexfem.study.findings
 from flexfem.study.cells import cells_of
 from flexfem.study.derived import judge
 from flexfem.study.findings import Best, Marks, Refused, Shares, facts_of, findings, power_of
+from flexfem.study.nominal import own_values
 from flexfem.study.percentiles import Percentile
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample
@@ -190,3 +191,23 @@ def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
     assert facts["first"] == pytest.approx({neck: 1 / 8, thickness: 1 / 2}, abs=0.1)
     assert facts["total"] == pytest.approx({neck: 1 / 2, thickness: 7 / 8}, abs=0.1)
     assert all(0.01 < band < 0.2 for part in ("first_band", "total_band") for band in facts[part].values())
+
+
+def test_a_factor_of_keys_that_differ_in_the_base_stage_has_no_value_of_its_own(studies) -> None:
+    both = 'label = "necks"\nkeys = ["hinges.base.neck_mm", "hinges.platform.neck_mm"]\nfrom = 0.4\nto = 0.7'
+    loaded = studies.of(
+        'method = "monte_carlo"\ndesigns = 9\nseed = 3', both, 'key = "thickness_mm"\nfrom = 8.0\nto = 9.0'
+    )
+    assert own_values(loaded) == {"thickness_mm": 9.7}
+
+
+def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:
+    """Two factors: the rows A, A with a column of B twice, and B; the second design has no answer."""
+    figure = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]'
+    loaded = studies.of(
+        'method = "saltelli"\nbase = 4\nseed = 3', FREE, 'key = "thickness_mm"\nfrom = 8.0\nto = 9.0', tail=figure
+    )
+    asked = []
+    monkeypatch.setattr(flexfem.study.findings, "percentiles", lambda values, marked, draws: asked.append(draws) or [])
+    findings(loaded, table_of(loaded), {})
+    assert asked[0].tolist() == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]

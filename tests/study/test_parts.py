@@ -24,6 +24,7 @@ from flexfem.study.plan import load_study
 from flexfem.study.rows import Rows
 from flexfem.study.shard import Shard
 from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
+from flexfem.study.status import facts_of as counted
 from flexfem.study.status import status_facts, survey
 from flexfem.study.table import read_table
 
@@ -355,3 +356,36 @@ def test_a_share_counts_its_own_parts_and_only_names_those_of_others(written, mo
     facts = status_facts(written, Shard(1, 2))
     assert [chunk.number for chunk in asked] == [1]
     assert (facts["designs"], facts["open_elsewhere"]) == (20, 10)
+
+
+def test_designs_of_all_shares_are_those_of_the_study(written):
+    for step in (1, 2, 3, 4):
+        shares = [Shard(first, step).designs(written) for first in range(step)]
+        assert sum(shares) == 50 and len(shares) == step
+    assert [Shard(first, 3).designs(written) for first in range(3)] == [20, 20, 10]
+
+
+def test_a_dry_run_of_clean_removes_nothing_and_says_what_would_go(written, flexfem):
+    edited = changed(written, "to = 1.1", "to = 1.2")
+    set_apart(edited)
+    arguments = ("study", "clean", edited.loaded.path, "--output", edited.folder.parents[1])
+    code, out, _ = flexfem(*arguments, "--dry-run")
+    assert code == 0 and "3 parts" in out and len(list(edited.stale.iterdir())) == 3
+    assert flexfem(*arguments)[0] == 0 and not edited.stale.exists()
+
+
+def test_warnings_on_answers_are_counted_among_answers():
+    counts = Counter({("ok", ""): 3, ("ok", "formula outside its range"): 2, ("refused", "neck"): 7})
+    assert counted(counts)["warnings"] == ["2 of 5 designs with an answer: formula outside its range"]
+
+
+def test_a_figure_that_is_refused_is_said_and_the_exit_code_is_one(written, flexfem):
+    """50 designs are too few for indices: the table is there, the figure is not."""
+    figure = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]\n[sampling]'
+    written.loaded.path.write_text(STUDY.replace("[sampling]", figure))
+    output = written.folder.parents[1]
+    parts = parts_of(load_study(written.loaded.path), output)
+    write_part(parts, parts.chunk(0), rows(parts, 0))
+    code, out, err = flexfem("study", "plot", written.loaded.path, "--output", output)
+    assert (code, out) == (1, f"{output}/some/some.parquet\n")
+    assert "some-sensitivity is not drawn" in err and "expected at least 100" in err

@@ -132,3 +132,13 @@ def test_a_value_that_varies_by_round_off_alone_is_refused(studies, value: str, 
     answers = size + 1e-14 * np.random.default_rng(1).normal(size=40)
     with pytest.raises(BadInput, match=f"sensitivity of {value}: no factor changes it"):
         sensitivity(loaded, table_of(loaded, value, answers), value)
+
+
+def test_a_value_that_varies_a_little_has_indices_and_round_off_has_none(studies) -> None:
+    """Scatter of a millionth is the subject of a study of tolerances; 1e-12 is arithmetic."""
+    loaded = three_factors(studies, 256)
+    x = sample(loaded, 0, loaded.count)[:, 0]
+    found = sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", 40.0 * (1 + 1e-6 * x)), "kxx_n_per_mm")
+    assert found.first[0] == pytest.approx(1.0, abs=0.1)
+    with pytest.raises(BadInput, match="no factor changes it"):
+        sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", 40.0 * (1 + 1e-12 * x)), "kxx_n_per_mm")

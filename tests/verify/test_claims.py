@@ -16,7 +16,7 @@ from flexfem.fem.mesh import build_mesh
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
-from flexfem.verify import measures
+from flexfem.verify import claims, measures
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.claims import (
     ClaimsReport,
@@ -298,3 +298,18 @@ def test_finite_elements_give_the_same_verdicts_and_the_report_keeps_its_alterna
     across = {each.name: each.across.x for each in report.alternatives}
     assert across["joints commanded instead of the platform"] > 1e-3
     assert all(each.name in markdown_report(report) for each in report.alternatives)
+
+
+def test_numbers_without_a_source_in_either_stage_are_said_beside_what_they_decide(project, monkeypatch):
+    monkeypatch.setitem(MEASURES, "six-across", lambda evidence: measures.Finding((0.0,), "nothing across"))
+    monkeypatch.setattr(claims, "side_of", lambda *_: None)
+    path = project.path("cases/claims.toml")
+    start, _, claim = path.read_text().partition('[[claim]]\nid = "six-across"')
+    path.write_text(f'{start.partition("[[claim]]")[0]}[[claim]]\nid = "six-across"{claim.partition("[[claim]]")[0]}')
+    for name in ("mobility6", "mobility3"):
+        stage = project.path(f"geometry/{name}.toml")
+        kept = stage.read_text()
+        stage.write_text(kept.partition("[provenance]")[0])
+        (verdict,) = claims.measure_claims(path, analytic_stand_in)
+        assert verdict.found == "nothing across, on assumed dimensions and on dimensions without a source", name
+        stage.write_text(kept)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ import pytest
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import analyse
 from flexfem.analytic.notch import FORMULAS
+from flexfem.commands import answers
+from flexfem.fem.response import LoadCase
 from flexfem.stage.schema import load_stage
 from flexfem.verify import warning
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.result import Triple, Uncertainty
-from flexfem.verify.summary import element_limits, linked_limits
+from flexfem.verify.summary import element_limits, linked_limits, summary
 
 ROOT = Path(__file__).parents[2]
 SIX = ROOT / "geometry/mobility6.toml"
@@ -151,3 +154,31 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
         assert key in said and said.endswith(": is the unit right?")
     assert warning.of_numbers(load_stage(SIX)) == []
     assert warning.of_stage(load_stage(SIX)) == []
+
+
+@pytest.mark.parametrize(
+    ("stress", "moved", "said"), [(503.7, 0.1, 1), (1.0, 2.5, 1), (503.7, 2.5, 2), (502.0, 2.3, 0)]
+)
+def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress, moved, said):
+    stage, necks = load_stage(SIX), np.full((3, 3), 1.0)
+    necks[1, 2] = stress
+    response = SimpleNamespace(compliance=np.eye(3), unknowns=1)
+    solved = SimpleNamespace(mesh=SimpleNamespace(triangles=[0]), response=response)
+    case = LoadCase(
+        force=np.zeros(3), pose=np.array([0.0, moved, 0.0]), reaction=np.zeros(3), energy=0.0, field=np.zeros((1, 2)),
+        stress=np.zeros(1), neck_stress=necks,
+    )  # fmt: skip
+    assert len(answers.of_solution(SIX, stage, solved, case, 2)["warnings"]) == said
+
+
+def test_the_force_at_the_end_of_the_safe_range_moves_the_platform_there_and_nowhere_else(project):
+    """A stage of unlike chains, whose directions are coupled: the force has three components."""
+    worn = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.8\n\n[provenance]'
+    stage = load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", worn)))
+    side = summary(SIX, stage, "schotborgh").analytic
+    for axis, direction in enumerate(("x", "y", "theta")):
+        limit = side.limits[direction]
+        force = [getattr(limit.force, name) for name in ("x", "y", "theta")]
+        assert np.abs(force[(axis + 1) % 3]) > 1e-3 * np.abs(force[axis])
+        moved = np.linalg.solve(np.array(side.stiffness), force)
+        np.testing.assert_allclose(moved, limit.reach * np.eye(3)[axis], atol=1e-12)

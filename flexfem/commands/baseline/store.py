@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-from pydantic import JsonValue, ValidationError
+from pydantic import Field, JsonValue, ValidationError
 
 from flexfem.commands.baseline.gates import MISSING, Move, moves
 from flexfem.commands.baseline.leaves import Leaf
@@ -29,7 +29,7 @@ class Acceptance(Record):
     """When and why numbers were accepted."""
 
     when: str
-    reason: str
+    reason: str = Field(pattern=r"\S")
     versions: dict[str, str]
 
 
@@ -46,7 +46,7 @@ class Baseline(Record):
 
     kind: Kind
     file: str
-    history: list[Acceptance]
+    history: list[Acceptance] = Field(min_length=1)
     source: Source
     record: dict[str, JsonValue]
 
@@ -186,6 +186,8 @@ def _findings(path: Path, solve: Solve) -> list[Difference]:
             return [f"{path}: its input is gone: {source}"]
         if file_of(source, path.parent) != path:
             return [f"{path}: the baseline of {source}, expected the name {source.stem}.json"]
+        if kind_of(source) != baseline.kind:
+            return [f"{path}: the baseline of a {baseline.kind}, but {source} is of kind {kind_of(source)}"]
         return check(source, path.parent, solve)
     except (BadInput, ComputationFailed) as error:
         return [str(error)]
