@@ -13,7 +13,8 @@ from flexfem.verify.case import DIRECTIONS, Direction
 class Comparison(NamedTuple):
     """Analytic forces and the finite elements' answer.
 
-    force : (points, 3), N, N, N mm, by (18), or of the exact equilibrium.  error : (points, 3), mm, mm, rad, finite-element pose minus commanded.
+    force : (points, 3), N, N, N mm, by (18), or of the exact equilibrium.
+    error : (points, 3), mm, mm, rad, finite-element pose minus commanded.
     percent : (3,), at the largest command.
     """
 

@@ -104,7 +104,7 @@ class Model(Record):
 
 
 class Result(Record):
-    """A verification: `curves` holds finite-element displacement minus commanded, CONVENTIONS.md what `error_percent` is.
+    """A verification: `curves` holds finite-element minus commanded displacement; percentages as in CONVENTIONS.md.
 
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).

@@ -14,7 +14,7 @@ from flexfem.analytic.model import analyse
 from flexfem.errors import BadInput
 from flexfem.stage.feasibility import load_feasible
 from flexfem.verify import budget as module
-from flexfem.verify.budget import budget
+from flexfem.verify.budget import budget, thick_compliance
 from flexfem.verify.case import DIRECTIONS, LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 
@@ -150,3 +150,19 @@ def test_a_hinge_off_the_chart_is_refused_by_name(project):
     path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.01\nprismatic"))
     with pytest.raises(BadInput, match=r"hinges\.base\.neck_mm.*calibrated"):
         budget(path, load_feasible(path), resolution=SMALL)
+
+
+def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(stage):
+    """The README's second map, at a corner of it and on both sides of its contour of zero."""
+    base = stage
+    for radius, neck, thick, plane in (
+        (4.0, 0.2193, -7.7, 2.4),
+        (1.642, 0.3243, -2.4, 8.2),
+        (1.642, 0.4799, 1.7, 12.4),
+    ):
+        shape = {"radius": radius, "neck": neck}
+        hinges = {name: getattr(base.hinges, name).model_copy(update=shape) for name in ("base", "elbow", "platform")}
+        stage = base.model_copy(update={"hinges": base.hinges.model_copy(update=hinges)})
+        paper = analyse(stage, 6).stiffness
+        found = [paper[0, 0] * of[0, 0] - 1 for of in (thick_compliance(stage), linked_compliance(stage, "calibrated"))]
+        assert 100 * np.array(found) == pytest.approx([thick, plane], abs=0.1)
