@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 
 from flexfem.plot.curves import COLOURS, NAMES, curve_style
 from flexfem.plot.numbers import scientific
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
+from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
 from flexfem.verify.budget import Budget, Split
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.converge import MeshStudy
 
-WIDTH, HEIGHT, LEFT, GAP = 8.27, 8.6, 2.55, 0.62  # in
+WIDTH, NAME = 8.27, 2.1  # in, of a figure, and of the name of a share
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
@@ -21,21 +21,17 @@ ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 @in_house_style
 def budget_figure(budget: Budget) -> Figure:
     """Draw the shares of the error in the commanded direction, one panel a direction."""
-    figure = new_figure(WIDTH, HEIGHT)
     lines = [
         f"Error of the finite elements under the force of (18), mobility {budget.mobility}, {budget.formula}, and what "
         "it is made of. The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    top = HEIGHT - header(figure, f"{budget.stage}: error budget", lines, budget.assumed, budget.not_stated) - 0.3
-    height = (top - 0.6 - 2 * GAP) / 3
-    for row, direction in enumerate(DIRECTIONS):
-        axes = add_axes(figure, LEFT, 0.6 + (2 - row) * (height + GAP), WIDTH - LEFT - 0.5, height)
-        split = budget.split[direction]
+    doubts = (budget.assumed, budget.not_stated)
+    figure, found = panels((WIDTH, 8.6), f"{budget.stage}: error budget", lines, 3, doubts=doubts)
+    for row, (axes, direction) in enumerate(zip(found, DIRECTIONS, strict=True)):
         axes.set_title(f"({'abc'[row]}) command in {NAMES[direction]}", loc="left")
-        _waterfall(axes, split, direction)
-        if row == 2:
-            axes.set_xlabel("error in the commanded direction (per cent of the command)")
+        plot_waterfall(axes, budget.split[direction], direction)
+    found[-1].set_xlabel("error in the commanded direction (per cent of the command)")
     return figure
 
 
@@ -49,7 +45,8 @@ def _outside(budget: Budget) -> str:
     return f"Outside the planar total, three-dimensional necks against {plane}: {said} percentage points."
 
 
-def _waterfall(axes: Axes, split: Split, direction: Direction) -> None:
+def plot_waterfall(axes: Axes, split: Split, direction: Direction) -> None:
+    """Draw the shares of the error of one command, their total and its band on given axes."""
     values = np.array([getattr(share.points, direction) for share in split.shares])
     total = float(getattr(split.total, direction))
     ends = np.cumsum(values)
@@ -66,27 +63,31 @@ def _waterfall(axes: Axes, split: Split, direction: Direction) -> None:
         + [(max(total, 0.0), f"{total:.3f} ± {split.band:.3f} %")]
     ):
         axes.text(end + 0.015 * reach, place, text.replace("-", "\N{MINUS SIGN}"), va="center", color=INK)
-    names = [wrapped(share.name, LEFT - 0.45, 8.5) for share in split.shares]
+    names = [wrapped(share.name, NAME, 8.5) for share in split.shares]
     axes.set_yticks(places, [*names, "total"])
     axes.invert_yaxis()
     low = min(0.0, float(np.min([*starts, *ends])))
     axes.set_xlim(1.05 * low, 1.3 * reach)
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.grid(axis="x", color="#D5D5D5", linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid(axis="x")
 
 
 @in_house_style
 def convergence_figure(study: MeshStudy) -> Figure:
     """Draw the relative distance of each diagonal compliance from its extrapolated value over the triangle size."""
-    figure = new_figure(WIDTH, 5.6)
     lines = [
         f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]} to {study.unknowns[-1]} "
         "unknowns: distance from the value extrapolated to vanishing triangles. "
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
-    top = 5.6 - header(figure, f"{study.stage}: mesh convergence", lines, study.assumed, study.not_stated) - 0.2
-    axes = add_axes(figure, 0.95, 0.65, 4.75, top - 0.65)
+    doubts = (study.assumed, study.not_stated)
+    figure, (axes,) = panels((WIDTH, 5.6), f"{study.stage}: mesh convergence", lines, 1, doubts=doubts)
+    plot_convergence(axes, study)
+    return figure
+
+
+def plot_convergence(axes: Axes, study: MeshStudy) -> None:
+    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh, on given axes."""
     size = 1 / np.array(study.resolutions, dtype=float)
     for index, axis in enumerate(DIRECTIONS):
         found = study.uncertainty[axis]
@@ -106,6 +107,5 @@ def convergence_figure(study: MeshStudy) -> Figure:
     axes.set_xticks(size, [f"1/{n}" for n in study.resolutions])
     axes.yaxis.set_major_formatter(lambda value, _: scientific(value))
     axes.minorticks_off()
-    axes.grid(color="#D5D5D5", linewidth=0.5)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, handlelength=4.4)
-    return figure
+    axes.grid()
+    legend_beside(axes, handlelength=4.4)

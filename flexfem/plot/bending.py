@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS
-from flexfem.plot.marks import show_window
 from flexfem.plot.numbers import scientific
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure
+from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels
 from flexfem.validate.elastica import Elastica
 from flexfem.validate.taylor import SMALL, Remainders
 
-WIDTH, LEFT, FOOT = 8.27, 0.75, 0.6  # in
+WIDTH = 8.27  # in
 MARK: Any = {"linestyle": "none", "markerfacecolor": "white", "markersize": 6.5, "markeredgewidth": 1.4, "zorder": 3}
 
 
@@ -28,10 +27,9 @@ def elastica_figure(found: Elastica) -> Figure:
         "length. Curves: elliptic integrals (Bisshopp and Drucker 1945). "
         f"Marks: {found.unknowns} unknowns, plane stress."
     )
-    figure, top = _headed(4.6, "Elastica: large displacements against the exact solution", text, 0.3)
-    axes = add_axes(figure, LEFT, FOOT, 3.3, top - FOOT)
+    title = "Elastica: large displacements against the exact solution"
+    figure, (axes, shapes) = panels((WIDTH, 4.6), title, [text], 1, 2)
     _draw_displacements(axes, found)
-    shapes = add_axes(figure, LEFT + 3.3 + 0.75, FOOT, WIDTH - LEFT - 4.05 - 0.3, top - FOOT)
     _draw_shapes(shapes, found)
     return figure
 
@@ -48,7 +46,7 @@ def _draw_displacements(axes: Axes, found: Elastica) -> None:
         axes.plot(ours, found.load, label=name, marker="os"[index], color=colour, **MARK)
     axes.set(xlabel="displacement of the tip / L", ylabel="P L² / (E I)", xlim=(0, 0.9), ylim=(0, 10.6))
     axes.set_title("(a) load against displacement", loc="left")
-    axes.grid(color="#D5D5D5", linewidth=0.5)
+    axes.grid()
     axes.legend(loc="upper left", frameon=False)
 
 
@@ -67,9 +65,11 @@ def _draw_shapes(axes: Axes, found: Elastica) -> None:
     ends = np.array([1.0 - found.exact_along, found.exact_across])
     axes.plot(*ends, color=COLOURS[1], linewidth=1.4, dashes=(5, 2), zorder=1)
     axes.set(xlabel="x / L", ylabel="y / L")
-    show_window(axes, np.array([-0.03, -0.05]), np.array([1.08, 0.92]))
+    axes.set_xlim(-0.03, 1.08, auto=True)  # matplotlib may widen one of them for equal scales
+    axes.set_ylim(-0.05, 0.92, auto=True)
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("(b) shapes; dashed: exact path of the tip", loc="left")
-    axes.grid(color="#D5D5D5", linewidth=0.5)
+    axes.grid()
 
 
 @in_house_style
@@ -80,15 +80,9 @@ def taylor_figure(found: Remainders) -> Figure:
         "in a random direction, less their linearisation. Only the true derivative leaves a remainder of second order, "
         "down to round-off."
     )
-    figure, top = _headed(4.9, "Tangent stiffness: the remainder it leaves", text, 0.15)
-    _draw_remainders(add_axes(figure, 0.95, FOOT, 4.5, top - FOOT), found)
+    figure, (axes,) = panels((WIDTH, 4.9), "Tangent stiffness: the remainder it leaves", [text], 1)
+    _draw_remainders(axes, found)
     return figure
-
-
-def _headed(height: float, title: str, text: str, gap: float) -> tuple[Figure, float]:
-    """A figure with what stands above its axes, and how high up, in, there is room for these."""
-    figure = new_figure(WIDTH, height)
-    return figure, height - header(figure, title, [text], ()) - gap
 
 
 def _draw_remainders(axes: Axes, found: Remainders) -> None:
@@ -107,5 +101,5 @@ def _draw_remainders(axes: Axes, found: Remainders) -> None:
     axes.yaxis.set_major_formatter(lambda value, _: scientific(value))
     axes.xaxis.set_major_formatter(lambda value, _: scientific(value))
     axes.minorticks_off()
-    axes.grid(color="#D5D5D5", linewidth=0.5)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, labelspacing=0.9)
+    axes.grid()
+    legend_beside(axes, labelspacing=0.9)

@@ -130,8 +130,7 @@ def _draw_panel(axes: Axes, result: Result, freedom: Direction) -> None:
     if panel.half > 0:
         axes.set_ylim(-panel.half, panel.half)
     axes.margins(x=0.03)
-    axes.grid(color="#D5D5D5", linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid()
     axes.locator_params(axis="y", nbins=7)
     axes.set_ylabel(f"error in {NAMES[freedom]} ({panel.unit.name})")
     if freedom == DIRECTIONS[-1]:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, DASHES, MARKERS
 from flexfem.plot.numbers import SPACE
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
+from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
 
 FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
@@ -21,11 +21,11 @@ PALETTE = tuple(colour for colour in COLOURS if colour != "#000000")  # black ar
 SAME = 1e-6  # of a ratio: two exact forms of one integral
 ROOM = 0.06  # of the ratio's range, above and below
 FLOOR = 0.4  # least ratio shown: below it a formula is of no use
-WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, PANEL_GAP, FOOT = 8.27, 9.6, 0.75, 4.85, 0.42, 0.62  # in
+WIDTH, HEIGHT = 8.27, 9.6  # in
 MARKS = 5  # on a curve
 LEGEND, LETTERS = 1.85, 8.0  # width of the legend's text, in, and its size, points
 TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-THICKNESS_HEIGHT, THICKNESSES = 7.6, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # in; ticks of b/t
+THICKNESSES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # ticks of b/t
 LIMIT_ROOM = 0.14  # of the distance between plane stress and plane strain, above and below: for their names
 HINGE_MARKS = "os^Dv"
 HINGE_LOOK: Any = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6}
@@ -69,7 +69,6 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
     -----
     Formulas that are the same integral in different algebra share one curve. Ratios below `FLOOR` are not shown.
     """
-    figure = new_figure(WIDTH, HEIGHT)
     lines = [
         "Compliance by formula over that of plane-stress finite elements of a full notch, H = h = 2R + t, between "
         f"elastic blocks; ν{SPACE}={SPACE}{review.poissons_ratio:g}, which acts on shear alone. Below 1 the formula is "
@@ -78,17 +77,14 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
         "A formula has a curve for the freedoms that its source states.",
         review.source,
     ]
-    top = HEIGHT - header(figure, "Circular hinge: formulas against finite elements", lines, ()) - 0.32
-    height = (top - FOOT - 2 * PANEL_GAP) / 3
     leading = dict.fromkeys(group.names[0] for freedom in FREEDOMS for group in merged(review, freedom))
     styles = {name: index for index, name in enumerate(leading)}
-    for row, freedom in enumerate(FREEDOMS):
-        axes = add_axes(figure, AXES_LEFT, FOOT + (2 - row) * (height + PANEL_GAP), AXES_WIDTH, height)
+    figure, found = panels((WIDTH, HEIGHT), "Circular hinge: formulas against finite elements", lines, 3)
+    for row, (axes, freedom) in enumerate(zip(found, FREEDOMS, strict=True)):
         axes.set_title(f"({'abc'[row]}) {freedom}, {SYMBOLS[freedom]}", loc="left", parse_math=True)
         _draw_panel(axes, review, freedom, styles)
         axes.tick_params(labelbottom=row == 2)
-    axes.set_xlabel("t/R")
-    figure.align_ylabels()
+    found[-1].set_xlabel("t/R")
     return figure
 
 
@@ -131,19 +127,9 @@ def _draw_panel(axes: Axes, review: HingeReview, freedom: str, styles: dict[str,
     axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - ROOM * (high - low), high + ROOM * (high - low)))
     axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     axes.minorticks_off()
-    axes.grid(color="#C9CDD2", linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid()
     axes.set_ylabel("formula / finite elements")
-    axes.legend(
-        handles=[*drawn, shade],
-        loc="upper left",
-        bbox_to_anchor=(1.02, 1.0),
-        borderaxespad=0.0,
-        frameon=False,
-        fontsize=LETTERS,
-        handlelength=2.6,
-        labelspacing=0.7,
-    )
+    legend_beside(axes, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
 
 
 def _draw_curve(axes: Axes, x: Array, group: Merged, index: int) -> Line2D:
@@ -190,7 +176,6 @@ def thickness_figure(review: ThicknessReview) -> Figure:
     -----
     Both panels have the same axis, from plane strain, 1 - nu^2, to plane stress, 1.
     """
-    figure = new_figure(WIDTH, THICKNESS_HEIGHT)
     nu = review.poissons_ratio
     lines = [
         f"Compliance of a circular hinge of thickness b in three dimensions over that in plane stress, "
@@ -198,19 +183,17 @@ def thickness_figure(review: ThicknessReview) -> Figure:
         "a wide neck is held by its blocks from contracting out of plane, more so when bent than when pulled.",
         review.source,
     ]
-    top = THICKNESS_HEIGHT - header(figure, "Circular hinge: what its thickness does", lines, ()) - 0.32
-    height = (top - FOOT - 0.5) / 2
-    for row, freedom in enumerate(FREEDOMS[:2]):
-        axes = add_axes(figure, 0.85, FOOT + (1 - row) * (height + 0.5), 5.2, height)
+    figure, found = panels((WIDTH, 7.6), "Circular hinge: what its thickness does", lines, 2)
+    for row, (axes, freedom) in enumerate(zip(found, FREEDOMS, strict=False)):
         axes.set_title(f"({'ab'[row]}) {freedom}, {SYMBOLS[freedom]}", loc="left", parse_math=True)
-        _draw_thickness(axes, review, freedom)
+        plot_thickness(axes, review, freedom)
         axes.tick_params(labelbottom=row == 1)
-    axes.set_xlabel("b/t")
-    figure.align_ylabels()
+    found[-1].set_xlabel("b/t")
     return figure
 
 
-def _draw_thickness(axes: Axes, review: ThicknessReview, freedom: str) -> None:
+def plot_thickness(axes: Axes, review: ThicknessReview, freedom: str) -> None:
+    """Draw the factor of one freedom, rotation or axial, over b/t on given axes."""
     strain, x = 1 - review.poissons_ratio**2, review.width
     _draw_limit(axes, 1.0, "plane stress", "above")
     _draw_limit(axes, strain, f"plane strain, 1 − ν² = {strain:.3f}", "below")
@@ -219,29 +202,17 @@ def _draw_thickness(axes: Axes, review: ThicknessReview, freedom: str) -> None:
         axes.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
     for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
         value = found[FREEDOMS.index(freedom)]
-        text = wrapped(
-            f"{name}: t/R{SPACE}={SPACE}{ratio:.3g}, b/t{SPACE}={SPACE}{width:.3g}, factor{SPACE}{value:.3f}",
-            1.45,
-            8.5,
-        )
-        axes.plot(
-            [width],
-            [value],
-            HINGE_MARKS[index % len(HINGE_MARKS)],
-            color=INK,
-            label=text,
-            zorder=4,
-            **HINGE_LOOK,
-        )
+        sizes = f"t/R{SPACE}={SPACE}{ratio:.3g}, b/t{SPACE}={SPACE}{width:.3g}, factor{SPACE}{value:.3f}"
+        text = wrapped(f"{name}: {sizes}", 1.45, 8.5)
+        mark = HINGE_MARKS[index % len(HINGE_MARKS)]
+        axes.plot([width], [value], mark, color=INK, label=text, zorder=4, **HINGE_LOOK)
     room = LIMIT_ROOM * (1 - strain)
     axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(strain - room, 1 + room))
     axes.set_xticks(THICKNESSES, [f"{tick:g}" for tick in THICKNESSES])
     axes.minorticks_off()
-    axes.grid(color="#D5D5D5", linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid()
     axes.set_ylabel("three dimensions / plane stress")
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0), "borderaxespad": 0.0}
-    axes.legend(**place, frameon=False, fontsize=8.5, handlelength=3.2, labelspacing=0.7)
+    legend_beside(axes, fontsize=8.5, handlelength=3.2, labelspacing=0.7)
 
 
 def _draw_limit(axes: Axes, value: float, name: str, side: Literal["above", "below"]) -> None:

@@ -152,8 +152,7 @@ def _set_axes(axes: Axes, shown: ParetoFront) -> None:
         name_axis(axes, which, quantity, ends_of(values, quantity.log))
         axis = axes.xaxis if which == "x" else axes.yaxis
         axis.set_label_text(f"{quantity.label}  ({wanted} is better)")
-    axes.grid(color="#D5D5D5", linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid()
 
 
 def _counted(designs: int) -> str:

@@ -26,6 +26,9 @@ STYLE: Any = {
     "axes.titlesize": 10.0,
     "axes.labelsize": 9.5,
     "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "grid.color": "#D5D5D5",
+    "grid.linewidth": 0.5,
     "xtick.labelsize": 8.5,
     "ytick.labelsize": 8.5,
     "legend.fontsize": 8.5,
@@ -124,6 +127,24 @@ def header(
         at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / height)
         figure.text(*at, note, size=11, weight="bold", color=NOTE_COLOUR, ha="right", va="top", bbox=box)
     return used
+
+
+def panels(
+    size: tuple[float, float], title: str, lines: Sequence[str], rows: int, columns: int = 1, doubts: Any = ((), ())
+) -> tuple[Figure, list[Axes]]:
+    """A figure of a size in inches with panels below its header, row by row, laid out by matplotlib.
+
+    `doubts` : keys that are assumed, and those without a source.
+    """
+    figure = new_figure(*size)
+    used = header(figure, title, lines, *doubts)
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - used / size[1]), w_pad=0.12, h_pad=0.1)
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+
+
+def legend_beside(axes: Axes, **look: Any) -> None:
+    """The legend to the right of the axes, without a frame."""
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, **look)
 
 
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, NAMES, ROUND_OFF
 from flexfem.plot.numbers import scientific
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure
+from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.units import COMMANDS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.travel import Travel, Workspace
 
 WIDTH, HEIGHT = 11.69, 9.6  # in
-LEFT, RIGHT, FOOT, ACROSS, BETWEEN = 0.75, 0.3, 1.2, 0.78, 0.62  # in, margins and gaps
 COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
 LABELS = ("change from rest (%)", "error (% of the command)", "error (% of the command)")
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -43,27 +42,23 @@ def workspace_figure(found: Workspace) -> Figure:
     -----
     Every model is shown against its own linear answer, so that all curves leave rest at zero.
     """
-    figure = new_figure(WIDTH, HEIGHT)
     title = f"{found.stage}: large displacements and the second-order terms of (16)"
-    top = HEIGHT - header(figure, title, _lines(found), found.assumed, found.not_stated) - 0.3
-    height, width = (top - FOOT - 2 * BETWEEN) / 3, (WIDTH - LEFT - RIGHT - 2 * ACROSS) / 3
+    doubts = (found.assumed, found.not_stated)
+    figure, every = panels((WIDTH, HEIGHT), title, _lines(found), 3, 3, doubts)
     for row, direction in enumerate(DIRECTIONS):
-        bottom = FOOT + (2 - row) * (height + BETWEEN)
-        panels = [add_axes(figure, LEFT + k * (width + ACROSS), bottom, width, height) for k in range(3)]
+        three = every[3 * row : 3 * row + 3]
         travel = found.travel[direction]
         unit = unit_for(direction, max(travel.commanded))
-        _draw_stiffness(panels[0], travel, unit)
-        _draw_along(panels[1], travel, unit, row)
-        _draw_across(panels[2], travel, unit, row)
-        for column, axes in enumerate(panels):
+        _draw_stiffness(three[0], travel, unit)
+        _draw_along(three[1], travel, unit, row)
+        _draw_across(three[2], travel, unit, row)
+        for column, axes in enumerate(three):
             axes.set_title(f"({'abcdefghi'[3 * row + column]}) {NAMES[direction]}: {COLUMNS[column]}", loc="left")
             axes.set(xlabel=f"commanded {NAMES[direction]} ({unit.name})", ylabel=LABELS[column])
-            axes.xaxis.labelpad, axes.yaxis.labelpad = 1.0, 2.0
             axes.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
-            axes.grid(color="#D5D5D5", linewidth=0.5)
-            axes.set_axisbelow(True)
+            axes.grid()
     shown = figure.axes[1].get_legend_handles_labels()
-    figure.legend(*shown, loc="lower center", ncols=3, frameon=False, fontsize=9.5, handlelength=3.6)
+    figure.legend(*shown, loc="outside lower center", ncols=3, frameon=False, fontsize=9.5, handlelength=3.6)
     return figure
 
 
