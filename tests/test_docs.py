@@ -1,0 +1,68 @@
+"""Figures under docs/ are of the numbers and inputs that are accepted now.
+
+`docs/figures.json` says of each figure what it was drawn from: accepted numbers that it shows, hashes of its inputs.
+After a figure is drawn anew, `python -m tests.test_docs` in the root of the project writes them down again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from flexfem.stage.schema import load_stage
+from flexfem.study.plan import load_study
+
+ROOT = Path(__file__).parent.parent
+MANIFEST = ROOT / "docs/figures.json"
+SEEN = 5e-3  # of a number: less is a pixel or two
+
+
+@cache
+def accepted(stem):
+    return json.loads((ROOT / f"tests/baselines/{stem}.json").read_text())["record"]
+
+
+def now(source):
+    """What a source of a figure is now: a number of a baseline, `fig5: result.x`, or the hash of an input file."""
+    name, _, path = source.partition(": ")
+    if not path:
+        return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
+    found = accepted(name)
+    for part in re.findall(r"\[(\d+)\]|([^.\[\]]+)", path):
+        found = found[int(part[0])] if part[0] else found[part[1]]
+    return found
+
+
+def stale(figure, sources):
+    """The sources of a figure that are not what they were when it was drawn."""
+    found = {source: (was, now(source)) for source, was in sources.items()}
+    return [
+        f"docs/{figure} was drawn of {source} = {was}, now {is_now}: draw it again"
+        for source, (was, is_now) in found.items()
+        if (was != is_now if isinstance(was, str) else is_now != pytest.approx(was, rel=SEEN))
+    ]
+
+
+def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
+    manifest = json.loads(MANIFEST.read_text())
+    pages = "".join(page.read_text() for page in [*ROOT.glob("*.md"), *ROOT.glob("*/README.md")])
+    shown = set(re.findall(r"docs/([\w-]+\.png)", pages))
+    assert shown == {path.name for path in (ROOT / "docs").glob("*.png")} == set(manifest)
+    assert [line for figure, sources in manifest.items() for line in stale(figure, sources)] == []
+
+
+def test_a_figure_of_other_numbers_or_another_input_is_stale():
+    (line,) = stale("fig5.png", {"fig5: result.error_percent.mobility six.x": 12.4})
+    assert line.startswith("docs/fig5.png was drawn of fig5: result.error_percent.mobility six.x = 12.4, now 12.536")
+    assert stale("fig5.png", {"fig5: result.error_percent.mobility six.x": 12.54}) == []
+    assert len(stale("study-reach.png", {"cases/study-reach.toml": "0123456789abcdef"})) == 1
+
+
+if __name__ == "__main__":
+    kept = json.loads(MANIFEST.read_text())
+    kept = {figure: {source: now(source) for source in sources} for figure, sources in kept.items()}
+    MANIFEST.write_text(json.dumps(kept, indent=1) + "\n")
