@@ -1,4 +1,4 @@
-"""Time limits that a stop does not eat: a suspended machine, a stopped job or a set clock is not work."""
+"""Time limits in which stops do not count: of a suspended machine, of a stopped job, or by a clock that was set."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """The platform as a plane elastic body with three lugs around its rigid hub, by boundary elements.
 
-A lug is as short as it is wide, is loaded on a neck and turns at once: no beam. What it does to the hinge is a
+A lug is as short as it is wide and loaded over a neck alone: it is no beam. What it does to the hinge is a
 difference: the compliance of the drawn platform, each lug with its half of the notch, less that of the same half notch
 on a straight block, which the calibrated hinge already has; the block as a beam was never part of the hinge and is left
 out. Both are cut in the neck and bear the stresses of a beam there. What these miss, and what the notch's elements
-miss, is in both: the difference knows little of it.
+miss, is in both: the difference depends little on it.
 """
 
 from __future__ import annotations

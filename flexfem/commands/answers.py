@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexfem.fem.response import LoadCase
     from flexfem.plot.hinge_chart import HingeReview, ThicknessReview
     from flexfem.validate.compare import CrossCheck
-    from flexfem.validate.registry import Table
+    from flexfem.validate.registry import BenchmarkTable
     from flexfem.verify.protocol import Solved
 
 Answer = dict[str, Any]
@@ -118,7 +118,7 @@ def of_cross_check(path: Path, stage: Stage, found: CrossCheck) -> Answer:
     return _about(path, stage, [], units=UNITS, **(found._asdict() | {"checks": checks, "passed": found.passed}))
 
 
-def of_benchmarks(table: Table) -> Answer:
+def of_benchmarks(table: BenchmarkTable) -> Answer:
     """What `benchmark` answers."""
     findings = [{**f._asdict(), "ours": f.ours if np.isfinite(f.ours) else None} for f in table.findings]
     return {"findings": findings, "seconds": table.seconds, "passed": table.passed}

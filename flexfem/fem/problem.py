@@ -125,7 +125,7 @@ def shape_values(degree: int) -> Array:
     return shape_functions(quadrature(degree)[0])[0]
 
 
-class Errors(NamedTuple):
+class FieldErrors(NamedTuple):
     """Errors relative to the exact solution: displacement in L2, its gradient in L2 (H1 seminorm), stress in L2."""
 
     displacement: float
@@ -141,7 +141,7 @@ def errors(
     gradient: Function | None,
     stress: Function,
     degree: int = DEGREE,
-) -> Errors:
+) -> FieldErrors:
     """Errors of a displacement field (n, 2) against the exact displacement, gradient `d_b u_a` and stress.
 
     `gradient` None leaves its error nan.
@@ -159,7 +159,7 @@ def errors(
                 found[k] += np.sum((value - wanted) ** 2 * _like(weights, wanted))
                 scale[k] += np.sum(wanted**2 * _like(weights, wanted))
     with np.errstate(invalid="ignore"):
-        return Errors(*map(float, np.sqrt(found / scale)))
+        return FieldErrors(*map(float, np.sqrt(found / scale)))
 
 
 def nearest_node(mesh: StageMesh, x: float, y: float) -> int:

@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-MAX_DEPTH = 32  # keys and brackets on the way to a value; the deepest honest file has four
+MAX_DEPTH = 32  # keys and brackets on the way to a value; the deepest shipped file has four
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 

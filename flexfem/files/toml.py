@@ -1,4 +1,4 @@
-"""TOML files read with suspicion: every refusal is one line that names file, line, key, value and expectation.
+"""TOML files, checked as they are read: every refusal is one line that names file, line, key, value and expectation.
 
 Stage, case and study files all come through here. A model of such a file is built from `Table`; `validate` reads and
 checks in one step. The text is scanned once before `tomllib` sees it: that gives the line of every key, and refuses

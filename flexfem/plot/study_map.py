@@ -77,7 +77,7 @@ def map_figure(shown: StudyMap) -> Figure:
 
 
 def norm_of(values: Array) -> Normalize:
-    """How values become colours: symmetric about nought for both signs, logarithmic for a wide range, else linear."""
+    """How values become colours: symmetric about zero for both signs, logarithmic for a wide range, else linear."""
     found = values[np.isfinite(values)]
     low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
     if low < 0 < high:

@@ -112,7 +112,7 @@ def described(one: Percentile, after: str, width: float) -> str:
 
 
 def narrowest(found: Sequence[Percentile]) -> float:
-    """Width of the narrowest interval that there is, else nought."""
+    """Width of the narrowest interval that there is, else zero."""
     widths = [one.high - one.low for one in found if 0 < one.high - one.low < np.inf]
     return min(widths, default=0.0)
 
@@ -164,7 +164,7 @@ def sensitivity_figure(shares: Sequence[Share], factors: Sequence[str], caption:
 
 
 def limits(indices: Sequence[Indices]) -> tuple[float, float]:
-    """Ends of the axis that all panels share: nought, or less where a whisker goes there, to the longest whisker."""
+    """Ends of the axis that all panels share: zero, or less where a whisker goes there, to the longest whisker."""
     bars = [pair for i in indices for pair in ((i.first, i.first_band), (i.total, i.total_band))]
     ends = [(value - band, value + band) for value, band in bars if value is not None and band is not None]
     low, high = float(np.min([end[0] for end in ends])), float(np.max([end[1] for end in ends]))

@@ -2,7 +2,7 @@
 
 All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
 
-Drawing rules (the stage file gives the skeleton, these give it flesh; `geometry/README.md` shows them):
+Drawing rules (the stage file gives lines between hinges, these the bodies about them; `geometry/README.md` shows them):
 
 - Every body is as wide as the link. Pads are as long as they are wide, and clamped along their back edge.
 - A link is a strip along the shortest path of lines and arcs from neck to neck; its inner bends are rounded, because

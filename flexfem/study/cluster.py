@@ -1,4 +1,4 @@
-"""Workers of a Dask scheduler: Slurm, Kubernetes and clouds are its business.
+"""Workers of a Dask scheduler, which starts them under Slurm, Kubernetes or in a cloud.
 
 Each thread of a Dask worker keeps a process of its own that answers under the limit, as a worker of this machine does.
 The client keeps its own time too: a task that a paused or lost worker holds is asked of another.

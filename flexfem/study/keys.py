@@ -55,7 +55,8 @@ class Key(NamedTuple):
     def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
         """Fields of `designs.Designs` that it sets and where in them; none where no model asks for it.
 
-        A hinge with an override of its own does not follow the one it overrides; the density is nobody's business.
+        A hinge with an override of its own does not follow the one it overrides; no output depends
+        on the density.
         """
         if self.table[:1] == ("override",):
             return [(self.attribute, (int(self.table[1]) - 1, HINGE_NAMES.index(self.table[2])))]

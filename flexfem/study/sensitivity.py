@@ -147,7 +147,7 @@ def _residual(column: Array, answers: Array) -> tuple[Array, int]:
 def scale_of(table: StudyTable, value: str) -> float:
     """Size against which a change of an output is round-off or not.
 
-    A stiffness between two directions and a coupling are nought by symmetry where they do not vary; what they are
+    A stiffness between two directions and a coupling are zero by symmetry where they do not vary; what they are
     measured by is the stiffness along the two.
     """
     if value.startswith("coupling_"):

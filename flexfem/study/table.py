@@ -1,4 +1,4 @@
-"""The collected table of a study: named columns as arrays, read with suspicion."""
+"""The collected table of a study: named columns as arrays, checked as they are read."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def _values(loaded: LoadedStudy) -> tuple[Array, Array]:
 
 
 def _sizes(loaded: LoadedStudy, answers: Array) -> Array:
-    """What a change of each output is small against, (n, outputs): of what is nought by symmetry, what it couples."""
+    """What a change of each output is small against, (n, outputs): of what is zero by symmetry, what it couples."""
     place = {name: index for index, name in enumerate(loaded.outputs)}
     size = np.abs(answers)
     for name, (one, other) in CROSS.items():

@@ -66,7 +66,7 @@ class CrossCheck(NamedTuple):
         return all(check.passed for check in self.checks)
 
 
-class Problem(NamedTuple):
+class SharedMesh(NamedTuple):
     """What both solve."""
 
     stage: Stage
@@ -93,7 +93,7 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
     require, compare = SOLVERS[solver]
     require()
     plate = plate_of(stage)
-    problem = Problem(stage, build_mesh(stage, resolution), resolution)
+    problem = SharedMesh(stage, build_mesh(stage, resolution), resolution)
     started = time.perf_counter()
     shipped = platform_response(problem.mesh, plate)
     seconds = time.perf_counter() - started
@@ -127,13 +127,13 @@ def neck_difference(ours: Array, theirs: Array) -> float:
     return float(np.max(np.max(np.abs(theirs - ours), axis=(1, 2)) / np.max(ours, axis=(1, 2))))
 
 
-def neck_stress(problem: Problem, fields: Array) -> Array:
+def neck_stress(problem: SharedMesh, fields: Array) -> Array:
     """Largest von Mises stress (3 loads, 3 chains, 3 hinges), MPa, in the notches, of displacements (3, n, 2), mm."""
     plate = plate_of(problem.stage)
     return largest(problem, [nodal_stress(problem.mesh, plate, field) for field in fields])
 
 
-def largest(problem: Problem, stress: Iterable[Array]) -> Array:
+def largest(problem: SharedMesh, stress: Iterable[Array]) -> Array:
     """Largest von Mises stress (loads, 3 chains, 3 hinges), MPa, in the notches, of nodal stresses (n, 3), MPa."""
     return np.array([neck_maxima(problem.stage, problem.mesh, von_mises(nodal)) for nodal in stress])
 
@@ -143,7 +143,7 @@ def thin_tolerance(resolution: int) -> float:
     return THIN * max(1.0, (RESOLUTION / resolution) ** 2)
 
 
-def _pose_and_field(problem: Problem, ours: Response, theirs: Answer, what: str, allowed: float) -> list[Check]:
+def _pose_and_field(problem: SharedMesh, ours: Response, theirs: Answer, what: str, allowed: float) -> list[Check]:
     lever = problem.stage.chain.link_lengths[2]
     return [
         Check(f"pose{what}", pose_difference(ours.compliance, theirs.compliance, lever), allowed),
@@ -151,7 +151,7 @@ def _pose_and_field(problem: Problem, ours: Response, theirs: Answer, what: str,
     ]
 
 
-def _ngsolve(problem: Problem, shipped: Response) -> Compared:
+def _ngsolve(problem: SharedMesh, shipped: Response) -> Compared:
     plate = plate_of(problem.stage)
     ours, theirs = platform_response(problem.mesh, plate, FULL), ngsolve.solve(problem.mesh, plate)
     stress = neck_stress(problem, ours.fields)
@@ -166,7 +166,7 @@ def _ngsolve(problem: Problem, shipped: Response) -> Compared:
     return Compared(ours, theirs, checks, theirs.seconds)
 
 
-def _calculix(problem: Problem, shipped: Response) -> Compared:
+def _calculix(problem: SharedMesh, shipped: Response) -> Compared:
     plate = plate_of(problem.stage)
     ours = platform_response(problem.mesh, plate, calculix.INTEGRATION)
     own = largest(problem, [calculix.extrapolated_stress(problem.mesh, plate, field) for field in ours.fields])
@@ -188,7 +188,7 @@ def _calculix(problem: Problem, shipped: Response) -> Compared:
     return Compared(ours, theirs, tuple(checks), seconds)
 
 
-SOLVERS: dict[str, tuple[Callable[[], object], Callable[[Problem, Response], Compared]]] = {
+SOLVERS: dict[str, tuple[Callable[[], object], Callable[[SharedMesh, Response], Compared]]] = {
     "ngsolve": (ngsolve.import_ngsolve, _ngsolve),
     "calculix": (calculix.find_program, _calculix),
 }

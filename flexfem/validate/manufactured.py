@@ -11,7 +11,7 @@ from flexfem.arrays import Array
 from flexfem.fem.grids import meshed, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.problem import Errors, body_force, clamp, edge_force, errors, nodes_on, solve, traction_of
+from flexfem.fem.problem import FieldErrors, body_force, clamp, edge_force, errors, nodes_on, solve, traction_of
 from flexfem.stage.outline import Face, Segment
 from flexfem.validate.finding import Finding, finding, order
 
@@ -106,7 +106,7 @@ def drawn_traction(exact: Field, label: str, points: Array, normals: Array) -> A
     return traction_of(exact.stress)(points, exact_normals(label, points, normals))
 
 
-def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> Errors:
+def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> FieldErrors:
     """Errors of the solution on one mesh of `outline`, held on its right side, pulled on all others."""
     exact = Field(plate)
     force = body_force(mesh, plate, exact.body_force)

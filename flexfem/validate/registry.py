@@ -36,7 +36,7 @@ BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
 )
 
 
-class Table(NamedTuple):
+class BenchmarkTable(NamedTuple):
     """Findings in the order of the registry, and the time of each benchmark, s."""
 
     findings: list[Finding]
@@ -48,7 +48,9 @@ class Table(NamedTuple):
         return all(finding.passed for finding in self.findings)
 
 
-def run_benchmarks(names: Sequence[str] | None = None, progress: Callable[[str], object] | None = None) -> Table:
+def run_benchmarks(
+    names: Sequence[str] | None = None, progress: Callable[[str], object] | None = None
+) -> BenchmarkTable:
     """Run all benchmarks, or those named.
 
     Parameters
@@ -69,10 +71,10 @@ def run_benchmarks(names: Sequence[str] | None = None, progress: Callable[[str],
         start = time.perf_counter()
         findings += BENCHMARKS[name]()
         seconds[name] = time.perf_counter() - start
-    return Table(findings, seconds)
+    return BenchmarkTable(findings, seconds)
 
 
-def markdown_page(table: Table) -> str:
+def markdown_page(table: BenchmarkTable) -> str:
     """The findings as a page in Markdown: the numbers, then sources and notes."""
     failed = sum(not finding.passed for finding in table.findings)
     verdict = f"{failed} of {len(table.findings)} failed" if failed else f"all {len(table.findings)} passed"
@@ -94,7 +96,7 @@ def markdown_page(table: Table) -> str:
     return "\n".join([*lines, "", "## Notes", "", *notes]) + "\n"
 
 
-def write_benchmarks(table: Table, folder: Path) -> Path:
+def write_benchmarks(table: BenchmarkTable, folder: Path) -> Path:
     """Write the page into a folder, made when missing; returns its path. Raises BadInput when it takes no file."""
     path = folder / FILE
     write_atomically(path, lambda file: file.write(markdown_page(table).encode()))

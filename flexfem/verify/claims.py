@@ -18,11 +18,11 @@ from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.schema import Label, Stage
 from flexfem.verify import warning
 from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
-from flexfem.verify.measures import MEASURES, Evidence, Finding, side_of
+from flexfem.verify.measures import MEASURES, Evidence, Measured, errors_of_model
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.result import Record, versions
 
-Answer: TypeAlias = Literal["holds", "does not hold", "cannot be decided"]
+Ruling: TypeAlias = Literal["holds", "does not hold", "cannot be decided"]
 
 
 def _known_measure(name: str) -> str:
@@ -53,7 +53,7 @@ class Claim(Table):
             raise refusal("at most high_percent", "low_percent")
         return self
 
-    def answer(self, values: tuple[float, ...]) -> Answer:
+    def answer(self, values: tuple[float, ...]) -> Ruling:
         """Verdict on measured values: all of them must be as expected."""
         if self.missing is not None:
             return "cannot be decided"
@@ -103,7 +103,7 @@ class Verdict(Record):
     statement: str
     where: str
     reading: str | None
-    verdict: Answer
+    verdict: Ruling
     found: str
     values: list[float]
     missing: str | None
@@ -159,14 +159,14 @@ def report_claims(path: str | os.PathLike[str], solve: Solve = solve_stage) -> C
 
 def _measured(claims: Claims, three: Stage, six: Stage, solve: Solve) -> list[Verdict]:
     amplitude = 1e-3 * np.array([claims.amplitude_um, claims.amplitude_um, claims.amplitude_mrad])
-    evidence = Evidence(side_of(three, 3, solve), side_of(six, 6, solve), amplitude)
+    evidence = Evidence(errors_of_model(three, 3, solve), errors_of_model(six, 6, solve), amplitude)
     found = doubts([("", three), ("", six)])
     kinds = (("on assumed dimensions", found.assumed), ("on dimensions without a source", found.not_stated))
     on = " and ".join(what for what, keys in kinds if keys)
     return [_verdict(claim, MEASURES[claim.measure](evidence), on) for claim in claims.claim]
 
 
-def _verdict(claim: Claim, finding: Finding, on: str) -> Verdict:
+def _verdict(claim: Claim, finding: Measured, on: str) -> Verdict:
     found = finding.found + (f", {on}" if on and finding.dimensional else "")
     return Verdict(
         id=claim.id,

@@ -23,7 +23,7 @@ from flexfem.verify.convergence import command_convergence, levels
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)
 
 
-class Side(NamedTuple):
+class ModelErrors(NamedTuple):
     """One of the two stages with the mobility the paper models it with.
 
     percent, band : (3, 3), per cent, error of finite elements under the force of (18) and its mesh band, column j for
@@ -41,12 +41,12 @@ class Side(NamedTuple):
 class Evidence(NamedTuple):
     """All that claims are measured on; amplitude (3,) of the workspace in mm, mm, rad."""
 
-    three: Side
-    six: Side
+    three: ModelErrors
+    six: ModelErrors
     amplitude: Array
 
 
-class Finding(NamedTuple):
+class Measured(NamedTuple):
     """Measured values, a sentence with them, and whether they depend on the stage's dimensions."""
 
     values: tuple[float, ...]
@@ -54,11 +54,11 @@ class Finding(NamedTuple):
     dimensional: bool = True
 
 
-def side_of(stage: Stage, model: int, solve: Solve) -> Side:
+def errors_of_model(stage: Stage, model: int, solve: Solve) -> ModelErrors:
     """Model and finite elements of one stage, with the mesh band of their errors."""
     K, lever = analyse(stage, model).stiffness, stage.chain.link_lengths[2]
     found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
-    return Side(stage, model, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
+    return ModelErrors(stage, model, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
 
 
 def error_bands(
@@ -74,11 +74,11 @@ def error_bands(
     return percents[-1], np.array([[each.band for each in curve] for curve in curves]).T
 
 
-def _along(of: Side) -> Array:
+def _along(of: ModelErrors) -> Array:
     return np.asarray(np.diag(of.percent))
 
 
-def _across(of: Side) -> Array:
+def _across(of: ModelErrors) -> Array:
     return np.asarray(np.abs(of.percent[~np.eye(3, dtype=bool)]))
 
 
@@ -86,35 +86,35 @@ def _listed(values: Array, form: str = ".3f") -> str:
     return ", ".join(f"{axis} {value:{form}}" for axis, value in zip(DIRECTIONS, values, strict=True))
 
 
-def _mobility(_: Evidence) -> Finding:
+def _mobility(_: Evidence) -> Measured:
     values = tuple(float(mobility(freedoms_of(model))) for model in (3, 6, 12))  # (1)
-    return Finding(values, "(1) gives {:.0f}, {:.0f} and {:.0f}".format(*values), dimensional=False)
+    return Measured(values, "(1) gives {:.0f}, {:.0f} and {:.0f}".format(*values), dimensional=False)
 
 
-def _six_commanded(on: Evidence) -> Finding:
+def _six_commanded(on: Evidence) -> Measured:
     said = f"errors of {_listed(_along(on.six))} %, mesh band at most {np.max(np.diag(on.six.band)):.3f} points"
-    return Finding(tuple(np.abs(_along(on.six)).tolist()), said)
+    return Measured(tuple(np.abs(_along(on.six)).tolist()), said)
 
 
-def _six_across(on: Evidence) -> Finding:
-    return Finding(tuple(_across(on.six).tolist()), f"at most {np.max(_across(on.six)):.1g} % across")
+def _six_across(on: Evidence) -> Measured:
+    return Measured(tuple(_across(on.six).tolist()), f"at most {np.max(_across(on.six)):.1g} % across")
 
 
-def _three_everywhere(on: Evidence) -> Finding:
+def _three_everywhere(on: Evidence) -> Measured:
     why = ": a three-fold symmetric stage cannot err across under (18)" if on.three.stage.chains_alike else ""
     said = (
         f"errors of {_listed(_along(on.three))} % along, against {_listed(_along(on.six))} % with mobility six, and at"
         f" most {np.max(_across(on.three)):.1g} % across{why}"
     )
-    return Finding(tuple(np.abs(on.three.percent).ravel().tolist()), said)
+    return Measured(tuple(np.abs(on.three.percent).ravel().tolist()), said)
 
 
-def _six_better(on: Evidence) -> Finding:
+def _six_better(on: Evidence) -> Measured:
     less = np.abs(_along(on.three)) - np.abs(_along(on.six))
-    return Finding(tuple(less.tolist()), f"mobility six errs less by {_listed(less)} points of mobility three's error")
+    return Measured(tuple(less.tolist()), f"mobility six errs less by {_listed(less)} points of mobility three's error")
 
 
-def _axial_share(on: Evidence) -> Finding:
+def _axial_share(on: Evidence) -> Measured:
     stage, lever = on.six.stage, on.six.stage.chain.link_lengths[2]
     without = np.diag(error_matrix(analyse(stage, 3).stiffness, on.six.compliance, lever))
     shares = 100 * (without - _along(on.six)) / without
@@ -124,10 +124,10 @@ def _axial_share(on: Evidence) -> Finding:
         f" {_listed(_along(on.six))} %, so it accounts for {_listed(shares)} % of the error; all freedoms that mobility"
         f" three leaves out are worth {_listed(freedoms)} of {_listed(_along(on.three))} points on its own stage"
     )
-    return Finding(tuple(shares.tolist()), said)
+    return Measured(tuple(shares.tolist()), said)
 
 
-def _diagonal(on: Evidence) -> Finding:
+def _diagonal(on: Evidence) -> Measured:
     largest = []
     for side in (on.three, on.six):
         size = np.sqrt(np.diag(side.stiffness))
@@ -137,10 +137,10 @@ def _diagonal(on: Evidence) -> Finding:
     said = (
         "off the diagonal {:.1g} % (mobility three) and {:.1g} % (six) at most, X and Y differ by {:.1g} % and {:.1g} %"
     )
-    return Finding(tuple(largest), said.format(largest[0], largest[2], largest[1], largest[3]))
+    return Measured(tuple(largest), said.format(largest[0], largest[2], largest[1], largest[3]))
 
 
-def _second_order(on: Evidence) -> Finding:
+def _second_order(on: Evidence) -> Measured:
     of = assemble(on.six.stage, on.six.mobility)
     lever = on.six.stage.chain.link_lengths[2]
     moved, terms = (100 * value for value in missed(of, on.amplitude, lever))
@@ -151,10 +151,10 @@ def _second_order(on: Evidence) -> Finding:
         f" change the tangent compliance by up to {terms:.3f} %; at ten times these commands the positions differ by up"
         f" to {far:.2f} %"
     )
-    return Finding((moved,), said)
+    return Measured((moved,), said)
 
 
-def _minimum_energy(on: Evidence) -> Finding:
+def _minimum_energy(on: Evidence) -> Measured:
     of = assemble(on.six.stage, on.six.mobility)
     at, random = stiffness(of), np.random.default_rng(SEED)
     best = inverse_kinematics(of, at, on.amplitude).independent  # (29)
@@ -169,19 +169,19 @@ def _minimum_energy(on: Evidence) -> Finding:
         f"{MOTIONS} random other joint motions to one pose, each with {STRAY**2:.0%} of the energy in what differs,"
         f" store at least {np.min(more):.3f} % more than (29)"
     )
-    return Finding((float(np.min(more)),), said)
+    return Measured((float(np.min(more)),), said)
 
 
-def _measured_stiffness(on: Evidence) -> Finding:
+def _measured_stiffness(on: Evidence) -> Measured:
     softer = 100 * (1 - 1 / np.diag(on.six.compliance @ on.six.stiffness))
     said = (
         f"in the same comparison the finite elements are more compliant than the model by {_listed(softer, '.1f')} %,"
         f" {np.mean(softer):.1f} % on average; the text also finds the real stage more compliant"
     )
-    return Finding(tuple(softer.tolist()), said)
+    return Measured(tuple(softer.tolist()), said)
 
 
-MEASURES: dict[str, Callable[[Evidence], Finding]] = {
+MEASURES: dict[str, Callable[[Evidence], Measured]] = {
     "mobility": _mobility,
     "six-commanded": _six_commanded,
     "six-across": _six_across,

@@ -73,7 +73,7 @@ class CurveRun(NamedTuple):
 def run_case(
     loaded: LoadedCase, solve: Callable[[Stage, int], Solved] = solve_stage
 ) -> tuple[Result, dict[str, Fields]]:
-    """Run every curve of a case; `solve` may remember stages that several cases share.
+    """Run every curve of a case; `solve` may keep stages that several cases share.
 
     Raises BadInput when a stage does not suit the formula, ComputationFailed.
     """

@@ -32,7 +32,7 @@ class Limits(NamedTuple):
     stress: Array
 
 
-class Limit(Record):
+class SafeRange(Record):
     """One direction, the others held: how far until the first neck yields, mm or rad on either side of rest.
 
     force : there, N, N, N mm.   chain, hinge : the neck.   stress : there per displacement, MPa per mm or rad.
@@ -45,12 +45,12 @@ class Limit(Record):
     stress: float
 
 
-class Side(Record):
+class ModelSummary(Record):
     """One model's stiffness and limits by direction."""
 
     model: str
     stiffness: Matrix
-    limits: dict[Direction, Limit]
+    limits: dict[Direction, SafeRange]
 
 
 class Summary(Record):
@@ -62,8 +62,8 @@ class Summary(Record):
     model: str
     mobility: int
     yield_strength: float
-    analytic: Side
-    elements: Side | None
+    analytic: ModelSummary
+    elements: ModelSummary | None
     accuracy: str
     warnings: list[str]
     assumed: list[str]
@@ -134,18 +134,18 @@ def _limits(stage: Stage, model: AnalyticResult, bodies: Array | None) -> Limits
     return Limits(np.asarray(np.sum(chains, axis=0)), neck_stress(neck_wrenches(placed, chains), *sizes, pull))
 
 
-def _side(name: str, stage: Stage, limits: Limits) -> Side:
-    found: dict[Direction, Limit] = {}
+def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:
+    found: dict[Direction, SafeRange] = {}
     for axis, direction in enumerate(DIRECTIONS):
         stress = limits.stress[..., axis]
         chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
         reach = stage.material.yield_strength / float(np.max(stress))
         force = (limits.stiffness[:, axis] * reach).tolist()
-        found[direction] = Limit(
+        found[direction] = SafeRange(
             reach=reach,
             force=Triple(**dict(zip(DIRECTIONS, force, strict=True))),
             chain=int(chain) + 1,
             hinge=HINGE_NAMES[int(position)],
             stress=float(np.max(stress)),
         )
-    return Side(model=name, stiffness=limits.stiffness.tolist(), limits=found)
+    return ModelSummary(model=name, stiffness=limits.stiffness.tolist(), limits=found)

@@ -2,7 +2,7 @@
 
 Four ways to the load that holds the platform at a pose: linear, by (18) with the stiffness at rest; the stiffness (16)
 of the displaced stage without its second-order terms, summed along the way; (16) as it stands, likewise; and exact
-equilibrium of the pseudo-rigid stage. Beside them nonlinear finite elements. Each witness is compared with its own
+equilibrium of the pseudo-rigid stage. Beside them nonlinear finite elements. Each of them is compared with its own
 linear answer: what the hinge formulas err by is there with and without displacement, and drops out.
 """
 

@@ -30,7 +30,7 @@ from flexfem.fem.problem import (
 )
 from flexfem.validate import beams, curved, holes, invariants, manufactured
 from flexfem.validate.finding import extrapolated, finding, order
-from flexfem.validate.registry import Table, markdown_page, run_benchmarks, write_benchmarks
+from flexfem.validate.registry import BenchmarkTable, markdown_page, run_benchmarks, write_benchmarks
 
 PLATE = manufactured.PLATE
 STEP = 1e-5  # mm, of central differences
@@ -261,11 +261,11 @@ def test_table_counts_what_failed_and_is_written_as_it_is_shown(tmp_path: Path) 
         finding("one", "source", "what", 3.0, 3.1, 0.2),
         finding("two", "source", "what", 0.0, 1.0, 0.5, note="why"),
     )
-    table = Table([good, bad], {"one": 0.1, "two": 0.2})
+    table = BenchmarkTable([good, bad], {"one": 0.1, "two": 0.2})
     text = markdown_page(table)
     assert not table.passed and "1 of 2 failed" in text and "**FAILED**" in text and "- two, what: why." in text
     assert write_benchmarks(table, tmp_path / "new").read_text() == text
-    assert "all 1 passed" in markdown_page(Table([good], {"one": 0.1}))
+    assert "all 1 passed" in markdown_page(BenchmarkTable([good], {"one": 0.1}))
 
 
 def test_chosen_benchmarks_run_alone_and_unknown_ones_are_refused() -> None:

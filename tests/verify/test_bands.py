@@ -15,7 +15,7 @@ import pytest
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.convergence import command_convergence, grid_convergence
-from flexfem.verify.measures import side_of
+from flexfem.verify.measures import errors_of_model
 from flexfem.verify.protocol import _uncertainty, solve_stage
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def kept_side(number):
     """A stage of mobility three and its finite elements, from what is kept."""
     by_level = dict(zip(LEVELS, KEPT["compliance"][number], strict=False))
     stage = Stage.model_validate(json.loads(str(KEPT["stages"][number])))
-    return side_of(stage, 3, lambda _, n: SimpleNamespace(response=SimpleNamespace(compliance=by_level[n])))
+    return errors_of_model(stage, 3, lambda _, n: SimpleNamespace(response=SimpleNamespace(compliance=by_level[n])))
 
 
 @pytest.fixture(scope="module")

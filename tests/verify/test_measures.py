@@ -12,7 +12,7 @@ from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import analyse, assemble
 from flexfem.stage.schema import load_stage
 from flexfem.verify.claims import Claim
-from flexfem.verify.measures import MEASURES, Evidence, Side, side_of
+from flexfem.verify.measures import MEASURES, Evidence, ModelErrors, errors_of_model
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 PERCENT = np.array([[-7.0, 0.4, -0.2], [0.9, 8.0, 0.5], [-1.1, 0.3, 9.0]])  # column j for command j
@@ -27,8 +27,10 @@ def stages():
 
 @pytest.fixture(scope="module")
 def evidence(stages):
-    three = Side(stages[3], 3, np.diag([41.0, 52.0, 47000.0]), np.eye(3), 2 * PERCENT + np.diag([-4.0, 0.0, 0.5]), BAND)
-    six = Side(stages[6], 6, STIFFNESS, np.diag([1.25 / 40, 1.6 / 50, 2.0 / 46000]), PERCENT, BAND)
+    three = ModelErrors(
+        stages[3], 3, np.diag([41.0, 52.0, 47000.0]), np.eye(3), 2 * PERCENT + np.diag([-4.0, 0.0, 0.5]), BAND
+    )
+    six = ModelErrors(stages[6], 6, STIFFNESS, np.diag([1.25 / 40, 1.6 / 50, 2.0 / 46000]), PERCENT, BAND)
     return Evidence(three, six, np.array([0.05, 0.04, 1e-3]))
 
 
@@ -98,7 +100,7 @@ def test_a_side_has_the_error_of_its_finest_mesh_and_a_band_for_every_direction(
     def solve(_, level):
         return SimpleNamespace(response=SimpleNamespace(compliance=np.diag((1.1 - rates * level**-4.0) / np.diag(K))))
 
-    found = side_of(stages[6], 6, solve)
+    found = errors_of_model(stages[6], 6, solve)
     left = 100 * rates * 8.0**-4
     np.testing.assert_allclose(np.diag(found.percent), 10.0 - left, rtol=1e-9)
     np.testing.assert_allclose(np.diag(found.band), 1.25 * left, rtol=1e-6)
