@@ -16,8 +16,8 @@ from flexfem.study.answer import answer
 from flexfem.study.collect import collect
 from flexfem.study.parts import Parts, parts_of
 from flexfem.study.plan import LoadedStudy, load_study
-from flexfem.study.pool import LocalPool
-from flexfem.study.run import require_workers, run_study
+from flexfem.study.pool import LocalPool, require_workers
+from flexfem.study.run import run_study
 
 STAGE = Path(__file__).parent.parent / "geometry" / "mobility6.toml"
 STUDY = """
@@ -38,7 +38,7 @@ sd = 0.02
 def timed(parts: Parts, workers: int) -> float:
     pool = LocalPool(workers)
     try:
-        require_workers(pool, answer, parts)
+        require_workers(pool, answer, parts.loaded)
         run_first(pool, parts)
         started = time.perf_counter()
         run_study(parts, pool)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
+from contextlib import suppress
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias
@@ -18,6 +19,9 @@ from flexfem.study.versions import counts, libraries_of, versions_of
 from flexfem.study.worker import Died, Worker
 
 Answer: TypeAlias = Callable[[LoadedStudy, int, int, bool], Rows]
+DEATHS = 3  # of workers over one task, after which it is the task's fault
+BEGINNING = 600.0  # s, for a worker to say whether it can answer
+POLL = 0.25  # s
 CLEAR = (BadInput, ComputationFailed, SourcesChanged, Died, TimeoutError)
 
 
@@ -68,6 +72,22 @@ def answered(solve: Answer, loaded: LoadedStudy, start: int, stop: int, versions
         return str(error)
     except Exception as error:
         return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def require_workers(
+    pool: Pool, solve: Answer, loaded: LoadedStudy, waiting: Callable[[], object] = lambda: None
+) -> None:
+    """Start the workers; raises ComputationFailed when all of them die of that."""
+    for _ in range(DEATHS):
+        futures = [pool.submit(solve, loaded, 0, 0, BEGINNING) for _ in range(pool.width)]
+        while wait(futures, POLL).not_done:
+            pool.check()
+            waiting()
+        for future in futures:
+            with suppress(Died, TimeoutError):
+                pool.outcome(future)
+                return
+    raise ComputationFailed("all worker processes die before they begin: is flexfem installed for them?")
 
 
 def outcome_of(future: Future[Any], where: str = "") -> Rows | str:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.refusals import one_line
+
+LONGEST = 200  # characters of a reason
 
 
 class Rows(NamedTuple):
@@ -20,3 +25,9 @@ class Rows(NamedTuple):
     status: AnyArray
     reason: AnyArray
     values: Array
+
+
+def failed_row(outputs: int, status: str, reason: str) -> Rows:
+    """The row of one design without an answer."""
+    text = one_line(reason, LONGEST)
+    return Rows(np.array([status], object), np.array([text], object), np.full((1, outputs), np.nan))

@@ -9,44 +9,37 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.errors import BadInput, ComputationFailed
-from flexfem.files.refusals import one_line
+from flexfem.errors import BadInput
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
-from flexfem.study.journal import forget_rows, keep_row, kept_rows
+from flexfem.study.journal import forget_rows, keep_row
+from flexfem.study.kept import Kept
 from flexfem.study.kernels import claim_folder, require_same_arithmetic
 from flexfem.study.parts import (
-    RETRIED,
     Chunk,
     Counts,
     Parts,
     counts_of,
     counts_of_table,
     read_part,
-    read_prefix,
-    rows_of,
     sweep,
     write_part,
 )
-from flexfem.study.pool import Answer, Pool
-from flexfem.study.rows import Rows
+from flexfem.study.pool import DEATHS, Answer, Pool, require_workers
+from flexfem.study.rows import Rows, failed_row
 from flexfem.study.scheme import EXTENSIBLE
 from flexfem.study.shard import WHOLE, Shard, shuffled
 from flexfem.study.stale import candidates, set_apart
 from flexfem.study.status import survey
 from flexfem.study.worker import Died
 
-DEATHS = 3  # of workers over one task, after which it is the task's fault
 BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs
 STARTUP = 10.0  # s, for a worker to load what it needs, on top of that or of the study's limit for a design
 POLL = 0.25  # s
-LONGEST = 200  # characters of a reason
-NOTHING = Rows(np.empty(0, object), np.empty(0, object), np.empty((0, 0)))
 
 
 class Task(NamedTuple):
@@ -96,38 +89,17 @@ def run_study(
     require_unchanged()  # what this process has loaded by now is what its parts are named after
     require_same_arithmetic(parts)
     sweep(parts.folder)
-    _set_apart(parts, say)
+    for line in set_apart(parts).said(parts.stale):
+        say(line)
     run = _Run(parts, pool, solve, shard, retry, say)
     watch(run.progress)
     if run.known < run.designs:
-        require_workers(pool, solve, parts, lambda: watch(run.progress))
+        require_workers(pool, solve, parts.loaded, lambda: watch(run.progress))
         claim_folder(parts)
     with ThreadPoolExecutor(1) as writer:
         while run.step(writer):
             watch(run.progress)
     return run.progress
-
-
-def _set_apart(parts: Parts, say: Callable[[str], object]) -> None:
-    moved = set_apart(parts)
-    if moved.apart:
-        say(f"{moved.apart:,} stale parts of before are now in {parts.stale}; flexfem study clean removes them")
-    if moved.back:
-        say(f"{moved.back:,} parts are no longer stale: taken back from {parts.stale}")
-
-
-def require_workers(pool: Pool, solve: Answer, parts: Parts, waiting: Callable[[], object] = lambda: None) -> None:
-    """Start the workers; raises ComputationFailed when all of them die of that."""
-    for _ in range(DEATHS):
-        futures = [pool.submit(solve, parts.loaded, 0, 0, BROADCAST_LIMIT) for _ in range(pool.width)]
-        while wait(futures, POLL).not_done:
-            pool.check()
-            waiting()
-        for future in futures:
-            with suppress(Died, TimeoutError):
-                pool.outcome(future)
-                return
-    raise ComputationFailed("all worker processes die before they begin: is flexfem installed for them?")
 
 
 class _Run:
@@ -142,13 +114,12 @@ class _Run:
         for number, text in found.damaged.items():
             say(f"{text}; {'its designs are left out' if number in blocked else 'computing it again'}")
         unsure = found.unsure if retry else {}
-        self.unsure = frozenset(unsure)  # parts that hold designs to try again
-        self.retry = retry
         self.again = set(unsure) | set(found.damaged) - blocked  # parts to replace, though they are there
         self.done = found.done - self.again | blocked
         self.counts = found.counts - sum(unsure.values(), Counter())
         self.known, self.designs = self.counts.total(), shard.designs(parts)
-        self.candidates = candidates(parts) if parts.loaded.study.sampling.method in EXTENSIBLE else {}
+        stale = candidates(parts) if parts.loaded.study.sampling.method in EXTENSIBLE else {}
+        self.kept = Kept(parts, retry, frozenset(unsure), stale)
         self.order = shuffled(shard.chunks(parts))
         self.ready: deque[Task] = deque()
         self.pieces: dict[Chunk, dict[int, Rows]] = {}
@@ -191,7 +162,7 @@ class _Run:
                 return None
             chunk = self.parts.chunk(number)
             if not self._is_there(chunk):
-                kept = self.pieces[chunk] = self._kept(chunk) | self._journalled(chunk)
+                kept = self.pieces[chunk] = self.kept.answers(chunk) | self.kept.journalled(chunk)
                 missing = [k for k in range(chunk.start, chunk.stop) if k not in kept]
                 self.ready += [Task(chunk, *ends) for ends in self._ranges(missing)]
                 if not missing:
@@ -210,29 +181,11 @@ class _Run:
         """Whether the model answers many designs at once."""
         return self.parts.loaded.study.model == "analytic"
 
-    def _journalled(self, chunk: Chunk) -> dict[int, Rows]:
-        """Rows by design of a part under way that a killed run has left."""
-        rows = {} if self._broadcast else kept_rows(self.parts, chunk)
-        return {k: row for k, row in rows.items() if not (self.retry and row.status[0] in RETRIED)}
-
-    def _kept(self, chunk: Chunk) -> dict[int, Rows]:
-        """Rows by design that need not be computed: of a part that is tried again, or of one of a smaller sample."""
-        if chunk.number in self.unsure:
-            try:
-                rows = rows_of(self.parts, read_part(self.parts, chunk))
-            except (FileNotFoundError, BadInput):
-                return {}
-        else:
-            found = (read_prefix(self.parts, chunk, path) for path in self.candidates.get(chunk.number, ()))
-            rows = max((each for each in found if each is not None), key=lambda each: len(each.status), default=NOTHING)
-        good = np.flatnonzero(~np.isin(rows.status, RETRIED if self.retry else ()))
-        return {chunk.start + int(k): Rows(*(each[k : k + 1] for each in rows)) for k in good}
-
     def _is_there(self, chunk: Chunk) -> bool:
         """Whether the part of a chunk is there; counts it when another runner has written it since."""
         if chunk.number in self.done:
             return True
-        if chunk.number in self.again and len(self._kept(chunk)) < chunk.stop - chunk.start:
+        if chunk.number in self.again and len(self.kept.answers(chunk)) < chunk.stop - chunk.start:
             return False
         try:
             counts = counts_of_table(read_part(self.parts, chunk))
@@ -264,7 +217,7 @@ class _Run:
             middle = (task.start + task.stop) // 2
             self.ready.extendleft([task._replace(start=middle, deaths=0), task._replace(stop=middle, deaths=0)])
         else:
-            self._file(task, failed_row(self.parts, *failure), writer)
+            self._file(task, failed_row(len(self.parts.loaded.outputs), *failure), writer)
 
     def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
         """Put rows to those of their chunk, and write the part when they are all there."""
@@ -282,16 +235,10 @@ class _Run:
 
     def _write(self, chunk: Chunk, rows: Rows) -> Counts:
         if chunk.number in self.again or not self.parts.path(chunk).exists():
-            kept = self._kept(chunk) if chunk.number in self.unsure else {}
+            kept = self.kept.answers(chunk) if chunk.number in self.kept.unsure else {}
             for design, row in kept.items():  # another runner may have had more luck
                 for mine, theirs in zip(rows, row, strict=True):
                     mine[design - chunk.start] = theirs[0]
             write_part(self.parts, chunk, rows)
         forget_rows(self.parts, chunk)
         return counts_of(rows.status, rows.reason)
-
-
-def failed_row(parts: Parts, status: str, reason: str) -> Rows:
-    """The row of one design without an answer."""
-    text = one_line(reason, LONGEST)
-    return Rows(np.array([status], object), np.array([text], object), np.full((1, len(parts.loaded.outputs)), np.nan))

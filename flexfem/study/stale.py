@@ -23,6 +23,13 @@ class Moved(NamedTuple):
     apart: int
     back: int
 
+    def said(self, folder: Path) -> Iterator[str]:
+        """A line on each, for the user."""
+        if self.apart:
+            yield f"{self.apart:,} stale parts of before are now in {folder}; flexfem study clean removes them"
+        if self.back:
+            yield f"{self.back:,} parts are no longer stale: taken back from {folder}"
+
 
 class Stale(NamedTuple):
     """A part that is none of the study as it is now: which study it says it is of, and how many bytes it has."""

@@ -24,7 +24,7 @@ def dask(monkeypatch):
         status = "running"
 
         def __init__(self, address, timeout, set_as_default):
-            about.connects.wait()
+            about.connects.wait(30)
 
         def scheduler_info(self, n_workers):
             return {"workers": about.workers}
