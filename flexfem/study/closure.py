@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+ABOVE = ("api.py", "commands/", "plot/")  # for people; a stage that can draw itself names them, no answer runs them
 NAME = re.compile(r"flexfem(\.\w+)+")  # of a module as a text, by which child processes are begun
 
 
@@ -14,12 +15,12 @@ def closure(roots: tuple[str, ...], package: Path) -> dict[str, ast.Module]:
     """Syntax trees of modules and of all that they import, inside functions too, without comments and docstrings.
 
     Keys, and `roots`, are paths below the package, such as "study/answer.py". The package's own `__init__.py` offers
-    everything to others and is left out; what is imported for annotations alone is not run.
+    everything to others and is left out; what is imported for annotations alone is not run, nor is what is `ABOVE`.
     """
     found, ahead = dict[str, ast.Module](), list(roots)
     while ahead:
         path = ahead.pop()
-        if path not in found and (package / path).is_file():
+        if path not in found and not path.startswith(ABOVE) and (package / path).is_file():
             found[path] = _bare(ast.parse((package / path).read_bytes()))
             ahead += [place for name in _named(found[path]) for place in _places(name)]
     return dict(sorted(found.items()))
