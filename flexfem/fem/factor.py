@@ -64,8 +64,12 @@ def cholmod_factor(K: Any, order: Index | None = None) -> Any:
     from cvxopt import cholmod, matrix
 
     cholmod.options["supernodal"] = 2
-    cholmod.options["nmethods"] = 0 if order is None else 1  # else an order of CHOLMOD's own is tried as well, and kept
-    factor = cholmod.symbolic(K) if order is None else cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
+    if order is None:
+        factor = cholmod.symbolic(K)
+    else:
+        cholmod.options["nmethods"] = 1  # else an order of CHOLMOD's own is tried as well, and kept
+        factor = cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
+        del cholmod.options["nmethods"]  # with it, no order of CHOLMOD's own is found
     try:
         cholmod.numeric(K, factor)
     except ArithmeticError:

@@ -71,3 +71,12 @@ def test_a_dense_matrix_is_solved_and_refused_alike() -> None:
     K[-1, :] = K[:, -1] = 0.0
     with pytest.raises(ComputationFailed, match="singular"):
         dense(K)
+
+
+@NEEDS_CHOLMOD
+def test_condensing_leaves_cholmods_options_as_they_were() -> None:
+    """Other code in the process orders matrices by them."""
+    from cvxopt import cholmod
+
+    condense(sp.csc_array(np.tril(np.eye(5) + 1.0)), 2)
+    assert "nmethods" not in cholmod.options
