@@ -389,3 +389,14 @@ def test_a_figure_that_is_refused_is_said_and_the_exit_code_is_one(written, flex
     code, out, err = flexfem("study", "plot", written.loaded.path, "--output", output)
     assert (code, out) == (1, f"{output}/some/some.parquet\n")
     assert "some-sensitivity is not drawn" in err and "expected at least 100" in err
+
+
+def test_a_run_all_of_whose_designs_failed_exits_with_one(written, flexfem):
+    """Nothing is open any more: nothing is computed, and what failed is said with the command that tries it again."""
+    output = written.folder.parents[1]
+    parts = parts_of(load_study(written.loaded.path), output)
+    found = rows(parts, 0)
+    failed = found._replace(status=np.full(50, "failed", object), values=np.full_like(found.values, np.nan))
+    write_part(parts, parts.chunk(0), failed)
+    code, out, _ = flexfem("study", "run", written.loaded.path, "--output", output, "--workers", 1)
+    assert code == 1 and "study run --retry" in out

@@ -184,3 +184,13 @@ def test_no_quantile_is_infinite_whatever_the_seed_draws(studies: Any) -> None:
         assert np.all(np.isfinite(sample(loaded, 0, 2)))
     finally:
         sampling._sobol = drawn
+
+
+def test_a_grid_counts_its_last_factor_fastest(studies) -> None:
+    """As cases/README.md says; 2 x 3 points, so that no other order looks alike."""
+    neck = 'key = "hinges.base.neck_mm"\nvalues = [0.5, 0.4]'
+    loaded = studies.of(
+        'method = "grid"', neck, 'key = "thickness_mm"\nfrom = 8.0\nto = 18.0\npoints = 3\nscale = "log"'
+    )
+    rows = [[0.5, 8.0], [0.5, 12.0], [0.5, 18.0], [0.4, 8.0], [0.4, 12.0], [0.4, 18.0]]
+    np.testing.assert_allclose(sample(loaded, 0, 6), rows, rtol=1e-12)
