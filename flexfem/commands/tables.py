@@ -282,7 +282,7 @@ def _print_ending(out: Console, of: Answer) -> None:
     for text in of.get("warnings", ()):
         out.print(f"warning: {text}")
     if of["assumed"]:
-        out.print(f"{len(of['assumed'])} of these numbers are assumed, not the paper's: flexfem check lists them")
+        out.print(f"{len(of['assumed'])} of these numbers are assumed, not the paper's: --json lists them")
     if of["not_stated"]:
         count = len(of["not_stated"])
-        out.print(f"{count} of these numbers have no source in the file: flexfem check lists them")
+        out.print(f"{count} of these numbers have no stated source: --json lists them")

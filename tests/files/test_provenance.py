@@ -49,7 +49,7 @@ def test_check_lists_and_every_table_counts_what_has_no_source(flexfem, project)
     out = flexfem("check", path)[1]
     assert "  hinges.base.neck_mm: not stated\n" in out and "no source stated: thickness_mm, " in out
     out = flexfem("stiffness", path)[1]
-    assert f"{NUMBERS} of these numbers have no source in the file" in out and "assumed" not in out
+    assert f"{NUMBERS} of these numbers have no stated source" in out and "assumed" not in out
 
 
 def test_a_verification_without_provenance_is_not_reported_as_sourced(project, tmp_path, capsys):
@@ -60,7 +60,7 @@ def test_a_verification_without_provenance_is_not_reported_as_sourced(project, t
     coarse = cache(lambda stage: solve_stage(stage, 2))
     result, _ = run_case(case, lambda stage, _: coarse(stage))
     print_results([result], tmp_path)
-    assert f"{NUMBERS + 2} of these numbers have no source" in capsys.readouterr().out
+    assert f"{NUMBERS + 2} of these numbers have no stated source" in capsys.readouterr().out
     page = markdown_report([result])
     assert "every number has a source" not in page and "**dimensions without a source**" in page
     assert "- `case: points`: source not stated (fig5)" in page
