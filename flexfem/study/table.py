@@ -118,7 +118,7 @@ class StudyTable(NamedTuple):
             Texts(texts.codes[keep], texts.words) if isinstance(texts, Texts) else texts[keep]
             for texts in (self.status, self.reason)
         )
-        return StudyTable(self.design[keep], status, reason, Kept(self.columns, keep))
+        return StudyTable(self.design[keep], status, reason, SomeRows(self.columns, keep))
 
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
@@ -174,7 +174,7 @@ class Stored(Mapping[str, Array]):
         return values if self._order is None else values[self._order]
 
 
-class Kept(Mapping[str, Array]):
+class SomeRows(Mapping[str, Array]):
     """Some rows, bool (n,), of columns by name."""
 
     def __init__(self, columns: Mapping[str, Array], keep: AnyArray) -> None:

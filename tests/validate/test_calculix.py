@@ -60,7 +60,9 @@ def test_uncoupled_sheet_is_plane_stress_at_any_thickness(six) -> None:
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1.001]), plate), id="a thousandth in geometry"
+            lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1.001]), plate),
+            id="a thousandth in geometry",
+            marks=pytest.mark.slow,
         ),
     ],
 )
