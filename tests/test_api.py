@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import doctest
 import itertools
+import os
 import pickle
 import subprocess
 import sys
@@ -303,3 +304,57 @@ def test_stage_and_displacement_draw_on_given_axes(stage, fe):
     assert left.collections and right.collections
     with pytest.raises(flexfem.BadInput):
         fe.plot([[1.0, 0, 0]], ax=right)
+
+
+OWN = """
+import numpy as np
+import flexfem
+def rotation(ratio):
+    return 0.5 / (0.093 * np.sqrt(0.5 * ratio) * ratio**2)
+flexfem.register_formula("half-koster", rotation, source="a test", valid=(0.02, 1.0))
+"""
+WITH_OWN = """name = "own formula"
+stage = "stage.toml"
+model = "verify"
+formula = "half-koster"
+mobility = 3
+resolution = 4
+bands = false
+[sampling]
+method = "grid"
+[[factor]]
+key = "thickness_mm"
+values = [9.0, 10.0]
+"""
+
+
+def test_commands_and_the_workers_of_a_study_take_a_users_formula_from_a_file(tmp_path):
+    """Twice as stiff as by Koster's, so it errs twice as far; the file counts among the versions of the answers."""
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "study.toml").write_text(WITH_OWN)
+    (tmp_path / "koster.toml").write_text(WITH_OWN.replace("half-koster", "koster"))
+    (tmp_path / "stage.toml").write_text((ROOT / "geometry" / "mobility3.toml").read_text())
+
+    def run(*arguments):
+        command = [sys.executable, "-m", "flexfem", *map(str, arguments)]
+        return subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        )
+
+    assert run("stiffness", "stage.toml", "--formula", "half-koster").returncode == 2
+    refused = run("--with", "none.py", "stiffness", "stage.toml")
+    assert refused.returncode == 2 and "none.py: cannot be read: No such file" in refused.stderr
+    for name, options in (("study", ["--with", "own.py"]), ("koster", [])):
+        done = run(*options, "study", "run", f"{name}.toml", "--output", "out")
+        assert done.returncode == 0, done.stderr
+        collected = run(*options, "study", "collect", f"{name}.toml", "--output", "out")
+        assert collected.returncode == 0, collected.stderr
+    tables = [flexfem.study.table(next((tmp_path / "out").glob(f"{name}*.parquet"))) for name in ("study", "koster")]
+    own, koster = (100 + each["error_x_percent"].to_numpy() for each in tables)
+    np.testing.assert_allclose(own, 2 * koster, rtol=1e-9)
+    assert tables[0]["thickness_mm"].tolist() == [9.0, 10.0] and set(tables[0]["status"]) == {"ok"}
+    arrow = flexfem.study.table(next((tmp_path / "out").glob("study*.parquet")), as_arrow=True)
+    assert arrow.num_rows == 2
+    for wrong in ("stage.toml", "missing.parquet"):
+        with pytest.raises(flexfem.BadInput, match=wrong):
+            flexfem.study.table(tmp_path / wrong)

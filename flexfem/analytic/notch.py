@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic import beam
+from flexfem.analytic import beam, own
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.chart import hinge_chart
 from flexfem.arrays import Array
@@ -237,6 +237,7 @@ FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
 
 def formulas() -> tuple[str, ...]:
     """Names of the hinge formulas that are known, the user's own included."""
+    own.load()
     return tuple(FORMULAS)
 
 
@@ -301,6 +302,7 @@ def _check_own(made: Formula) -> None:
 
 def formula(name: str) -> Formula:
     """The registered formula; raises BadInput with the list of names when there is none."""
+    own.load()
     if name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]

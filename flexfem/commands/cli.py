@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -36,8 +37,15 @@ def _common(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
+    formulas: Annotated[
+        Path | None,
+        typer.Option("--with", metavar="FILE", help="Python file that registers hinge formulas; it is run."),
+    ] = None,
 ) -> None:
-    pass
+    if formulas is not None:
+        from flexfem.analytic.own import use
+
+        use(formulas)
 
 
 def main() -> None:

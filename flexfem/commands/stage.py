@@ -37,19 +37,18 @@ def summary(
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
     from flexfem.analytic import notch
     from flexfem.commands import console, tables
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import summary as verify
 
     loaded = load_feasible(stage)
     notch.formula(formula or "calibrated")
-    with naming(stage):
-        solved = None
-        if elements or resolution is not None:
-            from flexfem.fem.mesh import RESOLUTION
-            from flexfem.verify.protocol import solve_stage
+    solved = None
+    if elements or resolution is not None:
+        from flexfem.fem.mesh import RESOLUTION
+        from flexfem.verify.protocol import solve_stage
 
-            solved = solve_stage(loaded, resolution or RESOLUTION)
-        found = verify.summary(stage, loaded, formula, solved)
+        solved = solve_stage(loaded, resolution or RESOLUTION)
+    found = verify.summary(stage, loaded, formula, solved)
     console.show(found, json, tables.print_summary)
 
 
@@ -67,7 +66,7 @@ def stiffness(
     from flexfem.analytic.mobility import freedoms_of
     from flexfem.analytic.model import analyse
     from flexfem.commands import answers, console, tables
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
 
     loaded = load_feasible(stage)
     notch.formula(formula)
@@ -76,8 +75,7 @@ def stiffness(
         raise BadInput(
             f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms of the hinges"
         )
-    with naming(stage):
-        found = linked(loaded, formula) if links else analyse(loaded, mobility, formula)
+    found = linked(loaded, formula) if links else analyse(loaded, mobility, formula)
     console.show(answers.of_model(stage, loaded, found), json, tables.print_analytic)
 
 
@@ -94,13 +92,12 @@ def mesh(
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.response import plate_of
     from flexfem.files.writing import check_folder
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
 
     loaded = load_feasible(stage)
     check_format(output)
     check_folder(output.parent)
-    with naming(stage):
-        plate = plate_of(loaded)
+    plate = plate_of(loaded)
     made = build_mesh(loaded, resolution or RESOLUTION)
     write_mesh(made, plate, output)
     console.show(answers.of_mesh(stage, loaded, made, resolution or RESOLUTION, output), json, tables.print_plain)
@@ -128,7 +125,7 @@ def solve(
     from flexfem.fem.export import write_vtu
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import load_case
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.verify.protocol import solve_stage
 
     loaded = load_feasible(stage)
@@ -138,8 +135,7 @@ def solve(
     check_within("--displacement", displacement, LARGEST_DISPLACEMENT)
     if vtu is not None and vtu.suffix != ".vtu":
         raise BadInput(f"--vtu {vtu}, expected a file name that ends in .vtu")
-    with naming(stage):
-        solved = solve_stage(loaded, resolution or RESOLUTION)
+    solved = solve_stage(loaded, resolution or RESOLUTION)
     load = np.array(force or (0.0, 0.0, 0.0))
     if displacement is not None:
         load = np.linalg.solve(solved.response.compliance, np.array(displacement))

@@ -194,9 +194,9 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     from flexfem.plot.study import Source, named, write_study_figures
     from flexfem.study.collect import collect as join
     from flexfem.study.collect import table_path
+    from flexfem.study.collected import read_table
     from flexfem.study.findings import Refused, facts_of, findings
     from flexfem.study.nominal import nominal
-    from flexfem.study.table import read_table
     from flexfem.study.warned import unseen
 
     parts = _parts(study, output)

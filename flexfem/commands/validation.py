@@ -22,12 +22,11 @@ def cross_check(
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
     from flexfem.commands import answers, console, tables
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.validate import compare
 
     loaded = load_feasible(stage)
-    with naming(stage):
-        found = compare.cross_check(loaded, resolution or RESOLUTION, solver)
+    found = compare.cross_check(loaded, resolution or RESOLUTION, solver)
     console.show(answers.of_cross_check(stage, loaded, found), json, tables.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 

@@ -57,16 +57,15 @@ def budget(
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
     from flexfem.commands import console, tables
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import budget as verify
     from flexfem.verify.case import Direction
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
-    with naming(stage):
-        amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), 1e-3 * amplitude_um)
-        amplitudes["theta"] = 1e-3 * amplitude_mrad
-        found = verify.budget(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
+    amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), 1e-3 * amplitude_um)
+    amplitudes["theta"] = 1e-3 * amplitude_mrad
+    found = verify.budget(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
 
@@ -85,14 +84,13 @@ def workspace(
 ) -> None:
     """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
     from flexfem.commands import console, tables
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.units import unit_of
     from flexfem.verify import workspace as verify
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
-    with naming(stage):
-        found = verify.workspace(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
+    found = verify.workspace(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
 
@@ -112,13 +110,12 @@ def converge(
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
     from flexfem.commands import console, tables
-    from flexfem.stage.feasibility import load_feasible, naming
+    from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import converge as verify
 
     loaded = load_feasible(stage)
     resolutions = verify.checked_resolutions(level or verify.RESOLUTIONS)
-    with naming(stage):
-        found = verify.converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    found = verify.converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
         from flexfem.plot.accuracy import convergence_figure
 

@@ -24,8 +24,8 @@ from flexfem.study.findings import Best, Extremes, Finding, Marks, Refused, Shar
 from flexfem.study.pareto import wide
 
 if TYPE_CHECKING:
+    from flexfem.study.collected import StudyTable
     from flexfem.study.plan import LoadedStudy
-    from flexfem.study.table import StudyTable
 
 
 def write_study_figures(source: Source, found: Sequence[Finding], folder: Path) -> list[Path]:

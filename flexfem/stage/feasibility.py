@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from flexfem.files.toml import Path
 from flexfem.stage.checks import check_closed_form as check_closed_form
 from flexfem.stage.checks import check_feasible as check_feasible
@@ -16,9 +13,3 @@ def load_feasible(path: Path) -> Stage:
     stage = load_stage(path)
     check_feasible(stage)
     return stage
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Nothing: stages know their file. For callers that are yet to drop it."""
-    yield

@@ -1,0 +1,40 @@
+"""Design studies; `flexfem.study.table` hands a collected one to pandas or Arrow."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+
+def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
+    """The table that `flexfem study collect` wrote, a row for each design.
+
+    Parameters
+    ----------
+    path : a file, Parquet or CSV, or the folder of a data set.
+    as_arrow : a `pyarrow.Table` instead of a `pandas.DataFrame`, which needs pandas.
+
+    Returns
+    -------
+    Columns `design`, `status`, `reason`, the factors and outputs in file units, their names ending in the unit; outputs
+    are nan where the status is not "ok".
+
+    Raises
+    ------
+    BadInput
+        The file is missing, or no table of a study.
+    """
+    from pyarrow import ArrowException, csv, dataset
+
+    from flexfem.errors import BadInput
+
+    place = Path(path)
+    try:
+        found = csv.read_csv(place) if place.suffix == ".csv" else dataset.dataset(place, format="parquet").to_table()
+    except (OSError, ArrowException) as error:
+        reason = "no such file" if isinstance(error, FileNotFoundError) else "damaged, or neither Parquet nor CSV"
+        raise BadInput(f"{place}: expected the table of a study: {reason}") from None
+    if not {"design", "status", "reason"} <= set(found.column_names):
+        raise BadInput(f"{place}: expected the table of a study, with columns design, status and reason")
+    return found if as_arrow else found.to_pandas()

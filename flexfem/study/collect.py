@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 
 from flexfem.errors import BadInput
 from flexfem.files.writing import replacing
+from flexfem.study.collected import FILE, with_derived, with_derived_fields
 from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed
-from flexfem.study.table import FILE, with_derived, with_derived_fields
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet

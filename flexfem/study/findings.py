@@ -21,8 +21,8 @@ from flexfem.study.sampling import sample
 from flexfem.study.sensitivity import Indices, sensitivity
 
 if TYPE_CHECKING:
+    from flexfem.study.collected import StudyTable
     from flexfem.study.plan import LoadedStudy
-    from flexfem.study.table import StudyTable
 
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each

@@ -14,8 +14,8 @@ from flexfem.study.outputs import CROSS
 from flexfem.study.percentiles import CONFIDENCE
 
 if TYPE_CHECKING:
+    from flexfem.study.collected import StudyTable
     from flexfem.study.plan import LoadedStudy
-    from flexfem.study.table import StudyTable
 
 LEAST = 100  # designs, for indices from one plain sample; of 60, an interval of 95 % held in 86 %
 MOST_BINS = 32  # of a factor's range

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve, solve_triangular
 from scipy.special import ndtri
 
+from flexfem.analytic.own import own_hash
 from flexfem.sources import PACKAGE, hashes, require_unchanged
 from flexfem.study.closure import closure
 
@@ -40,6 +41,8 @@ def libraries_of(meshed: bool) -> MappingProxyType[str, str]:
     if meshed:
         installed = _version("cvxopt")
         found["solver"] = "superlu" if installed == "none" else f"cvxopt {installed}"
+    if own_hash():
+        found["with"] = own_hash()[:16]
     return MappingProxyType(found)
 
 

@@ -17,7 +17,6 @@ from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
 from flexfem.files.provenance import doubts
-from flexfem.stage.feasibility import naming
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
@@ -104,9 +103,8 @@ def run_case(
 def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], Solved]) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
     lever = stage.chain.link_lengths[2]
-    with naming(loaded.stage_path(curve)):
-        analytic = linked(stage, curve.formula) if curve.links else analyse(stage, curve.mobility, curve.formula)
-        plate_of(stage)
+    analytic = linked(stage, curve.formula) if curve.links else analyse(stage, curve.mobility, curve.formula)
+    plate_of(stage)
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]
     found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)

@@ -21,6 +21,7 @@ from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
 from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, histogram, limits, sensitivity_figure
 from flexfem.study.answer import answer
+from flexfem.study.collected import StudyTable
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Finding, Refused, findings
@@ -31,7 +32,6 @@ from flexfem.study.percentiles import Percentile
 from flexfem.study.plan import LoadedStudy, load_study
 from flexfem.study.sampling import sample
 from flexfem.study.sensitivity import Indices
-from flexfem.study.table import StudyTable
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 CAPTION = Caption("A title", ["a line"], ["stage: thickness_mm"])

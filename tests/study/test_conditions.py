@@ -11,12 +11,12 @@ from scipy.stats import kstest, spearmanr, truncnorm, uniform
 
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
+from flexfem.study.collected import read_table
 from flexfem.study.derived import judge
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.nominal import nominal
 from flexfem.study.parts import parts_of, write_part
 from flexfem.study.sampling import sample
-from flexfem.study.table import read_table
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
 NECK = 'label = "neck of base"\nkey = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'

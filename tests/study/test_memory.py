@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.plot.study import Source, front_of, scatters_of
 from flexfem.plot.study_pareto import thinned
-from flexfem.study import table as tables
+from flexfem.study import collected as tables
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
 from flexfem.study.findings import findings

@@ -19,6 +19,7 @@ from flexfem.commands.study import collect as collect_command
 from flexfem.commands.study import status
 from flexfem.errors import BadInput
 from flexfem.study.collect import collect
+from flexfem.study.collected import read_table
 from flexfem.study.parts import COUNTS, KEY, kind_of, parts_of, read_part, sweep, write_part
 from flexfem.study.plan import load_study
 from flexfem.study.rows import Rows
@@ -26,7 +27,6 @@ from flexfem.study.shard import Shard
 from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.status import facts_of as counted
 from flexfem.study.status import status_facts, survey
-from flexfem.study.table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
 STUDY = f"""

@@ -10,11 +10,11 @@ import pytest
 
 from flexfem.errors import BadInput
 from flexfem.study.collect import check_target, collect, table_path
+from flexfem.study.collected import read_table
 from flexfem.study.parts import PARQUET, Parts, parts_of, table_of, write_part
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
-from flexfem.study.table import read_table
 
 COUNT = 500
 
