@@ -39,7 +39,7 @@ class SourcesChanged(Exception):  # noqa: N818
 class _Callable(ModuleType):
     def __call__(self, *args: Any, **named: Any) -> Any:
         """As `flexfem.api.errors`, which see."""
-        return import_module("flexfem.api").errors(*args, **named)
+        return import_module(".api", "flexfem").errors(*args, **named)
 
 
 sys.modules[__name__].__class__ = _Callable

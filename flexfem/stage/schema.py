@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.errors import BadInput
 from flexfem.files.dump import toml_text
 from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
@@ -23,7 +23,7 @@ from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import write_atomically
-from flexfem.stage.cache import KEPT
+from flexfem.stage.cache import KEPT, once
 from flexfem.stage.changes import merged_changes
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
@@ -172,7 +172,7 @@ link, expected < chain.link_width_mm = 9
         Raises BadInput when the stage cannot be made.
         """
         check_feasible(self)
-        return import_module("flexfem.plot.axes").drawn_stage(self, ax)  # above stages
+        return import_module(".plot.axes", "flexfem").drawn_stage(self, ax)  # shows, and decides nothing
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""
@@ -203,11 +203,10 @@ link, expected < chain.link_width_mm = 9
     @overload
     def array(self, attr: Literal["prismatic"]) -> NDArray[np.bool_]: ...
     def array(self, attr: Literal["radius", "neck", "prismatic"]) -> Array | NDArray[np.bool_]:
-        """Return an attribute of all hinges, shape (3 chains, 3 hinges): mm, or bool for `prismatic`."""
+        """Return an attribute of all hinges, (3 chains, 3 hinges): mm, or bool for `prismatic`; read-only."""
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
-        kind = np.bool_ if attr == "prismatic" else np.float64
-        return np.array([[getattr(self.hinge(i, name), attr) for name in HINGE_NAMES] for i in CHAINS], dtype=kind)
+        return _of_hinges(self, attr)
 
     @property
     def mobility(self) -> int:
@@ -233,6 +232,12 @@ link, expected < chain.link_width_mm = 9
         content["hinges"] = [[self.hinge(i, name).model_dump() for name in HINGE_NAMES] for i in CHAINS]
         text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+@once
+def _of_hinges(stage: Stage, attr: str) -> AnyArray:
+    kind = np.bool_ if attr == "prismatic" else np.float64
+    return np.array([[getattr(stage.hinge(i, name), attr) for name in HINGE_NAMES] for i in CHAINS], dtype=kind)
 
 
 def load_stage(path: Path) -> Stage:
