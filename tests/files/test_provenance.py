@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from flexfem.commands.tables import print_results
+from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import Problem, needed
 from flexfem.plot.page import doubt_note, markdown_report
 from flexfem.stage.schema import Stage, load_stage
@@ -98,3 +99,12 @@ def test_pages_mark_the_keys_that_a_file_must_give(page, file, besides):
     if besides is None:
         must, besides = must - {"curve"}, {"amplitude_mrad", "label", "stage"}
     assert marked == must | besides
+
+
+def test_assumed_is_what_begins_with_that_word():
+    for source, expected in (
+        ("assumed: a guess", True),
+        (" Assumed from Fig. 2", True),
+        ("measured, not assumed", False),
+    ):
+        assert is_assumed(source) is expected, source

@@ -301,7 +301,7 @@ def test_finite_elements_give_the_same_verdicts_and_the_report_keeps_its_alterna
 
 
 def test_numbers_without_a_source_in_either_stage_are_said_beside_what_they_decide(project, monkeypatch):
-    monkeypatch.setitem(MEASURES, "six-across", lambda evidence: measures.Finding((0.0,), "nothing across"))
+    monkeypatch.setitem(MEASURES, "six-across", lambda evidence: measures.Measured((0.0,), "nothing across"))
     monkeypatch.setattr(claims, "errors_of_model", lambda *_: None)
     path = project.path("cases/claims.toml")
     start, _, claim = path.read_text().partition('[[claim]]\nid = "six-across"')
