@@ -36,7 +36,7 @@ model = "fe"
 resolution = 4
 [sampling]
 method = "monte_carlo"
-designs = 64
+designs = 48
 seed = 29
 [[factor]]
 key = "override.*.*.neck_mm"
@@ -144,7 +144,7 @@ def test_no_row_of_an_edited_source_lies_under_the_name_of_the_old_one(attacked,
     grid = cluster(2) if dask else None
     where = ("--scheduler", grid.address) if grid else ("--workers", "2")
     whole = attacked.start(*where, output="whole")
-    assert whole.communicate(timeout=300) and whole.returncode == 0
+    assert whole.communicate(timeout=900) and whole.returncode == 0
     runner = attacked.start(*where)
     assert until(lambda: len(attacked.parts()) >= 1)
     attacked.edit()
@@ -152,7 +152,7 @@ def test_no_row_of_an_edited_source_lies_under_the_name_of_the_old_one(attacked,
     hit = [workers_of(each)[0] for each in starters]
     for worker in hit:
         worker.kill()
-    _, err = runner.communicate(timeout=300)
+    _, err = runner.communicate(timeout=900)
     print(err)
     assert runner.returncode == 1
     assert err.splitlines()[-1] == (
@@ -162,11 +162,11 @@ def test_no_row_of_an_edited_source_lies_under_the_name_of_the_old_one(attacked,
     assert 0 < len(attacked.parts()) < len(expected)
     assert all(expected[name] == content for name, content in attacked.bytes().items())
     again = attacked.start("--workers", "2")
-    assert again.communicate(timeout=300) and again.returncode == 0
+    assert again.communicate(timeout=900) and again.returncode == 0
     assert not {path.name for path in attacked.parts()} & set(expected)  # new code, new names
     attacked.edit(NEW, OLD)
     back = attacked.start("--workers", "2")
-    assert back.communicate(timeout=300) and back.returncode == 0
+    assert back.communicate(timeout=900) and back.returncode == 0
     assert attacked.bytes() == expected
 
 
@@ -174,7 +174,7 @@ class Late(Exception):  # noqa: N818
     """A run that goes on for ever."""
 
 
-def watched(parts, pool, solve, seconds=180.0):
+def watched(parts, pool, solve, seconds=400.0):
     """Run a study; raises Late where it hangs. Returns rows by design."""
     began = time.monotonic()
 
@@ -196,7 +196,7 @@ def table_of(parts):
 def test_a_design_that_hangs_under_dask_is_a_row_with_its_reason(attacked, cluster, monkeypatch):
     monkeypatch.setattr("flexfem.study.run.STARTUP", 1.0)
     attacked.path.write_text(
-        STUDY.replace("designs = 64", "designs = 12").replace("[sampl", "time_limit_s = 2\n[sampl")
+        STUDY.replace("designs = 48", "designs = 12").replace("[sampl", "time_limit_s = 2\n[sampl")
     )
     parts = parts_of(load_study(attacked.path), attacked.folder / "out")
     made = watched(parts, DaskPool(cluster(2, ROOT).address), strange.strange)
@@ -209,9 +209,11 @@ def test_a_design_that_hangs_under_dask_is_a_row_with_its_reason(attacked, clust
 
 def test_what_a_paused_dask_worker_holds_is_asked_of_another(attacked, cluster, monkeypatch):
     """Paused as for memory: it keeps what it has, and begins nothing."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__WORK_STEALING", "False")  # which often helps, not always
     monkeypatch.setattr("flexfem.study.cluster.PAUSED", 1.0)
+    monkeypatch.setattr("flexfem.study.cluster.SLACK", 1e9)
     monkeypatch.setattr("flexfem.study.cluster.COUNTED", 0.5)
-    attacked.path.write_text(STUDY.replace("designs = 64", "designs = 40"))
+    attacked.path.write_text(STUDY.replace("designs = 48", "designs = 40"))
     parts, pool = parts_of(load_study(attacked.path), attacked.folder / "out"), DaskPool(cluster(2, ROOT).address)
     assert until(lambda: len(pool._client.scheduler_info()["workers"]) == 2)
     paused = []
@@ -235,7 +237,7 @@ def test_what_a_paused_dask_worker_holds_is_asked_of_another(attacked, cluster, 
 
 def test_a_killed_run_computes_no_finished_design_again_and_ends_in_the_same_bytes(attacked):
     whole = attacked.start("--workers", "2", output="whole")
-    assert whole.communicate(timeout=300) and whole.returncode == 0
+    assert whole.communicate(timeout=900) and whole.returncode == 0
     runner, loaded = attacked.start("--workers", "1"), load_study(attacked.path)
     parts = parts_of(loaded, attacked.folder / "out")
 
@@ -263,6 +265,6 @@ def test_a_killed_run_computes_no_finished_design_again_and_ends_in_the_same_byt
         run_study(parts, Here())
     finally:
         pool.close()
-    assert sorted(asked) == sorted(set(range(64)) - before)
+    assert sorted(asked) == sorted(set(range(48)) - before)
     assert attacked.bytes() == attacked.bytes("whole")
     assert not list(parts.folder.glob(".*"))
