@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flexfem.commands import console
 from flexfem.commands.options import Baselines, Json
 from flexfem.errors import BadInput
 
@@ -21,7 +22,6 @@ def baseline(
     json: Json = False,
 ) -> None:
     """Accept what flexfem prints of files now as their baselines."""
-    from flexfem.commands import console
     from flexfem.commands.baseline import store
     from flexfem.files.writing import check_folder
 
@@ -41,7 +41,6 @@ def regression(
     json: Json = False,
 ) -> None:
     """Compare what flexfem prints now with baselines: what changed in the input, else every number that moved."""
-    from flexfem.commands import console
     from flexfem.commands.baseline import store
 
     paths, solve = store.listed(baselines), console.solved_once()

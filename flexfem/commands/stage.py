@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flexfem.commands import console, tables
 from flexfem.commands.options import Json, Resolution, Stage, Wanted, check_within
 from flexfem.errors import BadInput
 
@@ -18,7 +19,7 @@ LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 @app.command()
 def check(stage: Stage, json: Json = False) -> None:
     """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.stage.feasibility import load_feasible
 
     console.show(answers.of_stage(stage, load_feasible(stage)), json, tables.print_stage)
@@ -36,7 +37,6 @@ def summary(
 ) -> None:
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
     from flexfem.analytic import notch
-    from flexfem.commands import console, tables
     from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import summary as verify
 
@@ -65,7 +65,7 @@ def stiffness(
     from flexfem.analytic.links import linked
     from flexfem.analytic.mobility import freedoms_of
     from flexfem.analytic.model import analyse
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.stage.feasibility import load_feasible
 
     loaded = load_feasible(stage)
@@ -87,7 +87,7 @@ def mesh(
     json: Json = False,
 ) -> None:
     """Mesh a stage and write it with the groups stage, ground and hub."""
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.response import plate_of
@@ -121,7 +121,7 @@ def solve(
     """Platform compliance by finite elements in the plane, and what a force or a displacement of the platform does."""
     import numpy as np
 
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.fem.export import write_vtu
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import load_case
@@ -149,7 +149,7 @@ def solve(
 @app.command()
 def formulas(output: Wanted = None, json: Json = False) -> None:
     """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
 
     if output is not None:
         from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure

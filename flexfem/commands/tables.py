@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
-
 from flexfem.units import COMMANDS, COMPLIANCES, DEGREE, FORCES, LENGTH, POSES, STIFFNESSES, STRESS, STRESSES, Unit
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from flexfem.verify.case import Direction
     from flexfem.verify.result import Result
 
@@ -22,11 +22,15 @@ DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 
 def _people() -> Console:
     """Standard output; wide when it is no terminal, so that no table is folded in a file."""
+    from rich.console import Console
+
     terminal = sys.stdout is not None and sys.stdout.isatty()
     return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
 
 
 def _table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
+    from rich.table import Table
+
     table = Table(*head, box=None, padding=(0, 2, 0, 0))
     for row in rows:
         table.add_row(*row)

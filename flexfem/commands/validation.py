@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flexfem.commands import console, tables
 from flexfem.commands.options import Json, Resolution, Stage, Wanted
 
 app = typer.Typer()
@@ -20,7 +21,7 @@ def cross_check(
     json: Json = False,
 ) -> None:
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.stage.feasibility import load_feasible
     from flexfem.validate import compare
@@ -38,7 +39,7 @@ def benchmark(
     json: Json = False,
 ) -> None:
     """Solve published problems with known answers and compare: the verification of the code itself."""
-    from flexfem.commands import answers, console, tables
+    from flexfem.commands import answers
     from flexfem.validate.registry import run_benchmarks, write_benchmarks
 
     table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flexfem.commands import console, tables
 from flexfem.commands.options import Baselines, Json, Output, Stage, Wanted, check_finite
 
 app = typer.Typer()
@@ -24,7 +25,6 @@ def verify(
     json: Json = False,
 ) -> None:
     """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
-    from flexfem.commands import console, tables
     from flexfem.commands.baseline import store
     from flexfem.verify.result import write_result
 
@@ -56,7 +56,6 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
-    from flexfem.commands import console, tables
     from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import budget as verify
     from flexfem.verify.case import Direction
@@ -83,7 +82,6 @@ def workspace(
     json: Json = False,
 ) -> None:
     """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
-    from flexfem.commands import console, tables
     from flexfem.stage.feasibility import load_feasible
     from flexfem.units import unit_of
     from flexfem.verify import workspace as verify
@@ -109,7 +107,6 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
-    from flexfem.commands import console, tables
     from flexfem.stage.feasibility import load_feasible
     from flexfem.verify import converge as verify
 
@@ -130,7 +127,6 @@ def claims(
     json: Json = False,
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
-    from flexfem.commands import console, tables
     from flexfem.files.writing import write_atomically
     from flexfem.verify.claims import markdown_report, report_claims
     from flexfem.verify.result import write_record
@@ -149,7 +145,6 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
-    from flexfem.commands import console
     from flexfem.commands.processes import side_by_side
     from flexfem.plot.write import write_figures
     from flexfem.verify.result import read_fields, read_result

@@ -108,14 +108,15 @@ def error_figure(result: Result) -> Figure:
         axes = add_axes(figure, AXES_LEFT, FOOT + (2 - row) * (height + PANEL_GAP), AXES_WIDTH, height)
         kind = "commanded direction" if freedom == result.direction else "cross direction"
         axes.set_title(f"({'abc'[row]}) {NAMES[freedom]}, {kind}", loc="left")
-        _draw_panel(axes, result, freedom)
+        plot_errors(axes, result, freedom)
         _draw_legend(axes, result, freedom, height)
         axes.tick_params(labelbottom=row == 2)
     figure.align_ylabels()
     return figure
 
 
-def _draw_panel(axes: Axes, result: Result, freedom: Direction) -> None:
+def plot_errors(axes: Axes, result: Result, freedom: Direction) -> None:
+    """Draw the errors of every curve in one direction over the command, with their mesh bands, on given axes."""
     panel = panel_of(result, freedom)
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     x = np.array(result.commanded) * command.factor

@@ -82,7 +82,7 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
     figure, found = panels((WIDTH, HEIGHT), "Circular hinge: formulas against finite elements", lines, 3)
     for row, (axes, freedom) in enumerate(zip(found, FREEDOMS, strict=True)):
         axes.set_title(f"({'abc'[row]}) {freedom}, {SYMBOLS[freedom]}", loc="left", parse_math=True)
-        _draw_panel(axes, review, freedom, styles)
+        plot_formulas(axes, review, freedom, styles)
         axes.tick_params(labelbottom=row == 2)
     found[-1].set_xlabel("t/R")
     return figure
@@ -112,7 +112,8 @@ def merged(review: HingeReview, freedom: str) -> list[Merged]:
     return found
 
 
-def _draw_panel(axes: Axes, review: HingeReview, freedom: str, styles: dict[str, int]) -> None:
+def plot_formulas(axes: Axes, review: HingeReview, freedom: str, styles: dict[str, int]) -> None:
+    """Draw the ratio of every formula to the finite elements in one freedom on given axes."""
     x, higher = review.ratio, getattr(review.higher, freedom)
     label = f"finite elements, H = h to {review.height:g}{SPACE}h\n1 to {np.max(higher):.2f}"
     shade = axes.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)

@@ -10,8 +10,20 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from flexfem.arrays import Array
-from flexfem.plot.joints import KEY_LINE, LINK, MEANING, draw_ground, draw_joint, draw_key, side_of, symbol_radius
-from flexfem.plot.marks import clear_spot, frame_cross, show_window, write
+from flexfem.plot.marks import (
+    KEY_LINE,
+    LINK,
+    MEANING,
+    clear_spot,
+    draw_ground,
+    draw_joint,
+    draw_key,
+    frame_cross,
+    show_window,
+    side_of,
+    symbol_radius,
+    write,
+)
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, text_width
 from flexfem.units import DEGREE, LENGTH
 from flexfem.verify.result import HingeDrawing, Model

@@ -20,7 +20,7 @@ from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, sens
 from flexfem.plot.write import write_beside
 from flexfem.study.cells import Cells, cells_of
 from flexfem.study.figure import Figure
-from flexfem.study.findings import Best, Extremes, Finding, Marks, Refused, Shares
+from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares, Shown
 from flexfem.study.pareto import wide
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flexfem.study.plan import LoadedStudy
 
 
-def write_study_figures(source: Source, found: Sequence[Finding], folder: Path) -> list[Path]:
+def write_study_figures(source: Source, found: Sequence[Shown], folder: Path) -> list[Path]:
     """Draw every figure of a study file as PNG and PDF, but those that are refused.
 
     Parameters

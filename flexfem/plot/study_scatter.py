@@ -52,12 +52,13 @@ def distribution_figure(scatters: Sequence[Scatter], caption: Caption) -> Figure
     top = height - header(figure, *caption) - 0.15
     for row, scatter in enumerate(scatters):
         axes = add_axes(figure, AXES_LEFT, top - PANEL - row * (PANEL + PANEL_GAP), AXES_WIDTH, PANEL)
-        _draw_histogram(axes, scatter)
+        plot_histogram(axes, scatter)
     figure.align_ylabels()
     return figure
 
 
-def _draw_histogram(axes: Axes, scatter: Scatter) -> None:
+def plot_histogram(axes: Axes, scatter: Scatter) -> None:
+    """Draw a histogram with its percentiles and their legend on given axes."""
     values = scatter.values() if callable(scatter.values) else scatter.values
     counts, borders = histogram(values)
     axes.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
@@ -155,7 +156,7 @@ def sensitivity_figure(shares: Sequence[Share], factors: Sequence[str], caption:
         row, column = divmod(index, across)
         bottom = (rows - 1 - row) * row_height + BARS_FOOT
         axes = add_axes(figure, left + column * (width + BETWEEN), bottom, width, panel)
-        _draw_shares(axes, share, ends)
+        plot_shares(axes, share, ends)
         axes.set_yticks(np.arange(len(factors)), factors if column == 0 else [""] * len(factors), size=NAME_SIZE)
         axes.set_xlabel(f"share of the variance\n(first order sums to {share.indices.first.sum():.2f})")
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (left / WIDTH, 1 - used / figure.get_figheight())}
@@ -172,7 +173,8 @@ def limits(indices: Sequence[Indices]) -> tuple[float, float]:
     return min(low, 0.0) - room, high + room
 
 
-def _draw_shares(axes: Axes, share: Share, ends: tuple[float, float]) -> None:
+def plot_shares(axes: Axes, share: Share, ends: tuple[float, float]) -> None:
+    """Draw the Sobol indices of one value as bars, with whiskers, on given axes."""
     found, places = share.indices, np.arange(float(len(share.indices.first)))
     _draw_bars(
         axes,

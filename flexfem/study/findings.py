@@ -72,10 +72,10 @@ class Refused(NamedTuple):
     reason: str
 
 
-Finding: TypeAlias = Extremes | Marks | Shares | Best | Refused
+Shown: TypeAlias = Extremes | Marks | Shares | Best | Refused
 
 
-def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float]) -> list[Finding]:
+def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float]) -> list[Shown]:
     """What every figure of a study file shows.
 
     Parameters
@@ -89,7 +89,7 @@ def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float
     return [_tried(loaded, table, nominal, figure) for figure in loaded.study.figure]
 
 
-def _tried(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Finding:
+def _tried(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Shown:
     try:
         _require_numbers(loaded, table, figure)
         return _finding(loaded, table, nominal, figure)
@@ -108,7 +108,7 @@ def _require_numbers(loaded: LoadedStudy, table: StudyTable, figure: Figure) -> 
             )
 
 
-def _finding(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Finding:
+def _finding(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Shown:
     match figure.kind:
         case "map":
             return _extremes(loaded, table, figure)
@@ -212,7 +212,7 @@ def _gain(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
     return None if best is None else float(gained[best] / nominal[y])
 
 
-def facts_of(finding: Finding) -> dict[str, Any]:
+def facts_of(finding: Shown) -> dict[str, Any]:
     """A finding as plain numbers by name; an open end of an interval is None."""
     match finding:
         case Extremes(least, most):

@@ -24,7 +24,7 @@ from flexfem.study.answer import answer
 from flexfem.study.collected import StudyTable
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure
-from flexfem.study.findings import Finding, Refused, findings
+from flexfem.study.findings import Refused, Shown, findings
 from flexfem.study.keys import keys
 from flexfem.study.nominal import nominal, own_values
 from flexfem.study.outputs import outputs_of
@@ -113,7 +113,7 @@ def found_for(source: Source, place: int) -> tuple[Figure, Any]:
     return source.loaded.study.figure[place], found_in(source)[place]
 
 
-def found_in(source: Source) -> list[Finding]:
+def found_in(source: Source) -> list[Shown]:
     return findings(source.loaded, source.table, source.nominal)
 
 
