@@ -11,7 +11,7 @@ from flexfem.commands import tables
 from flexfem.commands.progress import print_status
 from flexfem.plot.page import markdown_report
 from flexfem.validate.finding import Finding
-from flexfem.validate.registry import Table, markdown_page
+from flexfem.validate.registry import BenchmarkTable, markdown_page
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.claims import Verdict, markdown_claims
 from flexfem.verify.result import Triple
@@ -207,7 +207,7 @@ def test_benchmarks_have_target_and_ours_in_their_columns(cells):
 
 
 def test_the_page_of_benchmarks_has_relative_differences_in_per_cent():
-    page = markdown_page(Table(FINDINGS, {"one": 2.0, "two": 5.0})).splitlines()
+    page = markdown_page(BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0})).splitlines()
     head = "| benchmark | quantity | target | ± | ours | difference | allowed | unknowns | |"
     at = page.index(head)
     assert page[at + 2] == "| one | stress | 92.5 | 0.25 | 93.75 | +1.2e+00 (+1.35 %) | 2.5 | 777 | passed |"
