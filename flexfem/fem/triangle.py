@@ -60,6 +60,6 @@ def gradients(at: Array, points: Array) -> tuple[Array, Array]:
 
 def _jacobian(at: Array, slope: Array) -> Array:
     """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map."""
-    q = slope.shape[-1]
-    J = (at.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, q)
+    q, relative = slope.shape[-1], at - at[:, :1]  # exact, so that a small triangle far from the origin is as good
+    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, q)
     return J.transpose(1, 2, 0, 3)

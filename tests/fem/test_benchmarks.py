@@ -83,7 +83,7 @@ def halves(hinge: Hinge) -> list[Face]:
 
 
 def single_hinge(neck: float, radius: float, plate: Plate, resolution: int = 8) -> SingleHinge:
-    hinge = Hinge(radius_mm=radius, neck_mm=neck)
+    hinge = Hinge(radius=radius, neck=neck)
     bend = SLOPE * radius / 2
     size = f"({neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt(x^2+y^2+{bend**2!r}))/{float(resolution)!r}"
     made = run_mesher(Job(halves(hinge), [size], float(ARC_DIVISIONS * resolution), {"neck": resolution}), 30.0)

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from flexfem.stage.schema import Hinge, Override
 from flexfem.study.plan import LoadedStudy
 
 Place = tuple[str | int, ...]
@@ -47,7 +48,12 @@ def changed(value: Any, place: Place) -> Any:
     head, *rest = place
     if isinstance(head, int):
         return tuple(changed(item, tuple(rest)) if index == head else item for index, item in enumerate(value))
-    return value.model_copy(update={head: changed(getattr(value, head), tuple(rest))})
+    values = {name: getattr(value, name) for name in type(value).model_fields}
+    values[head] = changed(values[head], tuple(rest))
+    if getattr(value, head) is None and isinstance(value, Hinge | Override):
+        values[head] = True if head == "prismatic" else 1.0
+    # what no file can say counts as well: nothing is validated here
+    return BaseModel.model_construct.__func__(type(value), value.model_fields_set | {head}, **values)  # type: ignore[attr-defined]
 
 
 def unseen(value: Any, hash_of: Any, places: set[Place]) -> set[Place]:
