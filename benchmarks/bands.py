@@ -18,7 +18,7 @@ from random_stages import unlike
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify.comparison import error_matrix

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.convergence import grid_convergence

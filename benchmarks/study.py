@@ -21,7 +21,7 @@ from flexfem.analytic.inverse import inverse
 from flexfem.analytic.model import analyse
 from flexfem.analytic.serial import chain_compliance
 from flexfem.analytic.stress import neck_wrenches, peak_stress
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_closed_form
 from flexfem.stage.frames import stage_frames
 from flexfem.study.answer import answer

@@ -24,9 +24,9 @@ import numpy as np
 from random_stages import draw
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem import cyclic
 from flexfem.fem.mesh import RESOLUTION
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.study import solving

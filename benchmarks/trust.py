@@ -16,10 +16,10 @@ import numpy as np
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import analyse
-from flexfem.errors import BadInput
 from flexfem.plot.study_labels import Caption, factor, output
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flexfem.api import errors as errors
     from flexfem.api import load as load
     from flexfem.api import solve as solve
-    from flexfem.errors import BadInput as BadInput
-    from flexfem.errors import ComputationFailed as ComputationFailed
+    from flexfem.refused import BadInput as BadInput
+    from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.stage.schema import Chain as Chain
     from flexfem.stage.schema import Hinge as Hinge
     from flexfem.stage.schema import Hinges as Hinges
@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "api": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
-    "errors": ("BadInput", "ComputationFailed"),
+    "refused": ("BadInput", "ComputationFailed"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Material", "Override", "Platform", "Stage"),
     "analytic.notch": ("formulas", "register_formula"),
 }

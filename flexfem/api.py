@@ -18,10 +18,10 @@ from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stiffness import apply
 from flexfem.analytic.stress import Wrench, neck_stress, neck_wrenches
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import load_case
 from flexfem.files.toml import Path
+from flexfem.refused import BadInput
 from flexfem.stage.cache import once
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.feasibility import load_feasible

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import CodeType, MappingProxyType, ModuleType
 from typing import cast
 
-from flexfem.errors import SourcesChanged
+from flexfem.refused import SourcesChanged
 
 PACKAGE = Path(__file__).parent
 CHANGED = 3  # exit code of a child

@@ -11,7 +11,7 @@ from flexfem.analytic.kinematics import ROTATION
 from flexfem.analytic.loops import in_joint_order, influence
 from flexfem.analytic.stiffness import Mechanism, apply, effective_load, stiffness, transposed
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
+from flexfem.refused import ComputationFailed
 
 STEP = 1e-9  # relative size of the last Newton step; the error it leaves is of second order, that is rounding
 ITERATIONS = 25

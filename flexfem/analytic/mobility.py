@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 CHAINS = 3
 HINGES = 3

@@ -13,7 +13,7 @@ from flexfem.analytic.mobility import mobility as mobility_of
 from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.checks import check_closed_form
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.origin import located

@@ -14,7 +14,7 @@ from flexfem.analytic import beam, own
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.chart import hinge_chart
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 BEAM_RANGE = (1e-4, 2.0)
 

@@ -11,7 +11,7 @@ import os
 from functools import cache
 from pathlib import Path
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 VARIABLE = "FLEXFEM_WITH"  # hash, colon, absolute path
 

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from flexfem.commands import regression, stage, streams, study, validation, verification
-from flexfem.errors import BadInput, ComputationFailed, SourcesChanged
+from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(

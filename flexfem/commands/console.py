@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import typer
 
 from flexfem.commands.streams import raw
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

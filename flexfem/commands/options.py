@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 
 def _usable(folder: Path | None) -> Path | None:

@@ -9,7 +9,7 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.options import Baselines, Json
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 app = typer.Typer()
 

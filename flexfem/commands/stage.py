@@ -9,7 +9,7 @@ import typer
 
 from flexfem.commands import console, tables
 from flexfem.commands.options import Json, Resolution, Stage, Wanted, check_within
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 app = typer.Typer()
 LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.worker import ONE_THREAD
 
 if TYPE_CHECKING:

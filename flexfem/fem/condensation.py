@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.factor import SINGULAR, superlu
+from flexfem.refused import ComputationFailed
 
 FORWARD, BACKWARD, PERMUTE, RESTORE = 4, 5, 7, 8  # CHOLMOD's systems L x = b, L' x = b, x = P b, x = P' b
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem.deck import write_deck
 from flexfem.fem.mesh import StageMesh, run_mesher
 from flexfem.fem.mesher import Export
 from flexfem.fem.plane_stress import Plate
 from flexfem.files.writing import replacing
+from flexfem.refused import BadInput
 
 FORMATS = (".msh", ".vtu", ".inp")
 

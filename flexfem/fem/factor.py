@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 
 from flexfem.arrays import Array, Index
-from flexfem.errors import ComputationFailed
+from flexfem.refused import ComputationFailed
 
 SINGULAR = "finite-element equations singular to working precision: a part is not held, or a neck too thin"
 

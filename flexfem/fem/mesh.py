@@ -14,10 +14,10 @@ from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.clock import Limit, Stopwatch
-from flexfem.errors import ComputationFailed, SourcesChanged
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesher import Export
 from flexfem.fem.triangle import NODES, determinants
+from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.checks import check_feasible

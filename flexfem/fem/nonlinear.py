@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, slopes_of, stress_tensor
 from flexfem.fem.tangent import (
@@ -25,6 +24,7 @@ from flexfem.fem.tangent import (
     strain_rate,
     tangent,
 )
+from flexfem.refused import ComputationFailed
 
 ITERATIONS = 25  # for one load step
 ALL_ITERATIONS = 1000  # for one load; a stage takes 4 to 6

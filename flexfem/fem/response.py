@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.assembly import tied_lower
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.origin import located
 from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane

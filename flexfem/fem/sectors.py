@@ -17,7 +17,6 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Index
 from flexfem.clock import Limit
-from flexfem.errors import ComputationFailed
 from flexfem.fem.drawing import Cone, Job
 from flexfem.fem.mesh import (
     COARSEST,
@@ -31,6 +30,7 @@ from flexfem.fem.mesh import (
     run_mesher,
 )
 from flexfem.fem.mesher import mesh_faces
+from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, turned

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import Pairing, pairing, summed, with_rigid_part
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import StageMesh
@@ -24,6 +23,7 @@ from flexfem.fem.plane_stress import (
     stress_tensor,
 )
 from flexfem.fem.response import Tied, tie_hub
+from flexfem.refused import ComputationFailed
 
 
 def green_lagrange(slopes: Array) -> Array:

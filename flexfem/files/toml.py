@@ -18,7 +18,6 @@ from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
-from flexfem.errors import BadInput
 from flexfem.files.lines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 from flexfem.files.refusals import (
     SHOWN,
@@ -31,6 +30,7 @@ from flexfem.files.refusals import (
     refusal,
     sentence,
 )
+from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
 

@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 
 def check_folder(folder: Path, written: bool = True) -> None:

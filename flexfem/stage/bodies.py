@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.cache import once
 from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.outline import Face, Segment, polyline, reverse

@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexfem.errors import BadInput
 from flexfem.files.refusals import shown
+from flexfem.refused import BadInput
 from flexfem.stage.inside import plain
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Hinge
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.cache import once
 from flexfem.stage.conditions import PLACES, Conditions, conditions, describe

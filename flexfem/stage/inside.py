@@ -22,10 +22,10 @@ from pydantic import (
     ValidationInfo,
 )
 
-from flexfem.errors import BadInput
 from flexfem.files.lines import KeyPath
 from flexfem.files.refusals import dotted, merged, one_line, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Table
+from flexfem.refused import BadInput
 
 INSIDE = "inside units"
 

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexfem.errors import BadInput
 from flexfem.files.lines import KeyPath
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import read_toml
+from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage

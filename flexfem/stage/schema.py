@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.errors import BadInput
 from flexfem.files.dump import toml_text
 from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput
 from flexfem.stage.cache import KEPT, once
 from flexfem.stage.changes import merged_changes
 from flexfem.stage.checks import check_feasible
@@ -122,7 +122,7 @@ class Stage(Dimensioned, Sourced):
         >>> stage.replace(neck=20.0)
         Traceback (most recent call last):
             ...
-        flexfem.errors.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
+        flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
 link, expected < chain.link_width_mm = 9
         """
         origin = self.origin._replace(changed=self.origin.path is not None)

@@ -27,7 +27,7 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     """
     from pyarrow import ArrowException, csv, dataset
 
-    from flexfem.errors import BadInput
+    from flexfem.refused import BadInput
 
     place = Path(path)
     try:

@@ -14,7 +14,7 @@ from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stress import neck_wrenches, peak_stress
 from flexfem.arrays import AnyArray, Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.conditions import Broken, broken, conditions
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.frames import Frames, direction, frames

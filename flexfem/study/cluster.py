@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexfem.clock import Stopwatch
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.files.refusals import one_line
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.pool import Answer, answered, deciding, deciding_sources, outcome_of
 from flexfem.study.rows import Rows

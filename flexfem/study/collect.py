@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from flexfem.errors import BadInput
 from flexfem.files.writing import replacing
+from flexfem.refused import BadInput
 from flexfem.study.collected import FILE, with_derived, with_derived_fields
 from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
 from flexfem.study.status import listed

@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.derived import Judged, judge
 from flexfem.study.parts import KEY
 from flexfem.study.plan import FEASIBLE, RESERVED, LoadedStudy

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.study.keys import Key, keys
 from flexfem.study.plan import LoadedStudy

@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.errors import BadInput
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Table
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Label, Stage
 from flexfem.study.keys import keys, starred
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.cells import cells_of

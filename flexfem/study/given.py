@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.files.refusals import one_line, place_of, shown, suggestion
+from flexfem.refused import BadInput
 from flexfem.study.keys import keys
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.journal import kept_rows
 from flexfem.study.parts import RETRIED, Chunk, Parts, read_part, read_prefix, rows_of
 from flexfem.study.rows import Rows

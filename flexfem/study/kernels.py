@@ -11,7 +11,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.parts import Parts
 
 CURE = "processors differ: OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES, set alike everywhere, make them one"

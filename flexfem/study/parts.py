@@ -24,8 +24,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flexfem.errors import BadInput
 from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample

@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.errors import BadInput
 from flexfem.files.provenance import Sourced, is_assumed
 from flexfem.files.refusals import dotted, place_of, refusal, shown, suggestion
 from flexfem.files.toml import read_toml, validate
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.schema import Label, Stage
 from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation

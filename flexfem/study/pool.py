@@ -9,8 +9,8 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias
 
-from flexfem.errors import BadInput, ComputationFailed, SourcesChanged
 from flexfem.files.refusals import one_line
+from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import manifest
 from flexfem.study.kernels import CURE
 from flexfem.study.plan import LoadedStudy

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
 from flexfem.study.journal import forget_rows, keep_row

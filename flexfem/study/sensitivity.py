@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.outputs import CROSS
 from flexfem.study.percentiles import CONFIDENCE
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.parts import Parts
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.clock import Limit
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import mesh_sectors
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.parts import KEY, PART, Parts
 from flexfem.study.status import chunk_of, names_in
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.collected import counted_doubts
 from flexfem.study.parts import PART, RETRIED, Chunk, Counts, Parts, counts_of_table, read_counts, read_part
 from flexfem.study.shard import WHOLE, Shard

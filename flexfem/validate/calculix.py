@@ -35,11 +35,11 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.deck import UNIT_LOADS, write_deck
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, stress_tensor
 from flexfem.fem.response import platform_response
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.validate.answer import Answer
 
 INTEGRATION = 2  # degree of the quadrature that has CalculiX's points

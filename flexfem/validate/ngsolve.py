@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.validate.answer import Answer
 
 MORE_ORDERS = 4  # of integration; measured with two triangles across a neck: 2 leave 6e-11 of the pose, 4 leave 3e-13

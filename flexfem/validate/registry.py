@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flexfem.errors import BadInput
 from flexfem.files.markdown import markdown_table
 from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput
 from flexfem.validate import beams, curved, elastica, holes, invariants, manufactured, membranes, notches, taylor
 from flexfem.validate.finding import Finding
 

@@ -12,11 +12,11 @@ from pydantic import AfterValidator, Field, model_validator
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.analytic.notch import formula
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table, validate
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.schema import Label, Stage
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction

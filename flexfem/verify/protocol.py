@@ -12,11 +12,11 @@ from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
 from flexfem.files.provenance import doubts
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning

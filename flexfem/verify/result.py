@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flexfem.arrays import AnyArray
-from flexfem.errors import BadInput
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import read_arrays, write_atomically
+from flexfem.refused import BadInput
 from flexfem.verify.case import Analysis, Direction
 from flexfem.verify.convergence import Verdict
 

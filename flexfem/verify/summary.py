@@ -12,8 +12,8 @@ from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, hin
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stress import neck_stress, neck_wrenches
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem.response import load_case
+from flexfem.refused import BadInput
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
 from flexfem.verify import warning

@@ -19,7 +19,7 @@ from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import AnalyticResult, analyse
 from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import LENGTH, STRESS
 

@@ -11,9 +11,9 @@ from flexfem.analytic.chart import beam_integrals, hinge_chart, read_patch
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import analyse
 from flexfem.analytic.notch import FORMULAS, formula, over_calibrated
-from flexfem.errors import BadInput
 from flexfem.fem.chart import LOW, RATIOS, chart_path
 from flexfem.fem.hinge import Hinge, sample
+from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 
 ROOT = Path(__file__).parents[2]

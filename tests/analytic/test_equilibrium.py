@@ -11,7 +11,7 @@ from flexfem.analytic.equilibrium import at_pose, close_loops, under_load
 from flexfem.analytic.kinematics import chain_poses
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.stiffness import mechanism, stiffness
-from flexfem.errors import ComputationFailed
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import frames
 
 TANGENT = 1e-6  # truncation of the central difference is below 1e-7 for a step of 1e-4 of the load

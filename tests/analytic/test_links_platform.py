@@ -12,7 +12,7 @@ from flexfem.analytic import platform
 from flexfem.analytic.boundary import displacements
 from flexfem.analytic.model import hinge_compliance
 from flexfem.analytic.platform import _body, _circulant, _half_hinge, platform_compliance
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import pytest
 
 from flexfem.analytic.kinematics import joints_of
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY, freedoms_of, gruebler_kutzbach, mobility, stage_freedoms
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 
 @pytest.mark.parametrize("expected", [3, 6, 12, 21])

@@ -8,7 +8,7 @@ import pytest
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.notch import FORMULAS, formula
 from flexfem.analytic.serial import serial_stiffness
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import load_stage
 

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from flexfem.analytic.beam import quadrature
 from flexfem.analytic.notch import FORMULAS, ChartedFormula, formula
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3
 G = E / (2.0 * (1.0 + NU))

@@ -13,7 +13,7 @@ from flexfem.commands.baseline import gates, store
 from flexfem.commands.baseline.leaves import at, leaves, named
 from flexfem.commands.baseline.meshes import committed_mesh, read_mesh, write_mesh
 from flexfem.commands.baseline.records import meshes, plain, sections
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
 ACCEPTED = sorted((ROOT / "tests/baselines").glob("*.json"))

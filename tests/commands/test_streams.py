@@ -13,9 +13,9 @@ import pytest
 
 from flexfem.clock import Stopwatch
 from flexfem.commands.streams import Plain
-from flexfem.errors import BadInput
 from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput
 from flexfem.sources import _Loader, child_command, hashes
 
 PITFALLS = [

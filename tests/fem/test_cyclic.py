@@ -10,12 +10,12 @@ import pytest
 
 import flexfem.fem.cyclic
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response, rotation, under_loads
 from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
 from flexfem.fem.sectors import Sector, mesh_sectors
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

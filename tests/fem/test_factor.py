@@ -11,9 +11,9 @@ import pytest
 import scipy.sparse as sp
 
 import flexfem.fem.condensation
-from flexfem.errors import ComputationFailed
 from flexfem.fem.condensation import condense
 from flexfem.fem.factor import Solve, cholmod, dense, factorise, superlu
+from flexfem.refused import ComputationFailed
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
 NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt is optional")

@@ -14,7 +14,6 @@ import pytest
 from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import (
     StageMesh,
@@ -28,6 +27,7 @@ from flexfem.fem.mesh import (
     run_mesher,
     sector_job,
 )
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import BODIES, draw_sector
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned

@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem import nonlinear
 from flexfem.fem.mesh import StageMesh, build_mesh, jacobians
 from flexfem.fem.nonlinear import equilibrium, imposed
@@ -39,6 +38,7 @@ from flexfem.fem.tangent import (
     tangent,
     tangent_matrices,
 )
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import CHAIN_TURN, turned
 
 PRINTED = 6e-6  # half a unit in the fifth decimal, and one more for how the table was rounded

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.errors import ComputationFailed
 from flexfem.fem.assembly import blocks, stiffness_matrix, with_rigid_part
 from flexfem.fem.mesh import StageMesh, ordered
 from flexfem.fem.plane_stress import Plate, integration, internal_forces
@@ -21,6 +20,7 @@ from flexfem.fem.response import (
     platform_response,
     tie_hub,
 )
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import flexfem.fem.sectors
-from flexfem.errors import ComputationFailed
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.mesh import MeshTimeout, estimate_triangles, run_mesher
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.plane_stress import integration
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
+from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import area

@@ -12,7 +12,6 @@ import pytest
 from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
-from flexfem.errors import BadInput
 from flexfem.plot.numbers import SPACE
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study import Source, front_of, map_of, named, scatters_of, shares_of, write_study_figures
@@ -20,6 +19,7 @@ from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_
 from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
 from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, histogram, limits, sensitivity_figure
+from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.collected import StudyTable
 from flexfem.study.factors import Factor, columns_of

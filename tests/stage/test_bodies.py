@@ -12,7 +12,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.bodies import BODIES, centrelines, draw_sector, necks, notch_side, turn
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, stage_frames

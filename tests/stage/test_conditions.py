@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.conditions import PAIRS, broken, conditions, describe
 from flexfem.stage.feasibility import check_closed_form
 from flexfem.stage.frames import frames, stage_frames

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible, load_feasible
 from flexfem.stage.schema import Stage
 

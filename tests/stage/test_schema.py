@@ -18,10 +18,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from flexfem.errors import BadInput
 from flexfem.files.lines import MAX_DEPTH, KeyPath
 from flexfem.files.provenance import key_paths, numeric_key_paths, provenance_of
 from flexfem.files.toml import MAX_BYTES, read_toml
+from flexfem.refused import BadInput
 from flexfem.stage.schema import (
     CHAINS,
     HINGE_NAMES,

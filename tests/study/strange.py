@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesher import Job, mesh_faces
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.outline import Face, Segment
 from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool

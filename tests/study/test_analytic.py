@@ -17,7 +17,7 @@ from flexfem.analytic.serial import chain_compliance
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
 from flexfem.analytic.stress import concentration, neck_wrenches, peak_stress
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.bodies import draw_sector
 from flexfem.stage.feasibility import check_closed_form, check_feasible
 from flexfem.stage.frames import stage_frames

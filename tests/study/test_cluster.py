@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.cluster import DaskPool
 
 ADDRESS = "tcp://127.0.0.1:8786"

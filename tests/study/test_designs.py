@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.schema import HINGE_NAMES, load_stage
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.keys import keys

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.given import given_of
 from flexfem.study.plan import LoadedStudy

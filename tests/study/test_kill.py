@@ -16,7 +16,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flexfem.errors import ComputationFailed
+from flexfem.refused import ComputationFailed
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
 from flexfem.study.parts import parts_of

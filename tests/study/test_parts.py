@@ -17,7 +17,7 @@ import pytest
 
 from flexfem.commands.study import collect as collect_command
 from flexfem.commands.study import status
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
 from flexfem.study.parts import COUNTS, KEY, kind_of, parts_of, read_part, sweep, write_part

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Override
 from flexfem.study.keys import keys
 from flexfem.study.plan import load_study

@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexfem.commands.progress import said
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.collect import collect
 from flexfem.study.kernels import release_folder
 from flexfem.study.parts import parts_of, read_part

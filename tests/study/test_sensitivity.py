@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.collected import StudyTable
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import sample

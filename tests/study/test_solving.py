@@ -11,11 +11,11 @@ import pytest
 import flexfem.fem.sectors
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import MeshTimeout
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.study.collect import check_target, collect, table_path
 from flexfem.study.collected import read_table
 from flexfem.study.parts import PARQUET, Parts, parts_of, table_of, write_part

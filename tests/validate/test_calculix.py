@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage
 from flexfem.validate import calculix
 from flexfem.validate.compare import cross_check, thin_tolerance

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
 from flexfem.fem.deck import write_deck
+from flexfem.refused import BadInput
 
 FIELD = 20  # characters that CalculiX reads of a field
 WRITTEN = 1e-11  # of coordinates up to 70 mm: twelve digits

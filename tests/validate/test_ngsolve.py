@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
 from flexfem.fem.response import platform_response
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.validate import ngsolve
 from flexfem.validate.compare import FULL, NGSOLVE, Check, cross_check, field_difference, pose_difference

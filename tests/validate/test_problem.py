@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.errors import BadInput
 from flexfem.fem.grids import mapped, on_chords
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration
@@ -28,6 +27,7 @@ from flexfem.fem.problem import (
     solve,
     uniform,
 )
+from flexfem.refused import BadInput
 from flexfem.validate import beams, curved, holes, invariants, manufactured
 from flexfem.validate.finding import extrapolated, finding, order
 from flexfem.validate.registry import BenchmarkTable, markdown_page, run_benchmarks, write_benchmarks

@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import analyse
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.stage.feasibility import load_feasible
 from flexfem.verify import budget as module
 from flexfem.verify.budget import budget, thick_compliance

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.errors import BadInput
 from flexfem.fem.response import load_case
 from flexfem.plot.page import markdown_report
+from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage

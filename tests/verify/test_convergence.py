@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from flexfem.errors import BadInput
+from flexfem.refused import BadInput
 from flexfem.verify.converge import checked_resolutions
 from flexfem.verify.convergence import grid_convergence, levels
 

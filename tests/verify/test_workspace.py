@@ -10,9 +10,9 @@ import pytest
 from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.second_order import tangents
-from flexfem.errors import ComputationFailed
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
+from flexfem.refused import ComputationFailed
 from flexfem.stage.feasibility import load_feasible
 from flexfem.verify import workspace as module
 from flexfem.verify.case import DIRECTIONS

@@ -21,9 +21,9 @@ from flexfem.commands.baseline.leaves import Leaf, leaves, named
 from flexfem.commands.baseline.meshes import COARSE, committed_mesh, mesh_name
 from flexfem.commands.baseline.sources import Kind, kind_of
 from flexfem.commands.console import plain
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify import budget, workspace

@@ -13,8 +13,8 @@ from pydantic import BaseModel
 
 from flexfem.commands.baseline.gates import MISSING
 from flexfem.commands.baseline.leaves import Leaf, leaves, named, printable
-from flexfem.errors import BadInput
 from flexfem.files.toml import read_toml, validate
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import Case
 from flexfem.verify.claims import Claims

@@ -16,8 +16,8 @@ from flexfem.commands.baseline.leaves import Leaf
 from flexfem.commands.baseline.meshes import committed_mesh, mesh_keys
 from flexfem.commands.baseline.records import meshes, record, settings
 from flexfem.commands.baseline.sources import DATA, Change, Keys, Kind, changes, inputs_of, kind_of
-from flexfem.errors import BadInput, ComputationFailed
 from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.result import Record, stamp, versions
 

@@ -1,14 +1,7 @@
-"""The ways flexfem refuses: what the user gave is wrong, the computation cannot be trusted, or its code has changed.
-
-Python puts this module in the place of the function `flexfem.errors` as soon as it is loaded; so it answers calls as
-that function does.
-"""
+"""The ways flexfem refuses: what the user gave is wrong, the computation cannot be trusted, or its code has changed."""
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 
@@ -18,6 +11,7 @@ class BadInput(Exception):  # noqa: N818  the exit code says error, the name say
     reason : the text without file and line, where they stand in front.   located : whether they do.
     """
 
+    __module__ = "flexfem"  # where users find it
     located = False
 
     def __init__(self, text: str, place: str = "") -> None:
@@ -34,12 +28,3 @@ class ComputationFailed(Exception):  # noqa: N818
 
 class SourcesChanged(Exception):  # noqa: N818
     """flexfem's own sources were edited under a command; its text is one line, and the exit code is 1."""
-
-
-class _Callable(ModuleType):
-    def __call__(self, *args: Any, **named: Any) -> Any:
-        """As `flexfem.api.errors`, which see."""
-        return import_module(".api", "flexfem").errors(*args, **named)
-
-
-sys.modules[__name__].__class__ = _Callable
