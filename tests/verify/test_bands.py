@@ -161,4 +161,5 @@ def test_bands_hold_the_truth_on_stages_never_seen(monkeypatch):
 
     made = solved_stages([7919], 10)
     found = np.array([of_stage(*each) for each in zip(*made[:3], strict=True)])
-    assert np.mean(found[:, ALONG] >= 1) >= 0.95 and np.mean(found[:, ~ALONG] >= 1) >= 0.95
+    along, across = (np.sum(found[:, where] >= 1) for where in (ALONG, ~ALONG))
+    assert along >= 27 and across >= 55  # of 30 and 60: as often as that if 95 % hold, with a probability of 0.94, 0.92
