@@ -57,13 +57,14 @@ def budget(
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
     from flexfem.stage.feasibility import load_feasible
+    from flexfem.units import unit_of
     from flexfem.verify import budget as verify
     from flexfem.verify.case import Direction
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
-    amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), 1e-3 * amplitude_um)
-    amplitudes["theta"] = 1e-3 * amplitude_mrad
+    amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), amplitude_um / unit_of("amplitude_um").factor)
+    amplitudes["theta"] = amplitude_mrad / unit_of("amplitude_mrad").factor
     found = verify.budget(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
