@@ -25,10 +25,12 @@ if TYPE_CHECKING:
     from flexfem.api import solve as solve
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
+    from flexfem.stage.materials import Material as Material
+    from flexfem.stage.materials import materials as materials
+    from flexfem.stage.materials import register_material as register_material
     from flexfem.stage.schema import Chain as Chain
     from flexfem.stage.schema import Hinge as Hinge
     from flexfem.stage.schema import Hinges as Hinges
-    from flexfem.stage.schema import Material as Material
     from flexfem.stage.schema import Override as Override
     from flexfem.stage.schema import Platform as Platform
     from flexfem.stage.schema import Stage as Stage
@@ -38,7 +40,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "api": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
     "refused": ("BadInput", "ComputationFailed"),
-    "stage.schema": ("Chain", "Hinge", "Hinges", "Material", "Override", "Platform", "Stage"),
+    "stage.materials": ("Material", "materials", "register_material"),
+    "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
     "analytic.notch": ("formulas", "register_formula"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])

@@ -7,6 +7,7 @@ import doctest
 import itertools
 import os
 import pickle
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -17,7 +18,9 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem import own
 from flexfem.analytic.notch import FORMULAS
+from flexfem.stage.materials import REGISTERED
 
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
@@ -49,8 +52,9 @@ def generic(**changes):
 
 
 @pytest.fixture(autouse=True)
-def formulas_of_this_test_alone():
-    with patch.dict(FORMULAS):
+def formulas_and_materials_of_this_test_alone():
+    flexfem.materials()  # what is shipped is read once
+    with patch.dict(FORMULAS), patch.dict(REGISTERED):
         yield
 
 
@@ -296,6 +300,23 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert "range at yield" in capsys.readouterr().out
 
 
+def test_what_is_wrong_in_a_users_file_is_said_with_its_line(tmp_path, monkeypatch):
+    numbers = "youngs_modulus=7e4, poissons_ratio={}, yield_strength=400.0, density=2700.0, source='a test'"
+    wrong = {
+        f"\n\nflexfem.register_material('bad', {numbers.format(0.5)})": "material 'bad': poissons_ratio = 0.5, exp",
+        "\n\nflexfem.register_formula('koster', abs, source='a', valid=(0.1, 1))": "hinge formula 'koster' is known",
+        "\ndef f():\n    return 1 / 0\nf()": "ZeroDivisionError: division by zero, expected Python that registers",
+        "\n\nx =": "SyntaxError: invalid syntax",
+    }
+    for text, said in wrong.items():
+        path = tmp_path / "own.py"
+        path.write_text(f"import flexfem{text}\n")
+        monkeypatch.setenv(own.VARIABLE, "")
+        with pytest.raises(flexfem.BadInput) as refused:
+            own.use(path)
+        assert str(refused.value).startswith(f"{path}, line 3: {said}") and "\n" not in str(refused.value)
+
+
 def test_stage_and_displacement_draw_on_given_axes(stage, fe):
     from matplotlib.figure import Figure
 
@@ -312,6 +333,9 @@ import flexfem
 def rotation(ratio):
     return 0.5 / (0.093 * np.sqrt(0.5 * ratio) * ratio**2)
 flexfem.register_formula("half-koster", rotation, source="a test", valid=(0.02, 1.0))
+flexfem.register_material("own metal", youngs_modulus=143.4e3, poissons_ratio=0.33, yield_strength=503.0,
+    density=2810.0, source="a test")
+assert {"half-koster", "koster"} < set(flexfem.formulas()) and "own metal" in flexfem.materials()
 """
 WITH_OWN = """name = "own formula"
 stage = "stage.toml"
@@ -328,11 +352,13 @@ values = [9.0, 10.0]
 """
 
 
-def test_commands_and_the_workers_of_a_study_take_a_users_formula_from_a_file(tmp_path):
-    """Twice as stiff as by Koster's, so it errs twice as far; the file counts among the versions of the answers."""
+def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_from_a_file(tmp_path):
+    """Twice as stiff as by Koster's, so it errs twice as far; of a metal twice as stiff, which errs as far."""
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "study.toml").write_text(WITH_OWN)
-    (tmp_path / "stage.toml").write_text((ROOT / "geometry" / "mobility3.toml").read_text())
+    reference = ROOT / "geometry" / "mobility3.toml"
+    text = re.sub(r"(\[material\]\nname = ).*\n(?:.+\n){4}", r'\1"own metal"\n', reference.read_text())
+    (tmp_path / "stage.toml").write_text(text)
 
     def run(*arguments):
         command = [sys.executable, "-m", "flexfem", *map(str, arguments)]
@@ -342,11 +368,15 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_from_a_file(tm
 
     refused = run("--with", "none.py", "stiffness", "stage.toml")
     assert refused.returncode == 2 and "none.py: cannot be read: No such file" in refused.stderr
+    with pytest.raises(flexfem.BadInput, match="registered material"):
+        flexfem.load(tmp_path / "stage.toml")
     for step in (("run",), ("collect", "--to", "out/study.parquet")):
         done = run("--with", "own.py", "study", step[0], "study.toml", "--output", "out", *step[1:])
         assert done.returncode == 0, done.stderr
-    place, koster = tmp_path / "out/study.parquet", flexfem.load(tmp_path / "stage.toml")
+    place, koster = tmp_path / "out/study.parquet", flexfem.load(reference)
     table, expected = flexfem.study.table(place), flexfem.errors(koster, 3, "koster", resolution=4).percent[0, 0]
+    softer = flexfem.solve(koster, 4).stiffness[0, 0]
+    np.testing.assert_allclose(table["kxx_n_per_mm"], [1.8 * softer, 2.0 * softer], rtol=5e-3)
     np.testing.assert_allclose(100 + table["error_x_percent"], 2 * (100 + expected), rtol=5e-3)  # other meshes
     assert table["thickness_mm"].tolist() == [9.0, 10.0] and set(table["status"]) == {"ok"}
     assert flexfem.study.table(place, as_arrow=True).num_rows == 2

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic import beam, own
+from flexfem import own
+from flexfem.analytic import beam
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.chart import hinge_chart
 from flexfem.arrays import Array

@@ -39,11 +39,11 @@ def _common(
     ] = False,
     formulas: Annotated[
         Path | None,
-        typer.Option("--with", metavar="FILE", help="Python file that registers hinge formulas; it is run."),
+        typer.Option("--with", metavar="FILE", help="Python file, run to register formulas and materials."),
     ] = None,
 ) -> None:
     if formulas is not None:
-        from flexfem.analytic.own import use
+        from flexfem.own import use
 
         use(formulas)
 

@@ -112,6 +112,8 @@ def print_summary(of: Answer) -> None:
     if of["accuracy"]:
         out.print(of["accuracy"])
     out.print("safe range: the other directions held, until the first neck yields; force: along the displacement there")
+    for source in dict.fromkeys(of["material"].values()):
+        out.print(f"{', '.join(key for key, text in of['material'].items() if text == source)}: {source}")
     _print_ending(out, of)
 
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from flexfem.files.refusals import shown
 from flexfem.refused import BadInput
 from flexfem.stage.inside import plain
+from flexfem.stage.materials import with_changes
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Hinge
 
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without naming the table
@@ -25,6 +26,10 @@ def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
         value = given.pop(name)
         by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
         content = _merge(content, {"hinges": {hinge: {name: each} for hinge, each in by_hinge.items()}})
+    if "material" in given:
+        value = given.pop("material")
+        named = {"name": value} if isinstance(value, str) else value
+        content["material"] = with_changes(content["material"], value) if isinstance(value, dict) else named
     if isinstance(given.get("override"), dict):
         content["override"] = _overridden(content.get("override", []), given.pop("override"))
     return dict(_merge(content, given))

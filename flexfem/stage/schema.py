@@ -27,6 +27,8 @@ from flexfem.stage.cache import KEPT, once
 from flexfem.stage.changes import merged_changes
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
+from flexfem.stage.materials import Material as Material
+from flexfem.stage.materials import source_of
 from flexfem.stage.origin import Origin
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
@@ -34,7 +36,6 @@ from flexfem.stage.tables import Chain as Chain
 from flexfem.stage.tables import Hinge as Hinge
 from flexfem.stage.tables import HingeName as HingeName
 from flexfem.stage.tables import Hinges as Hinges
-from flexfem.stage.tables import Material as Material
 from flexfem.stage.tables import Override as Override
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
@@ -83,6 +84,15 @@ class Stage(Dimensioned, Sourced):
     platform: Platform
     override: tuple[Override, ...] = ()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _registered_material_has_its_source(cls, data: Any) -> Any:
+        material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
+        source = source_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
+        if source is None or not isinstance(stated, dict | None):
+            return data
+        return data | {"provenance": {"material": source} | (stated or {})}
+
     @model_validator(mode="after")
     def _overrides_each_hinge_once(self) -> Stage:
         seen: dict[tuple[int, str], int] = {}
@@ -103,10 +113,10 @@ class Stage(Dimensioned, Sourced):
         Parameters
         ----------
         **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are: `thickness=12.0`,
-            `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`. `radius`, `neck`, `prismatic` and `axis`
-            are those of the hinges, one value for all three or by name, `neck={"elbow": 0.4}`; a hinge with an override
-            keeps it. One of the nine hinges alone: `override={(2, "elbow"): {"neck": 0.52}}`; a sequence replaces all
-            overrides.
+            `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"` takes a registered
+            one. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by name,
+            `neck={"elbow": 0.4}`; a hinge with an override keeps it. One of the nine hinges alone:
+            `override={(2, "elbow"): {"neck": 0.52}}`; a sequence replaces all overrides.
 
         Raises
         ------
@@ -152,9 +162,11 @@ link, expected < chain.link_width_mm = 9
         """The provenance of a changed stage: values that differ have no source of this one's."""
         before, after = values_by_key(self), values_by_key(changed)
         different = [key for key, value in after.items() if before.get(key) != value]
-        return dict(changed.provenance) | {
-            key: "replaced in Python" for key in different if provenance_of(changed, key) is not None
-        }
+        replaced = {key: "replaced in Python" for key in different if provenance_of(changed, key) is not None}
+        found, source = dict(changed.provenance) | replaced, source_of(changed.material.name)
+        if source is None or changed.material == self.material:
+            return found
+        return {"material": source} | {key: text for key, text in found.items() if not key.startswith("material")}
 
     def to_toml(self) -> str:
         """The text of a stage file that reads back as an equal stage, with the same hash, bit for bit."""

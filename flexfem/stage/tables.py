@@ -1,7 +1,6 @@
-"""The tables of a stage: material, chain, hinges, platform and overrides, in N-mm-MPa-rad.
+"""The tables of a stage: chain, hinges, platform and overrides, in N-mm-MPa-rad.
 
-File keys end in their unit; the attributes carry none and hold inside units (the file's GPa become MPa, its degrees
-radians; density stays in kg/m^3).
+File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
 """
 
 from __future__ import annotations
@@ -11,8 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 from pydantic import Field, model_validator
 
 from flexfem.files.refusals import refusal
-from flexfem.files.toml import Label
-from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus
+from flexfem.stage.inside import Angle, Dimensioned, Length
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -21,16 +19,6 @@ HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
 CHAINS = (1, 2, 3)
-
-
-class Material(Dimensioned):
-    """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3."""
-
-    name: Label
-    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa")
-    poissons_ratio: float = Field(ge=0, lt=0.5)
-    density: float = Field(alias="density_kg_m3", gt=0)
-    yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
 
 
 class Chain(Dimensioned):

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve, solve_triangular
 from scipy.special import ndtri
 
-from flexfem.analytic.own import own_hash
+from flexfem.own import own_hash
 from flexfem.sources import PACKAGE, hashes, require_unchanged
 from flexfem.study.closure import closure
 

@@ -13,6 +13,7 @@ from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stress import neck_stress, neck_wrenches
 from flexfem.arrays import Array
 from flexfem.fem.response import load_case
+from flexfem.files.provenance import provenance_of
 from flexfem.refused import BadInput
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
@@ -54,7 +55,10 @@ class ModelSummary(Record):
 
 
 class Summary(Record):
-    """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked."""
+    """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked.
+
+    material : source of every number of the material, by key path of the stage file.
+    """
 
     name: str
     file: str
@@ -62,6 +66,7 @@ class Summary(Record):
     model: str
     mobility: int
     yield_strength: float
+    material: dict[str, str]
     analytic: ModelSummary
     elements: ModelSummary | None
     accuracy: str
@@ -99,6 +104,9 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
         model=stage.model,
         mobility=stage.mobility,
         yield_strength=stage.material.yield_strength,
+        material={
+            key: provenance_of(stage, key) or "not stated" for key in stage.numbers if key.startswith("material")
+        },
         analytic=analytic,
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(formula),

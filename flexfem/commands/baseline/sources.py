@@ -74,12 +74,12 @@ def keys_of(path: Path) -> Keys:
 
 def _completed(table: BaseModel, data: Mapping[str, Any]) -> dict[str, Any]:
     """What a file says, with the values of the keys that it leaves to their defaults."""
-    found = dict(data)
+    found, stated = dict(data), table.model_dump(by_alias=True)
     for name, field in type(table).model_fields.items():
         key, value = field.alias or name, getattr(table, name)
         if key not in data:
             if isinstance(value, str | float | int):
-                found[key] = value
+                found[key] = stated[key]
         elif isinstance(value, BaseModel):
             found[key] = _completed(value, data[key])
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
