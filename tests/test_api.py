@@ -111,7 +111,7 @@ def test_every_stage_is_written_and_read_back_bit_for_bit(tmp_path):
             thickness=rng.uniform(1, 12),
             name='quoted "é" \\ ' + str(k),
             axis={"platform": 1.57 + rng.uniform(-0.2, 0.2)},
-            provenance={"override[0].neck_mm": "assumed: drawn"},
+            provenance={"override.3.elbow.neck_mm": "assumed: drawn"},
         )
         drawn.save(tmp_path / "stage.toml")
         read = flexfem.load(tmp_path / "stage.toml")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
+
+from flexfem.files.keypath import KeyPath
 
 MAX_DEPTH = 32  # keys and brackets on the way to a value; the deepest shipped file has four
-
-KeyPath: TypeAlias = tuple[str | int, ...]
 
 
 class LineIndex(NamedTuple):

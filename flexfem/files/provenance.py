@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from flexfem.files.keypath import KeyPath, key_path, path_of
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table
 
@@ -30,7 +30,8 @@ class Sourced(Table):
         known = key_paths(self)
         for key in self.provenance:
             if key not in known:
-                raise refusal(f"a key path of this file{suggestion(key, known)}", "provenance", key)
+                close = _as_written_now(self, key, known) or suggestion(key, known)
+                raise refusal(f"a key path of this file{close}", "provenance", key)
         return self
 
     @property
@@ -80,35 +81,48 @@ def values_by_key(file: Table) -> dict[str, Any]:
 
 
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
-    """Return the key paths of all measured numbers the file gives; `override[0].chain` is an address, not a number."""
+    """Return the key paths of all measured numbers the file gives; the chain of an override is none."""
     return tuple(path for path, value in _walk(file) if _is_number(value))
 
 
-def provenance_of(file: Sourced, key_path: str) -> str | None:
-    """Return where the value at `key_path` comes from, by its own provenance or else its nearest table's, or None.
+def provenance_of(file: Sourced, key: str) -> str | None:
+    """Return where the value at a key path comes from, by its own provenance or else its nearest table's, or None.
 
     Raises
     ------
     KeyError
         The file gives no such key.
     """
-    if key_path not in key_paths(file):
-        raise KeyError(key_path)
-    while key_path and key_path not in file.provenance:
-        key_path = re.sub(r"(^|\.)[^.\[]+$|\[\d+\]$", "", key_path)
-    return file.provenance.get(key_path)
+    if key not in key_paths(file):
+        raise KeyError(key)
+    parts = path_of(key)
+    ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
+    return next((file.provenance[way] for way in ways_up if way in file.provenance), None)
 
 
-def _walk(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _as_written_now(file: Table, key: str, known: Iterable[str]) -> str:
+    """What to write instead of a key path that goes by a place where its member goes by what it is about."""
+    try:
+        now = key_path(path_of(key), file)
+    except ValueError:
+        return ""
+    return f", did you mean {now}?" if now in known else ""
+
+
+def _walk(file: BaseModel) -> Iterator[tuple[str, Any]]:
+    return ((key_path(path, file), value) for path, value in _members(file, ()))
+
+
+def _members(table: BaseModel, above: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
     for name, field in type(table).model_fields.items():
         if name in table.model_fields_set and name != "provenance":
-            path, value = prefix + (field.alias or name), getattr(table, name)
+            path, value = (*above, field.alias or name), getattr(table, name)
             yield path, value
             if isinstance(value, BaseModel):
-                yield from _walk(value, f"{path}.")
+                yield from _members(value, path)
             for index, item in enumerate(value if _is_table(value) and isinstance(value, tuple) else ()):
-                yield f"{path}[{index}]", item
-                yield from _walk(item, f"{path}[{index}].")
+                yield (*path, index), item
+                yield from _members(item, (*path, index))
 
 
 def _is_table(value: Any) -> bool:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import difflib
 import json
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from flexfem.files.lines import MAX_DEPTH, KeyPath
+from flexfem.files.keypath import KeyPath, as_key, key_path
+from flexfem.files.lines import MAX_DEPTH
 
 SHOWN = 60  # characters of a value or key in a message
 
@@ -38,12 +38,6 @@ def one_line(text: str, limit: int | None = None) -> str:
 def shown(value: Any) -> str:
     """Return `value` as TOML on one line of at most `SHOWN` characters."""
     return one_line(_as_toml(value), SHOWN)
-
-
-def dotted(path: KeyPath) -> str:
-    """Return a key path as it is written in messages: `hinges.base.neck_mm`, `override[0].chain`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{_as_key(part)}" for part in path)
-    return "".join(parts).removeprefix(".")
 
 
 def place_of(path: str | os.PathLike[str], line: int | None = None) -> str:
@@ -93,7 +87,7 @@ def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
         return Problem(kind, (*path, details["loc"][-1]), "")
     value = _value_at(path, data)
     if kind == "tuple_type" and isinstance(value, dict):
-        return Problem(kind, path, f"an array of tables, [[{dotted(path)}]]")
+        return Problem(kind, path, f"an array of tables, [[{key_path(path)}]]")
     if kind == "float_type" and isinstance(value, int) and not isinstance(value, bool):
         return Problem(kind, path, "a number below 1e308")
     limits = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()}
@@ -134,13 +128,13 @@ def merged(problems: list[Problem]) -> list[Problem]:
     return list(kept.values())
 
 
-def needed(problem: Problem, model: type[BaseModel]) -> list[str]:
+def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:
     """The keys that a missing key stands for: itself, or all that its table needs."""
     inside = _model_at(model, problem.path)
     if inside is None:
-        return [dotted(problem.path)]
+        return [key_path(problem.path, data)]
     fields = {known.alias or name: known for name, known in inside.model_fields.items() if known.is_required()}
-    return [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model)]
+    return [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
 
 
 def missing_sentence(keys: list[str]) -> str:
@@ -165,7 +159,7 @@ def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
 
 def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any]) -> str:
     """Return what is wrong and what was expected, in the words of the file."""
-    key = dotted(problem.path)
+    key = key_path(problem.path, data)
     if problem.kind == "extra_forbidden":
         known = sorted(_known_keys(model, problem.path[:-1]), key="provenance".__eq__)  # last, as in files
         close = suggestion(str(problem.path[-1]), known)
@@ -196,12 +190,7 @@ def _as_toml(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > 4 * SHOWN:
         return f"{value >> (value.bit_length() - 64)}... ({value.bit_length()} bits)"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_as_key(key)} = {_as_toml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{as_key(key)} = {_as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_as_toml, value)) + "]"
     return str(value)
-
-
-def _as_key(key: str) -> str:
-    is_bare = re.fullmatch(r"[A-Za-z0-9_-]+", key) is not None
-    return one_line(key if is_bare else json.dumps(key, ensure_ascii=False), SHOWN)

@@ -136,7 +136,9 @@ def validate(model_class: type[Model], path: Path) -> Model:
         _refuse_other_kind(model_class, path, data)
         problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
         wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
-        missing = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class)]
+        missing = [
+            key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)
+        ]
         said = [sentence(wrong[0], model_class, data) + _more(len(wrong) - 1)] if wrong else []
         said += [missing_sentence(missing)] if missing else []
         first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -12,6 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexfem.arrays import Array
+from flexfem.files.keypath import path_of
 from flexfem.plot.numbers import SPACE, significant
 from flexfem.study.factors import Column
 from flexfem.study.scheme import Method
@@ -106,9 +106,9 @@ def factor(column: Column) -> Quantity:
 
 def words(key: str) -> str:
     """A key path, without its unit, in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
-    *tables, leaf = key.split(".")
-    leaf = re.sub(r"s?\[(\d)\]$", lambda index: f" {int(index[1]) + 1}", leaf).replace("_", " ")
-    leaf = WORDS.get(leaf, leaf)
+    *tables, last = path_of(key)
+    leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
+    leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
     match tables:
         case ["override", chain, hinge]:
             return f"{leaf}, chain {chain} {hinge}"

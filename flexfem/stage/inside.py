@@ -22,8 +22,8 @@ from pydantic import (
     ValidationInfo,
 )
 
-from flexfem.files.lines import KeyPath
-from flexfem.files.refusals import dotted, merged, one_line, problem_of, refusal, shown, suggestion
+from flexfem.files.keypath import KeyPath, key_path
+from flexfem.files.refusals import merged, one_line, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
 
@@ -130,7 +130,7 @@ def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationEr
     """The first thing wrong, and how many more there are."""
     problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
     first = problems[0]
-    key, more = dotted(first.path), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    key, more = key_path(first.path, given), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     fields = _fields(model, first.path[:-1])
     if first.kind == "missing":
         return f"{key} is missing{more}"

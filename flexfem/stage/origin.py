@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexfem.files.lines import KeyPath
+from flexfem.files.keypath import path_of
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import read_toml
 from flexfem.refused import BadInput
@@ -41,13 +41,8 @@ def _place(origin: Origin, refusal: str) -> str:
     if origin.path is None or origin.changed:
         return str(origin)
     try:
-        return place_of(origin.path, read_toml(origin.path).lines.line(_key_path(refusal)))
+        data, lines = read_toml(origin.path)
+        key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
+        return place_of(origin.path, lines.line(path_of(key[0] if key else "", data)))
     except BadInput:  # gone since
         return place_of(origin.path)
-
-
-def _key_path(refusal: str) -> KeyPath:
-    """Key path that a refusal begins with: `override[0].neck_mm = ...` is ("override", 0, "neck_mm")."""
-    dotted = re.match(r"[\w.\[\]]*", refusal)
-    parts = re.findall(r"\w+", dotted[0]) if dotted else []
-    return tuple(int(part) if part.isdigit() else part for part in parts)

@@ -95,11 +95,10 @@ class Stage(Dimensioned, Sourced):
 
     @model_validator(mode="after")
     def _overrides_each_hinge_once(self) -> Stage:
-        seen: dict[tuple[int, str], int] = {}
-        for index, override in enumerate(self.override):
-            first = seen.setdefault((override.chain, override.hinge), index)
-            if first != index:
-                raise refusal(f"each hinge overridden once, and override[{first}] is the same hinge", "override", index)
+        hinges = [(override.chain, override.hinge) for override in self.override]
+        for index, hinge in enumerate(hinges):
+            if hinge in hinges[:index]:
+                raise refusal("each hinge overridden once", "override", index)
         return self
 
     @cached_property

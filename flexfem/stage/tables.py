@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from pydantic import Field, model_validator
 
+from flexfem.files.keypath import key_path
 from flexfem.files.refusals import refusal
 from flexfem.stage.inside import Angle, Dimensioned, Length
 
@@ -81,8 +82,8 @@ def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
     attribute = key.rsplit("_", 1)[0]
     for index, override in enumerate(stage.override):
         if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
-            return f"override[{index}].{key}"
-    return f"hinges.{hinge}.{key}"
+            return key_path(("override", index, key), stage)
+    return key_path(("hinges", hinge, key))
 
 
 assert get_args(HingeName) == HINGE_NAMES

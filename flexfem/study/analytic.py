@@ -18,10 +18,10 @@ from flexfem.refused import BadInput
 from flexfem.stage.conditions import Broken, broken, conditions
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.frames import Frames, direction, frames
+from flexfem.stage.keys import keys
 from flexfem.stage.schema import HINGE_NAMES, Plane, out_of_plane
 from flexfem.study.derived import refusals_of
 from flexfem.study.designs import Designs, designs_of, stage_of
-from flexfem.study.keys import keys
 from flexfem.study.outputs import common_columns, travel_columns
 from flexfem.study.plan import LoadedStudy
 

@@ -9,9 +9,9 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.stage.keys import Key, keys
 from flexfem.study.designs import designs_of
 from flexfem.study.expression import names_in, value_of
-from flexfem.study.keys import Key, keys
 from flexfem.study.plan import LoadedStudy
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
+from flexfem.stage.keys import Key, keys
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
-from flexfem.study.keys import Key, keys
 from flexfem.study.plan import LoadedStudy
 
 

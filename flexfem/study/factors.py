@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
+from flexfem.stage.keys import keys, meant, starred
 from flexfem.stage.schema import Label, Stage
-from flexfem.study.keys import keys, starred
 
 MANY = 100_000  # values of one factor; more are a range
 MANY_KEYS = 100  # more than the format has
@@ -172,4 +172,4 @@ def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
         raise refusal("no star in keys: all of them take one value", *at)
     if key not in keys():
-        raise refusal(f"a number of the stage format{suggestion(key, keys()) or ', see geometry/README.md'}", *at)
+        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see geometry/README.md'}", *at)

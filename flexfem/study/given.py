@@ -15,7 +15,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, place_of, shown, suggestion
 from flexfem.refused import BadInput
-from flexfem.study.keys import keys
+from flexfem.stage.keys import keys
 
 if TYPE_CHECKING:
     from flexfem.study.factors import Column

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
 from flexfem.study.derived import judge
 from flexfem.study.factors import Factor, columns_of
-from flexfem.study.keys import keys
 from flexfem.study.plan import LoadedStudy
 from flexfem.study.scheme import Sampling
 

@@ -15,18 +15,19 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced, is_assumed
-from flexfem.files.refusals import dotted, place_of, refusal, shown, suggestion
+from flexfem.files.refusals import place_of, refusal, shown, suggestion
 from flexfem.files.toml import read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label, Stage
 from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
 from flexfem.study.expression import names_in
 from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean
 from flexfem.study.figure import Figure
 from flexfem.study.given import Given, given_of
-from flexfem.study.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Method, Sampling
 from flexfem.verify.case import known_formula
@@ -117,7 +118,7 @@ class Study(Sourced):
             for path in factor.paths:
                 first = set_by.setdefault(path, index)
                 if first != index:
-                    raise refusal(f"each key set once, and factor[{first}] sets {path}", "factor", index)
+                    raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
         return self
 
     @model_validator(mode="after")
@@ -290,7 +291,7 @@ def _require_known(expression: str, known: Iterable[str], *at: str | int) -> Non
     names = sorted(known)
     for name in names_in(expression):
         if name not in names:
-            raise refusal(f"columns and keys by name, not {shown(name)}{suggestion(name, names)}", *at)
+            raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, names)}", *at)
 
 
 def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
@@ -319,7 +320,7 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
             columns += [acting(with_mean(column, stage), stage) for column in columns_of([factor])]
         except BadInput as error:
             line = read_toml(path).lines.line(("factor", index))
-            raise BadInput(f"{place_of(path, line)}: factor[{index}].{error}") from None
+            raise BadInput(f"{place_of(path, line)}: {key_path(('factor', index))}.{error}") from None
     loaded = LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem, _given(path, study, columns))
     _require_key_values(loaded)
     return loaded
@@ -346,4 +347,4 @@ def _require_key_values(loaded: LoadedStudy) -> None:
         for name in names_in(expression):
             if name not in named and keys()[name].value_in(loaded.stage) is None:
                 line = read_toml(loaded.path).lines.line(place)
-                raise BadInput(f"{place_of(loaded.path, line)}: {dotted(place)}: the stage has no {name} of its own")
+                raise BadInput(f"{place_of(loaded.path, line)}: {key_path(place)}: the stage has no {name} of its own")

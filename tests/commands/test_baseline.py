@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from flexfem.commands.baseline import gates, store
-from flexfem.commands.baseline.leaves import at, leaves, named
+from flexfem.commands.baseline.leaves import at, leaves
 from flexfem.commands.baseline.meshes import committed_mesh, read_mesh, write_mesh
 from flexfem.commands.baseline.records import meshes, plain, sections
+from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +85,7 @@ NEVER_COMPARED = {"result.written", "result.seconds"} | {
 def test_no_number_and_no_text_can_change_unseen(path):
     record = store.read_baseline(path).record
     moved = {each.name for each in gates.moves(path.stem, record, spoilt(record))}
-    assert {named(leaf) for leaf in leaves(record)} - moved <= NEVER_COMPARED
+    assert {key_path(leaf) for leaf in leaves(record)} - moved <= NEVER_COMPARED
     assert gates.moves(path.stem, record, record) == []
 
 
@@ -124,7 +125,7 @@ LARGEST = {  # part of the number that each kind may move by
 
 def test_no_gate_is_wider_than_its_kind_of_number_needs():
     records = {path.stem: store.read_baseline(path).record for path in ACCEPTED}
-    paths = {stem: {named(path): path for path in leaves(record)} for stem, record in records.items()}
+    paths = {stem: {key_path(path): path for path in leaves(record)} for stem, record in records.items()}
     for (stem, name), largest in LARGEST.items():
         path = paths[stem][name]
         assert 0 < gates.allowed(records[stem], path) <= largest * abs(at(records[stem], path)), name

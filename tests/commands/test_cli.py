@@ -213,7 +213,7 @@ BROKEN = {
     "override deeper than the link": (
         "[provenance]",
         '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
-        "override[0].radius_mm",
+        "override.3.elbow.radius_mm",
     ),
     "hinges too close": ("[30.0, 32.0, 24.0]", "[5.0, 32.0, 24.0]", "closer than their radii"),
     "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),

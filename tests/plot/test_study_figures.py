@@ -20,12 +20,12 @@ from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
 from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, histogram, limits, sensitivity_figure
 from flexfem.refused import BadInput
+from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
 from flexfem.study.collected import StudyTable
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.figure import Figure
 from flexfem.study.findings import Refused, Shown, findings
-from flexfem.study.keys import keys
 from flexfem.study.nominal import nominal, own_values
 from flexfem.study.outputs import outputs_of
 from flexfem.study.percentiles import Percentile

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexfem.plot.numbers import percent, round_factor, scientific, significant
-from flexfem.study.keys import keys
+from flexfem.stage.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.units import (
     COMMANDS,

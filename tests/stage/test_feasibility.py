@@ -42,7 +42,7 @@ IMPOSSIBLE = {
     ),
     "override alone cuts too deep": Impossible(
         {"override": [HARMLESS, override(2, "elbow", radius_mm=4.25)]},
-        ["override[1].radius_mm = 4.25", "notch deeper than the link"],
+        ["override.2.elbow.radius_mm = 4.25", "notch deeper than the link"],
     ),
     "base and elbow closer than their radii": Impossible(
         {"chain.link_lengths_mm": [5.3, 33.5, 25.0]},
@@ -80,7 +80,7 @@ IMPOSSIBLE = {
     ),
     "override alone makes a neck as wide as its link": Impossible(
         {"override": [HARMLESS, override(3, "platform", neck_mm=9.1)]},
-        ["override[1].neck_mm = 9.1", "neck as wide as the link"],
+        ["override.3.platform.neck_mm = 9.1", "neck as wide as the link"],
     ),
     "platform swallows the platform hinge": Impossible(
         {"platform.radius_mm": 23.9},

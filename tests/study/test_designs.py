@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flexfem.refused import BadInput
+from flexfem.stage.keys import keys
 from flexfem.stage.schema import HINGE_NAMES, load_stage
 from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.keys import keys
 from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 20\nseed = 5'

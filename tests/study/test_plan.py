@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from flexfem.refused import BadInput
+from flexfem.stage.keys import keys
 from flexfem.stage.schema import Override
-from flexfem.study.keys import keys
 from flexfem.study.plan import load_study
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
@@ -100,7 +100,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "key a table": ([("hinges.base.neck_mm", "hinges.base")], ["line 13", "hinges.base"]),
     "key an array": ([("hinges.base.neck_mm", "chain.link_lengths_mm")], ["line 13", "mean chain.link_lengths_mm["]),
     "key beyond an array": ([("hinges.base.neck_mm", "chain.link_lengths_mm[3]")], ["line 13", "link_lengths_mm"]),
-    "override as in the stage file": ([("hinges.base.neck_mm", "override[0].neck_mm")], ["line 13", "override"]),
+    "override by place": ([("hinges.base.neck_mm", "override[0].neck_mm")], ["line 13", "mean override.<chain>.<h"]),
     "override of chain 4": ([("hinges.base.neck_mm", "override.4.base.neck_mm")], ["line 13", "mean override."]),
     "star that names nothing": ([("hinges.base.neck_mm", "hinge.*.neck_mm")], ["line 13", "hinges.*.neck_mm"]),
     "stars alone": ([("hinges.base.neck_mm", "***")], ["line 13", "hinges.*.neck_mm"]),

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem import units
-from flexfem.commands.baseline.leaves import Leaf, Path, at, leaves, matches, named, printable
+from flexfem.commands.baseline.leaves import Leaf, Path, at, leaves, matches, printable
+from flexfem.files.keypath import key_path
 
 ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
 
@@ -308,7 +309,7 @@ def moves(file: str, accepted: Any, now: Any) -> list[Move]:
         old, fresh = was.get(path, MISSING), new.get(path, MISSING)
         limit = allowed(accepted, path) if _number(old) and _number(fresh) else None
         if compared(path) and not _stands(path, old, fresh, limit):
-            found.append(Move(file, named(path), old, fresh, limit, rule_of(path).kind.unit(path)))
+            found.append(Move(file, key_path(path), old, fresh, limit, rule_of(path).kind.unit(path)))
     return found
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias
 
+from flexfem.files.keypath import KeyPath
+
 Leaf: TypeAlias = float | int | str | bool | None
-Path: TypeAlias = tuple[str | int, ...]
-PLAIN = re.compile(r"[^.\[\]\"]+")
+Path: TypeAlias = KeyPath
 
 
 def leaves(tree: Any) -> dict[Path, Leaf]:
@@ -32,18 +32,6 @@ def at(tree: Any, path: Path) -> Any:
     for part in path:
         tree = tree[part]
     return tree
-
-
-def named(path: Path) -> str:
-    """A path as in a stage file: `chain.link_lengths_mm[0]`; keys with dots or brackets are quoted."""
-    text = ""
-    for part in path:
-        if isinstance(part, int):
-            text += f"[{part}]"
-        else:
-            key = part if PLAIN.fullmatch(part) else f'"{part}"'
-            text += f".{key}" if text else key
-    return text
 
 
 def printable(line: str) -> str:

@@ -17,12 +17,13 @@ import numpy as np
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.commands import answers
-from flexfem.commands.baseline.leaves import Leaf, leaves, named
+from flexfem.commands.baseline.leaves import Leaf, leaves
 from flexfem.commands.baseline.meshes import COARSE, committed_mesh, mesh_name
 from flexfem.commands.baseline.sources import Kind, kind_of
 from flexfem.commands.console import plain
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
+from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.schema import Stage
@@ -67,7 +68,7 @@ def settings(kind: Kind) -> dict[str, Leaf]:
     }
     of_case = {"committed": {"resolution": COARSE}}
     found = {"stage": of_stage, "case": of_case, "claims": {"resolution": RESOLUTION}}.get(kind, {})
-    return {named(path): value for path, value in leaves(found).items()}
+    return {key_path(path): value for path, value in leaves(found).items()}
 
 
 def meshes(path: Path) -> dict[str, Stage]:

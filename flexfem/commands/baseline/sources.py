@@ -12,7 +12,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from pydantic import BaseModel
 
 from flexfem.commands.baseline.gates import MISSING
-from flexfem.commands.baseline.leaves import Leaf, leaves, named, printable
+from flexfem.commands.baseline.leaves import Leaf, leaves, printable
+from flexfem.files.keypath import key_path
 from flexfem.files.toml import read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
@@ -69,7 +70,7 @@ def keys_of(path: Path) -> Keys:
         data = read_toml(path).data
         if kind in MODELS:
             data = _completed(MODELS[kind](path), data)
-    return {named(key): value for key, value in leaves(data).items()}
+    return {key_path(key, data): value for key, value in leaves(data).items()}
 
 
 def _completed(table: BaseModel, data: Mapping[str, Any]) -> dict[str, Any]:

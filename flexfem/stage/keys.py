@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import problem_of
+from flexfem.files.keypath import ABOUT, KeyPath, key_path, path_of
+from flexfem.files.refusals import problem_of, suggestion
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 
 _PROBE = 0.25  # possible for every key, and a power of two: the unit comes out exact
@@ -93,8 +94,21 @@ def starred(pattern: str) -> tuple[str, ...]:
     *tables, last = pattern.split(".")
     if tables[:1] not in (["hinges"], ["override"]) or "*" in last:
         return ()
-    parts = ["[^.]+" if part == "*" else re.escape(part) for part in (*tables, last)]
-    return tuple(path for path in keys() if re.fullmatch(r"\.".join(parts), path))
+    return tuple(path for path in keys() if _matches(path_of(path), (*tables, last)))
+
+
+def _matches(path: KeyPath, wanted: tuple[str, ...]) -> bool:
+    return len(path) == len(wanted) and all(one in ("*", other) for one, other in zip(wanted, path, strict=True))
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """What may be meant by a name that is no key path, as a refusal goes on; a member of an array goes by no place."""
+    with suppress(ValueError):
+        match path_of(name):
+            case [str(array), int(), *below] if array in ABOUT:
+                about = ".".join(f"<{key}>" for key in ABOUT[array])
+                return f", did you mean {array}.{about}.{key_path(tuple(below))}?"
+    return suggestion(name, known)
 
 
 def _keys() -> Iterator[Key]:
@@ -111,16 +125,16 @@ def _numbers(model: type[BaseModel], table: tuple[str, ...]) -> Iterator[Key]:
             yield from _numbers(kind, (*table, name))
         elif get_origin(kind) is tuple and Ellipsis not in get_args(kind):
             for index, each in enumerate(get_args(kind)):
-                yield _key(f"{'.'.join(path)}[{index}]", table, name, index, each)
+                yield _key((*path, index), table, name, index, each)
         elif _is_float(kind):
             limited = Annotated[kind, *field.metadata] if field.metadata else kind
-            yield _key(".".join(path), table, name, None, limited)
+            yield _key(path, table, name, None, limited)
 
 
 def _is_float(kind: Any) -> bool:
     return kind is float or any(_is_float(inner) for inner in get_args(kind))
 
 
-def _key(path: str, table: tuple[str, ...], attribute: str, index: int | None, kind: Any) -> Key:
+def _key(path: KeyPath, table: tuple[str, ...], attribute: str, index: int | None, kind: Any) -> Key:
     check = TypeAdapter(kind, config=ConfigDict(strict=True, allow_inf_nan=False))
-    return Key(path, table, attribute, index, check, check.validate_python(_PROBE) / _PROBE)
+    return Key(key_path(path), table, attribute, index, check, check.validate_python(_PROBE) / _PROBE)
