@@ -142,8 +142,8 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
     from flexfem.commands.baseline.meshes import write_mesh
-    from flexfem.fem.mesh import build_mesh
     from flexfem.fem.response import tie_hub
+    from flexfem.fem.sectors import build_mesh
     from flexfem.stage.feasibility import load_feasible
 
     path = folder / f"{resolution}.npz"

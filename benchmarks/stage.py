@@ -41,9 +41,10 @@ def run() -> dict[str, float]:
     from flexfem.analytic.model import analyse
     from flexfem.fem.assembly import tied_lower
     from flexfem.fem.factor import factorise
-    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.plane_stress import integration
     from flexfem.fem.response import plate_of, platform_response, tie_hub
+    from flexfem.fem.sectors import build_mesh
     from flexfem.stage.feasibility import load_feasible
     from flexfem.verify.comparison import compare
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flexfem.plot.hinge_chart import HingeReview, ThicknessReview
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.registry import BenchmarkTable
-    from flexfem.verify.protocol import Solved
+    from flexfem.verify.protocol import OnMesh, Solved
 
 Answer = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
@@ -87,7 +87,7 @@ def of_mesh(path: Path, stage: Stage, mesh: StageMesh, resolution: int, output: 
     return _about(path, stage, [], written=str(output), resolution=resolution, **counts)
 
 
-def of_solution(path: Path, stage: Stage, solved: Solved, case: LoadCase, resolution: int) -> Answer:
+def of_solution(path: Path, stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolution: int) -> Answer:
     """What `solve` answers."""
     strength, where = stage.material.yield_strength, "under this load"
     return _about(
@@ -100,7 +100,7 @@ def of_solution(path: Path, stage: Stage, solved: Solved, case: LoadCase, resolu
         units=f"{UNITS}; stress MPa",
         model=stage.model,
         resolution=resolution,
-        triangles=len(solved.mesh.triangles),
+        triangles=solved.triangles,
         unknowns=solved.response.unknowns,
         stiffness=np.linalg.inv(solved.response.compliance),
         compliance=solved.response.compliance,

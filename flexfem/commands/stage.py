@@ -89,7 +89,8 @@ def mesh(
     """Mesh a stage and write it with the groups stage, ground and hub."""
     from flexfem.commands import answers
     from flexfem.fem.export import check_format, write_mesh
-    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.mesh import RESOLUTION
+    from flexfem.fem.sectors import build_mesh
     from flexfem.fem.response import plate_of
     from flexfem.files.writing import check_folder
     from flexfem.stage.feasibility import load_feasible

@@ -13,44 +13,73 @@ must: energy and work then differ by the error of the compliance.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.fem.assembly import tied_lower
 from flexfem.fem.condensation import Condensed, condense
 from flexfem.fem.factor import Solve, dense
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import ElementBatch, Plate, integration, internal_forces
 from flexfem.fem.response import (
     BALANCE,
     MOST_SOLVES,
-    Response,
     Tied,
     check_balance,
     imbalance,
     resultants,
     rigid_motion,
 )
-from flexfem.fem.sectors import Sector
-from flexfem.stage.frames import CHAIN_TURN
+from flexfem.fem.sectors import Sector, welded
+from flexfem.stage.frames import CHAIN_TURN, turned
 
 SETTLED = 0.1 * BALANCE  # refined no further
 
 
-class CyclicResponse(NamedTuple):
+@dataclass(frozen=True)
+class CyclicResponse:
     """Answer of the stage to a unit force in x, in y and a unit moment on the platform, order x, y, theta.
 
-    compliance : (3, 3), mm and rad per N and N mm, as in `response.Response`.
-    sectors, fields : one or three sectors, and the displacements (3 loads, n, 2), mm, of their nodes; the fields are in
-        the frame of chain 1, as the sectors, the loads in that of the stage.
+    As `response.Response`; `mesh` and `fields` of the whole stage are made when they are asked for.
+
+    sectors, sector_fields : one or three sectors, and the displacements (3 loads, n, 2), mm, of their nodes; both are
+        in the frame of chain 1, the loads in that of the stage.
     unknowns : number of equations that the whole stage would have.
     """
 
     compliance: Array
     sectors: tuple[Sector, ...]
-    fields: tuple[Array, ...]
+    sector_fields: tuple[Array, ...]
+    reactions: Array
+    energy: Array
     unknowns: int
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of the whole stage."""
+        return sum(len(sector.mesh.triangles) for sector in self.sectors) * 3 // len(self.sectors)
+
+    @property
+    def mesh(self) -> StageMesh:
+        """The whole stage."""
+        return self._welded[0]
+
+    @cached_property
+    def fields(self) -> Array:
+        """Displacements (3 loads, n, 2), mm, of all nodes of `mesh`."""
+        mesh, places = self._welded
+        fields = np.empty((3, *mesh.nodes.shape))
+        for chain, (place, field) in enumerate(zip(places, under_loads(self.sector_fields), strict=True)):
+            fields[:, place] = turned(field, chain * CHAIN_TURN)
+        return fields
+
+    @cached_property
+    def _welded(self) -> tuple[StageMesh, list[Index]]:
+        return welded(self.sectors)
 
 
 class _Part(NamedTuple):
@@ -88,11 +117,11 @@ def cyclic_response(sectors: tuple[Sector, ...], plate: Plate) -> CyclicResponse
         motions = [motion + step for motion, step in zip(motions, steps, strict=True)]
         fields = [part.tied.fields(motion) for part, motion in zip(parts, motions, strict=True)]
         forces = [internal_forces(part.batches, plate, field) for part, field in zip(parts, fields, strict=True)]
-        response = CyclicResponse(motions[0][-3:], sectors, tuple(fields), unknowns)
-        whole = _whole(response, forces)
-        if max(imbalance(whole, size).values()) <= SETTLED:
+        sums = _sums(sectors, fields, forces)
+        response = CyclicResponse(motions[0][-3:], sectors, tuple(fields), *sums, unknowns)
+        if max(imbalance(response, size).values()) <= SETTLED:
             break
-    check_balance(whole, size)
+    check_balance(response, size)
     return response
 
 
@@ -174,11 +203,11 @@ def _alike(edge: Array) -> Array:
     return np.concatenate([*(first @ turn.T for turn in turns), pose])
 
 
-def _whole(response: CyclicResponse, forces: list[Array]) -> Response:
-    """The answer of the whole stage, with the field of chain 1 alone, from what its chains say."""
-    rows = under_loads([resultants(sector.mesh, force) for sector, force in zip(response.sectors, forces, strict=True)])
+def _sums(sectors: tuple[Sector, ...], fields: list[Array], forces: list[Array]) -> tuple[Array, Array]:
+    """Reactions and energy (3, 3) of the whole stage from what its sectors say."""
+    rows = under_loads([resultants(sector.mesh, force) for sector, force in zip(sectors, forces, strict=True)])
     reactions = np.sum([row @ rotation(chain).T for chain, row in enumerate(rows)], axis=0)
-    works = [np.einsum("ind,jnd->ij", field, force) for field, force in zip(response.fields, forces, strict=True)]
+    works = [np.einsum("ind,jnd->ij", field, force) for field, force in zip(fields, forces, strict=True)]
     if len(works) == 1:
         works = [rotation(chain) @ works[0] @ rotation(chain).T for chain in range(3)]
-    return Response(response.compliance, response.fields[0], reactions, np.sum(works, axis=0), response.unknowns)
+    return reactions, np.sum(works, axis=0)

@@ -58,9 +58,9 @@ def envelope(response: CyclicResponse) -> float:
 def _sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
     """Every sector with its fields and the chains, from 0, that it stands for."""
     if len(response.sectors) == 1:
-        yield response.sectors[0], response.fields[0], (0, 1, 2)
+        yield response.sectors[0], response.sector_fields[0], (0, 1, 2)
         return
-    for chain, (sector, field) in enumerate(zip(response.sectors, response.fields, strict=True)):
+    for chain, (sector, field) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
         yield sector, field, (chain,)
 
 

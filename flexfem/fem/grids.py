@@ -37,7 +37,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     triangles = np.concatenate([np.stack(lower, axis=-1), np.stack(upper, axis=-1)])
     lines = (number[:, 0], number[:, -1], number[0], number[-1])
     edges = {side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1) for side, n in zip(SIDES, lines, strict=True)}
-    return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))
+    return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
 
 def meshed(face: Face, sizes: Sequence[str], curvature: float) -> StageMesh:
@@ -47,7 +47,7 @@ def meshed(face: Face, sizes: Sequence[str], curvature: float) -> StageMesh:
     """
     found = run_mesher(Job([face], list(sizes), curvature, {}), TIME_LIMIT)
     edges = {str(label): found["edges"][found["edge_labels"] == label] for label in np.unique(found["edge_labels"])}
-    return ordered(StageMesh(found["nodes"], found["triangles"], found["faces"], edges))
+    return ordered(StageMesh(found["nodes"], found["triangles"], found["faces"], edges))[0]
 
 
 def size_of(mesh: StageMesh) -> float:

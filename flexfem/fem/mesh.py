@@ -1,9 +1,10 @@
-"""From stage to mesh: how fine, one third at a time, welded into the whole, checked. The gmsh calls are in `mesher`."""
+"""A mesh, its checks, how many triangles it will have, and the child process that makes it."""
 
 from __future__ import annotations
 
 import io
 import pickle
+from collections.abc import Sequence
 from subprocess import PIPE, Popen, TimeoutExpired
 from tempfile import TemporaryFile
 from typing import NamedTuple
@@ -19,9 +20,7 @@ from flexfem.fem.mesher import Export
 from flexfem.fem.triangle import NODES, determinants
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
-from flexfem.stage.bodies import draw_sector, necks
-from flexfem.stage.checks import check_feasible
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.bodies import draw_sector
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
@@ -31,7 +30,6 @@ LOOK = 0.25  # s between two looks at a child
 MOST_TRIANGLES = 1_000_000
 SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
 COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
-ARC_DIVISIONS = 3  # triangles per full turn of an arc, per triangle across a neck
 TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
 AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in thirds with two triangles across a neck
@@ -55,31 +53,6 @@ class StageMesh(NamedTuple):
     triangles: Index
     bodies: Index
     edges: dict[str, Index]
-
-
-def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float = TIME_LIMIT) -> StageMesh:
-    """Mesh a feasible stage. Chains that are alike share one mesh, turned: the whole is then exactly symmetric.
-
-    Parameters
-    ----------
-    resolution : quadratic triangles across every neck; all sizes scale with its inverse.
-    time_limit : s, for each third; gmsh is stopped after it.
-
-    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh would be too large, is not made in
-    time or fails its checks.
-    """
-    check_feasible(stage)
-    refuse_size(estimate_triangles(stage, resolution))
-    made: dict[tuple[Hinge, ...], dict[str, AnyArray]] = {}
-    thirds = []
-    for chain in (1, 2, 3):
-        hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
-        if hinges not in made:
-            made[hinges] = run_mesher(sector_job(stage, chain, resolution), time_limit)
-        thirds.append(made[hinges])
-    mesh = welded(thirds)
-    check_mesh(mesh, stage)
-    return mesh
 
 
 def refuse_size(estimate: float) -> None:
@@ -131,30 +104,20 @@ def rim_of(stage: Stage) -> tuple[float, float]:
     return disc - hub, (disc + hub) / 2
 
 
-def sector_job(stage: Stage, chain: int, resolution: int) -> Job:
-    """Drawing and sizes of the third that holds one chain."""
-    sizes = [f"{COARSEST * stage.chain.link_width / resolution!r}"]
-    hinges = [stage.hinge(chain, name) for name in HINGE_NAMES]
-    for neck, hinge in zip(necks(stage, chain), hinges, strict=True):
-        bend = SLOPE * hinge.radius / 2
-        square = f"(x-({neck.point.real!r}))^2+(y-({neck.point.imag!r}))^2+{bend**2!r}"
-        sizes.append(f"({hinge.neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt({square}))/{float(resolution)!r}")
-    rim, middle = rim_of(stage)
-    sizes.append(f"({COARSEST * rim!r}+{SLOPE!r}*Abs(Sqrt(x^2+y^2)-{middle!r}))/{float(resolution)!r}")
-    cuts = int(np.ceil(rim * resolution / (COARSEST * min(rim, stage.chain.link_width)))) + 1
-    divisions = {f"neck {name}": resolution for name in HINGE_NAMES} | {"cut behind": cuts, "cut ahead": cuts}
-    return Job(list(draw_sector(stage, chain).values()), sizes, float(ARC_DIVISIONS * max(resolution, 4)), divisions)
-
-
 def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArray]:
-    """Mesh, or write a mesh, in a child process.
+    """Mesh, or write a mesh, in a child process; as `run_jobs`."""
+    return run_jobs([job], time_limit)[0]
+
+
+def run_jobs(jobs: Sequence[Job | Export], time_limit: float | Limit) -> list[dict[str, AnyArray]]:
+    """Meshes of some jobs, one after the other in one child process.
 
     Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
     its sources are not those that this process began with.
     """
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
     with TemporaryFile() as told:
-        told.write(pickle.dumps(dict(manifest())) + pickle.dumps(job))
+        told.write(pickle.dumps(dict(manifest())) + pickle.dumps(list(jobs)))
         told.seek(0)
         with Popen(child_command("flexfem.fem.mesher"), stdin=told, stdout=PIPE, stderr=PIPE) as child:
             try:
@@ -166,7 +129,8 @@ def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArr
         reason = lines[-1] if lines else f"gmsh ended with exit code {child.returncode}"
         raise (SourcesChanged if child.returncode == CHANGED else ComputationFailed)(reason)
     with np.load(io.BytesIO(made)) as arrays:
-        return dict(arrays)
+        named = [name.split(" ", 1) for name in arrays]
+        return [{key: arrays[f"{of} {key}"] for of, key in named if of == str(job)} for job in range(len(jobs))]
 
 
 def _answer(child: Popen[bytes], limit: Limit) -> tuple[bytes, bytes]:
@@ -181,31 +145,8 @@ def _answer(child: Popen[bytes], limit: Limit) -> tuple[bytes, bytes]:
                 raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s") from None
 
 
-def welded(thirds: list[dict[str, AnyArray]]) -> StageMesh:
-    """The whole stage from three meshed thirds: `cut ahead` of each is `cut behind` of the next."""
-    counts = [len(third["nodes"]) for third in thirds]
-    first = np.concatenate([[0], np.cumsum(counts)])
-    number = np.arange(first[-1])
-    for chain, third in enumerate(thirds):
-        ahead, behind = _cut(third, "cut ahead"), _cut(thirds[(chain + 1) % 3], "cut behind")
-        if len(ahead) != len(behind):
-            raise ComputationFailed(f"meshes of two thirds have {len(ahead)} and {len(behind)} nodes on their cut")
-        number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
-    kept, number = np.unique(number, return_inverse=True)
-    nodes = np.concatenate([turned(third["nodes"], chain * CHAIN_TURN) for chain, third in enumerate(thirds)])[kept]
-    edges: dict[str, list[Index]] = {}
-    for chain, third in enumerate(thirds):
-        for label in np.unique(third["edge_labels"]):
-            name = str(label).replace("neck", f"neck {chain + 1}")
-            edges.setdefault(name, []).append(number[first[chain] + third["edges"][third["edge_labels"] == label]])
-    triangles = np.concatenate([number[first[chain] + third["triangles"]] for chain, third in enumerate(thirds)])
-    bodies = np.concatenate([4 * chain + third["faces"] for chain, third in enumerate(thirds)])
-    kept_edges = {name: np.concatenate(found) for name, found in edges.items() if not name.startswith(("cut", "free"))}
-    return ordered(StageMesh(nodes, triangles, bodies, kept_edges))
-
-
-def ordered(mesh: StageMesh) -> StageMesh:
-    """The mesh with its nodes in scikit-fem's order: corners, then middles in the order of its facets."""
+def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
+    """The mesh in scikit-fem's order of nodes, corners, then middles as its facets; and where each node went."""
     from skfem import MeshTri1
 
     corners, where = np.unique(mesh.triangles[:, :3], return_inverse=True)
@@ -217,12 +158,7 @@ def ordered(mesh: StageMesh) -> StageMesh:
     back = np.empty(len(order), dtype=np.int64)
     back[order] = np.arange(len(order))
     edges = {name: back[edge] for name, edge in mesh.edges.items()}
-    return StageMesh(mesh.nodes[order], back[mesh.triangles], mesh.bodies, edges)
-
-
-def _cut(third: dict[str, AnyArray], label: str) -> Index:
-    """Nodes of a third on one of its cuts, from the hub outwards."""
-    return outwards(third["nodes"], third["edges"][third["edge_labels"] == label])
+    return StageMesh(mesh.nodes[order], back[mesh.triangles], mesh.bodies, edges), back
 
 
 def outwards(nodes: Array, edges: Index) -> Index:

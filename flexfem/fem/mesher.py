@@ -1,7 +1,7 @@
 """The only module that imports gmsh. Run as a process of its own: it can hang or crash without taking flexfem along.
 
-`main` reads a pickled `Job` or `Export` from standard input and writes the mesh as .npz to standard output; gmsh's own
-words go to standard error.
+`main` reads a pickled list of `Job` and `Export` from standard input and writes the meshes as .npz to standard output;
+gmsh's own words go to standard error.
 """
 
 from __future__ import annotations
@@ -123,15 +123,16 @@ def write_msh(export: Export) -> dict[str, AnyArray]:
 
 
 def main() -> None:
-    """Serve one job."""
-    job = pickle.load(sys.stdin.buffer)
+    """Serve a list of jobs."""
+    jobs = pickle.load(sys.stdin.buffer)
     made = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no part of the mesh
     try:
-        result = write_msh(job) if isinstance(job, Export) else mesh_faces(job)
+        results = [write_msh(job) if isinstance(job, Export) else mesh_faces(job) for job in jobs]
     except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
         sys.exit(f"gmsh: {' '.join(str(error).split())}")
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **result)
+    arrays = {f"{job} {name}": array for job, result in enumerate(results) for name, array in result.items()}
+    np.savez(buffer, allow_pickle=False, **arrays)
     with made:
         made.write(buffer.getvalue())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,6 +37,21 @@ class Response(NamedTuple):
     reactions: Array
     energy: Array
     unknowns: int
+
+
+class UnitResponse(Protocol):
+    """What `Response` holds, however it was computed."""
+
+    @property
+    def compliance(self) -> Array: ...
+    @property
+    def fields(self) -> Array: ...
+    @property
+    def reactions(self) -> Array: ...
+    @property
+    def energy(self) -> Array: ...
+    @property
+    def unknowns(self) -> int: ...
 
 
 class LoadCase(NamedTuple):
@@ -150,14 +165,14 @@ def rigid_motion(nodes: Array) -> sp.csr_array:
     return sp.csr_array(np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3))
 
 
-def check_balance(response: Response, size: float) -> None:
+def check_balance(response: UnitResponse, size: float) -> None:
     """Refuse a response whose reactions or energies do not match its loads; `size` mm makes moments comparable."""
     for name, worst in imbalance(response, size).items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
 
 
-def imbalance(response: Response, size: float) -> dict[str, float]:
+def imbalance(response: UnitResponse, size: float) -> dict[str, float]:
     """What reactions and loads, and energy and work, differ by relative to the loads; arguments as `check_balance`."""
     scale = np.array([1.0, 1.0, 1.0 / size])
     unbalanced = np.max(np.abs((response.reactions + np.eye(3)) * scale), axis=1) / scale
@@ -167,7 +182,7 @@ def imbalance(response: Response, size: float) -> dict[str, float]:
     return {"reactions and load": float(np.max(unbalanced)), "strain energy and work": float(np.max(work))}
 
 
-def load_case(stage: Stage, mesh: StageMesh, response: Response, force: Array) -> LoadCase:
+def load_case(stage: Stage, mesh: StageMesh, response: UnitResponse, force: Array) -> LoadCase:
     """Combine the unit responses to one load (3,), N, N and N mm, at the platform centre."""
     force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)

@@ -1,9 +1,9 @@
-"""The mesh of one design of many: each sector on its own, not welded, at a fraction of the time of `mesh.build_mesh`.
+"""The mesh of a stage: a sector of 120 degrees for each chain, one for three alike, welded into the whole on demand.
 
-Sizes are cones about the necks instead of hyperbolas, and they stay at their least over the length on which a notch
-bends, about `sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to
-more than 1 (see `benchmarks/study_fe.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and
-GROWTH were chosen for that accuracy on 12 stages other than those of the benchmark.
+Sizes are cones about the necks that stay at their least over the length on which a notch bends, about `sqrt(t R)`: four
+triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1 (see
+`benchmarks/study_fe.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and GROWTH were chosen
+for that accuracy on 12 stages other than those of the benchmark.
 """
 
 from __future__ import annotations
@@ -20,18 +20,21 @@ from flexfem.clock import Limit
 from flexfem.fem.drawing import Cone, Job
 from flexfem.fem.mesh import (
     COARSEST,
+    RESOLUTION,
     TIME_LIMIT,
     StageMesh,
     check_triangles,
     estimate_drawn,
+    ordered,
     outwards,
     refuse_size,
     rim_of,
-    run_mesher,
+    run_jobs,
 )
 from flexfem.fem.mesher import mesh_faces
 from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
+from flexfem.stage.checks import check_feasible
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.outline import Face, area
@@ -78,15 +81,58 @@ def mesh_sectors(
     jobs = [sector_drawing(stage, chain, resolution) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
     refuse_size(estimate_drawn(stage, sum(areas) * 3 / len(chains), resolution))
-    made = {}
-    for chain, job, drawn in zip(chains, jobs, areas, strict=True):
-        hinges = tuple(stage.hinge(chain, name) for name in HINGE_NAMES)
-        if hinges not in made:
-            made[hinges] = _sector(_meshed_inside(job) if inside else run_mesher(job, limit), drawn)
-    sectors = tuple(made[tuple(stage.hinge(chain, name) for name in HINGE_NAMES)] for chain in chains)
-    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
-        _check_cut(one, following)
-    return sectors
+    kinds = [tuple(stage.hinge(chain, name) for name in HINGE_NAMES) for chain in chains]
+    unlike = [kinds.index(kind) for kind in dict.fromkeys(kinds)]
+    wanted = [jobs[place] for place in unlike]
+    made = [_meshed_inside(job) for job in wanted] if inside else run_jobs(wanted, limit)
+    sectors = {kinds[place]: _sector(each, areas[place]) for place, each in zip(unlike, made, strict=True)}
+    return _fitting(tuple(sectors[kind] for kind in kinds))
+
+
+def uneven_sectors(stage: Stage, resolutions: tuple[int, int, int]) -> tuple[Sector, ...]:
+    """Three sectors of different resolutions, whose common cuts have the nodes of the finest; as `mesh_sectors`."""
+    jobs = [sector_drawing(stage, chain, n) for chain, n in zip((1, 2, 3), resolutions, strict=True)]
+    cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
+    jobs = [job._replace(divisions={**job.divisions, **cuts}) for job in jobs]
+    areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
+    made = run_jobs(jobs, TIME_LIMIT)
+    return _fitting(tuple(_sector(each, drawn) for each, drawn in zip(made, areas, strict=True)))
+
+
+def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float | Limit = TIME_LIMIT) -> StageMesh:
+    """The whole stage as `mesh_sectors` meshes it. Alike chains share one mesh, turned: it is exactly symmetric.
+
+    Raises BadInput for a stage that cannot be made, and as `mesh_sectors`.
+    """
+    check_feasible(stage)
+    return welded(mesh_sectors(stage, resolution, time_limit))[0]
+
+
+def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
+    """The whole stage from one or three sectors, and for each chain where the nodes of its sector are in it.
+
+    Notes
+    -----
+    `cut ahead` of each chain is `cut behind` of the next.
+    """
+    parts = [sector.mesh for sector in (sectors if len(sectors) == 3 else sectors * 3)]
+    first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
+    number = np.arange(first[-1])
+    for chain, part in enumerate(parts):
+        ahead, behind = outwards(part.nodes, part.edges["cut ahead"]), parts[(chain + 1) % 3]
+        number[first[chain] + ahead] = first[(chain + 1) % 3] + outwards(behind.nodes, behind.edges["cut behind"])
+    kept, number = np.unique(number, return_inverse=True)
+    places = [number[first[chain] : first[chain + 1]] for chain in range(3)]
+    nodes = np.concatenate([turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)])[kept]
+    edges: dict[str, list[Index]] = {}
+    for chain, (part, place) in enumerate(zip(parts, places, strict=True)):
+        for label, found in part.edges.items():
+            if not label.startswith(("cut", "free")):
+                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(place[found])
+    triangles = np.concatenate([place[part.triangles] for part, place in zip(parts, places, strict=True)])
+    bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
+    mesh, back = ordered(StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}))
+    return mesh, [back[place] for place in places]
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
@@ -165,8 +211,10 @@ def _sector(made: dict[str, AnyArray], drawn: float) -> Sector:
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
 
 
-def _check_cut(one: Sector, following: Sector) -> None:
-    """Refuse two sectors whose nodes on their common cut are not the same."""
-    ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
-    if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
-        raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
+def _fitting(sectors: tuple[Sector, ...]) -> tuple[Sector, ...]:
+    """The sectors, when the nodes on their common cuts are the same. Raises ComputationFailed."""
+    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
+        ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+        if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
+            raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
+    return sectors

@@ -6,7 +6,6 @@ measured on the same two stages. That one of them looks like the paper's curves 
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -21,11 +20,13 @@ from flexfem.analytic.notch import formula
 from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
+from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, TIME_LIMIT, StageMesh, check_mesh, run_mesher, sector_job, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, platform_response, tie_hub
 from flexfem.files.markdown import markdown_table
+from flexfem.fem.sectors import uneven_sectors, welded
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
@@ -90,13 +91,13 @@ def _finite_elements(stage: Stage, model: int, solve: Solve) -> list[Alternative
     for n in ACROSS:
         found.append(row(f"linear triangles, {n} across every neck", linear_compliance(solve(stage, n).mesh, plate)))
     for thirds in UNEVEN:
-        mesh, said = uneven_mesh(stage, thirds), ", ".join(map(str, thirds))
+        (mesh, _), said = welded(uneven_sectors(stage, thirds)), ", ".join(map(str, thirds))
         found.append(row(f"asymmetric mesh, {said} linear triangles", linear_compliance(mesh, plate)))
         found.append(row(f"asymmetric mesh, {said} quadratic triangles", platform_response(mesh, plate).compliance))
     found.append(
         row(
             "finite elements in plane strain, the limit of wide necks",
-            platform_response(fine.mesh, held).compliance,
+            cyclic_response(fine.response.sectors, held).compliance,
         )
     )
     return found
@@ -149,15 +150,6 @@ def _linear_stiffness(mesh: StageMesh, plate: Plate) -> sp.csr_array:
     rows, columns = np.repeat(place, 6, axis=1).ravel(), np.tile(place, 6).ravel()
     size = 2 * len(mesh.nodes)
     return sp.coo_array((K.ravel(), (rows, columns)), shape=(size, size)).tocsr()
-
-
-def uneven_mesh(stage: Stage, resolutions: tuple[int, int, int]) -> StageMesh:
-    """Mesh of a stage whose thirds have different resolutions. Raises ComputationFailed when their cuts do not fit."""
-    made = functools.cache(lambda chain, n: run_mesher(sector_job(stage, chain, n), TIME_LIMIT))
-    chains = (1, 1, 1) if stage.chains_alike else (1, 2, 3)
-    mesh = welded([made(chain, n) for chain, n in zip(chains, resolutions, strict=True)])
-    check_mesh(mesh, stage)
-    return mesh
 
 
 def with_necks(stage: Stage, ratio: float) -> Stage:

@@ -68,7 +68,7 @@ def converge(
         not_stated=list(stage.not_stated),
         warnings=warning.of_convergence(uncertainty),
         resolutions=list(resolutions),
-        triangles=[len(each.mesh.triangles) for each in solved],
+        triangles=[each.triangles for each in solved],
         unknowns=[each.response.unknowns for each in solved],
         compliance=compliance.tolist(),
         uncertainty=uncertainty,

@@ -12,11 +12,14 @@ from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import LoadCase, Response, load_case, plate_of, platform_response
-from flexfem.files.provenance import doubts
 from flexfem.refused import ComputationFailed
+from flexfem.fem.cyclic import CyclicResponse, cyclic_response
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.nonlinear import equilibrium
+from flexfem.fem.response import LoadCase, Response, load_case, plate_of
+from flexfem.fem.sectors import mesh_sectors
+from flexfem.files.provenance import doubts
+from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
@@ -27,17 +30,38 @@ from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, T
 
 
 class Solved(NamedTuple):
-    """The finite-element answer of one stage."""
+    """The finite-element answer of one stage; mesh and fields of the whole stage are made on demand."""
+
+    response: CyclicResponse
+
+    @property
+    def mesh(self) -> StageMesh:
+        """The whole stage."""
+        return self.response.mesh
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of the whole stage."""
+        return self.response.triangles
+
+
+class OnMesh(NamedTuple):
+    """A stage solved on a mesh that was stored whole."""
 
     mesh: StageMesh
     response: Response
 
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.mesh.triangles)
+
 
 def solve_stage(stage: Stage, resolution: int) -> Solved:
     """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
+    check_feasible(stage)
     plate = plate_of(stage)
-    mesh = build_mesh(stage, resolution)
-    return Solved(mesh, platform_response(mesh, plate))
+    return Solved(cyclic_response(mesh_sectors(stage, resolution), plate))
 
 
 def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direction, commanded: Array) -> Comparison:
@@ -184,7 +208,7 @@ def _model(
         hub_radius=stage.platform.hub_radius,
         hinges=_hinges(stage, analytic),
         resolution=loaded.case.resolution,
-        triangles=len(solved.mesh.triangles),
+        triangles=solved.triangles,
         unknowns=solved.response.unknowns,
     )
 

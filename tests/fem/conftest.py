@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, plate_of, platform_response
+from flexfem.fem.sectors import build_mesh
 from flexfem.stage.schema import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"

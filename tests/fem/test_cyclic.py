@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,9 @@ import flexfem.fem.cyclic
 from flexfem.arrays import Array
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response, rotation, under_loads
 from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.mesh import StageMesh, welded
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
-from flexfem.fem.sectors import Sector, mesh_sectors
-from flexfem.refused import ComputationFailed
+from flexfem.fem.sectors import mesh_sectors, welded
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
@@ -34,21 +34,9 @@ class Both(NamedTuple):
     whole: Response
 
 
-def raw(sector: Sector) -> dict[str, Any]:
-    """A sector as the mesher would hand it to `welded`."""
-    edges = sector.mesh.edges
-    return {
-        "nodes": sector.mesh.nodes,
-        "triangles": sector.mesh.triangles,
-        "faces": sector.mesh.bodies,
-        "edges": np.concatenate(list(edges.values())),
-        "edge_labels": np.repeat(list(edges), [len(edge) for edge in edges.values()]),
-    }
-
-
 def in_both_ways(stage: Stage) -> Both:
     sectors = mesh_sectors(stage, COARSE, inside=True)
-    mesh = welded([raw(sector) for sector in (sectors if len(sectors) == 3 else sectors * 3)])
+    mesh, _ = welded(sectors)
     plate = plate_of(stage)
     return Both(stage, cyclic_response(sectors, plate), mesh, platform_response(mesh, plate))
 
@@ -81,7 +69,7 @@ def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
 
 
 def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
-    fields = under_loads(both.response.fields)
+    fields = under_loads(both.response.sector_fields)
     sectors = both.response.sectors * (3 // len(both.response.sectors))
     for chain, (sector, field) in enumerate(zip(sectors, fields, strict=True)):
         places = turned(sector.mesh.nodes, chain * CHAIN_TURN)
@@ -90,6 +78,15 @@ def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
             node = int(np.argmin(np.hypot(*(both.mesh.nodes - places[place]).T)))
             size = np.abs(both.whole.fields).max(axis=(1, 2))[:, None]
             assert np.abs((there[:, place] - both.whole.fields[:, node]) / size).max() < SAME
+
+
+def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both: Both) -> None:
+    np.testing.assert_array_equal(both.response.mesh.nodes, both.mesh.nodes)
+    size = np.abs(both.whole.fields).max(axis=(1, 2), keepdims=True)
+    assert np.abs((both.response.fields - both.whole.fields) / size).max() < SAME
+    assert both.response.triangles == len(both.mesh.triangles)
+    np.testing.assert_allclose(both.response.reactions, both.whole.reactions, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(scaled(both.response.energy), scaled(both.whole.energy), rtol=0, atol=SAME)
 
 
 def test_neck_stresses_are_those_of_the_whole_stage(both: Both) -> None:
@@ -133,7 +130,7 @@ def test_base_rotation_of_a_rigidly_turned_link_is_its_angle(pair: dict[str, Bot
         moved = np.unique(sector.mesh.triangles[sector.mesh.bodies >= 1])
         field[1, moved] = angle * np.stack([-sector.mesh.nodes[moved, 1], sector.mesh.nodes[moved, 0]], axis=-1)
         fields.append(field)
-    turns = base_rotations(both.stage, both.response._replace(fields=tuple(fields)))
+    turns = base_rotations(both.stage, replace(both.response, sector_fields=tuple(fields)))
     np.testing.assert_allclose(turns[1], angle, rtol=1e-12)
     assert np.all(turns[[0, 2]] == 0.0)
 
@@ -179,7 +176,7 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike: Any)
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})
     response = cyclic_response(mesh_sectors(stage, COARSE, inside=True), plate_of(stage))
-    (sector,), fields = response.sectors, under_loads(response.fields)
+    (sector,), fields = response.sectors, under_loads(response.sector_fields)
     for chain in range(3):
         ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)
         np.testing.assert_allclose(ahead, behind, rtol=0, atol=OPEN * np.max(np.abs(ahead)))

@@ -13,7 +13,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
 from flexfem.fem import nonlinear
-from flexfem.fem.mesh import StageMesh, build_mesh, jacobians
+from flexfem.fem.mesh import StageMesh, jacobians
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.plane_stress import (
     Plate,
@@ -25,6 +25,7 @@ from flexfem.fem.plane_stress import (
     stress_tensor,
 )
 from flexfem.fem.response import plate_of
+from flexfem.fem.sectors import build_mesh
 from flexfem.fem.tangent import (
     Model,
     State,

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import pytest
 
-from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of
+from flexfem.fem.sectors import build_mesh
 from flexfem.stage.schema import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"

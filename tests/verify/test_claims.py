@@ -11,9 +11,9 @@ import pytest
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
-from flexfem.fem.mesh import build_mesh
-from flexfem.fem.response import plate_of, platform_response
 from flexfem.refused import BadInput
+from flexfem.fem.response import plate_of, platform_response
+from flexfem.fem.sectors import build_mesh
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import claims, measures

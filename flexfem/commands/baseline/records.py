@@ -34,7 +34,7 @@ from flexfem.verify.claims import load_claims, report_claims
 from flexfem.verify.comparison import compare
 from flexfem.verify.converge import converge
 from flexfem.verify.convergence import levels
-from flexfem.verify.protocol import Solved, run_case
+from flexfem.verify.protocol import OnMesh, Solved, run_case
 
 Section: TypeAlias = Callable[[], Any]
 FORCE = (1.0, -2.0, 30.0)  # N, N, N mm: of `solve`; no two components alike
@@ -112,15 +112,15 @@ def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
     }
 
 
-def _solution(file: Path, stage: Stage, solved: Solved, force: Any, resolution: int) -> dict[str, Any]:
+def _solution(file: Path, stage: Stage, solved: Solved | OnMesh, force: Any, resolution: int) -> dict[str, Any]:
     full = load_case(stage, solved.mesh, solved.response, np.array(force))
     return answers.of_solution(file, stage, solved, full, resolution)
 
 
-def _on_committed(stage: Stage, path: Path) -> Solved:
+def _on_committed(stage: Stage, path: Path) -> OnMesh:
     plate = plate_of(stage)
     mesh = committed_mesh(stage, path)
-    return Solved(mesh, platform_response(mesh, plate))
+    return OnMesh(mesh, platform_response(mesh, plate))
 
 
 def _of_case(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
