@@ -147,10 +147,12 @@ def test_a_case_has_the_bands_of_its_own_command(direction):
 
 
 def test_what_is_kept_comes_out_of_the_solver():
-    MESHER = 2e-5  # gmsh's versions mesh a little differently
+    """Kept are meshes that grew otherwise from the necks: what they tend to is what meshes of now come near."""
     stage = Stage.model_validate(json.loads(str(KEPT["stages"][3])))
-    found, kept = solve_stage(stage, 4).response.compliance, KEPT["compliance"][3, 0]
-    assert np.max(np.abs(found - kept) / np.sqrt(np.outer(np.diag(kept), np.diag(kept)))) < MESHER
+    coarse, fine = KEPT["compliance"][3, -2:]
+    limit = fine + (fine - coarse) / ((FINE[1] / FINE[0]) ** 4 - 1)
+    off = (solve_stage(stage, 4).response.compliance - limit) / np.sqrt(np.outer(np.diag(limit), np.diag(limit)))
+    assert np.max(np.abs(off)) < 1e-3
 
 
 @pytest.mark.slow

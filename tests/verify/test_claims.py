@@ -12,8 +12,9 @@ import pytest
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.refused import BadInput
+from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of, platform_response
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import claims, measures
@@ -187,14 +188,16 @@ def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three
     real = {stage: 1.13 * analyse(stage).compliance for stage in (three, six)}
     monkeypatch.setattr(other, "linear_compliance", lambda mesh, plate: 1.5 * mesh)
     monkeypatch.setattr(
-        other, "platform_response", lambda mesh, plate: SimpleNamespace(compliance=mesh * plate.youngs_modulus)
+        other, "cyclic_response", lambda sectors, plate: SimpleNamespace(compliance=sectors * plate.youngs_modulus)
     )
-    monkeypatch.setattr(other, "uneven_mesh", lambda stage, thirds: real[stage] * sum(thirds))
+    monkeypatch.setattr(other, "uneven_sectors", lambda stage, thirds: real[stage] * sum(thirds))
+    monkeypatch.setattr(other, "welded", lambda sectors: (sectors, None))
     monkeypatch.setattr(other, "joint_command", lambda stage, model, real=CALIBRATED: np.eye(3) * len(real))
     monkeypatch.setattr(other, "scatter", lambda stage, model: np.arange(1.0, 101.0)[:, None, None] * np.eye(3))
 
     def solve(stage, resolution):
-        return SimpleNamespace(mesh=real[stage] * resolution, response=SimpleNamespace(compliance=real[stage]))
+        made = real[stage] * resolution
+        return SimpleNamespace(mesh=made, response=SimpleNamespace(compliance=real[stage], sectors=made))
 
     found = {(each.name, each.mobility): each.along.x for each in other.alternatives(three, six, solve)}
 
@@ -263,7 +266,7 @@ def test_linear_triangles_err_to_the_stiff_side(modelled):
 
 def test_uneven_mesh_of_equal_thirds_is_the_mesh(modelled):
     stage, _ = modelled
-    one, two = other.uneven_mesh(stage, (2, 2, 2)), build_mesh(stage, 2)
+    one, two = welded(other.uneven_sectors(stage, (2, 2, 2)))[0], build_mesh(stage, 2)
     found, expected = (other.linear_compliance(mesh, plate_of(stage)) for mesh in (one, two))
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-9)
 
@@ -274,10 +277,11 @@ def test_plane_strain_is_that_of_the_metal_whatever_the_stage_is(six, model, mon
     E, nu, lever = 207e3, 0.29, 24.0
     metal = six.material.model_copy(update={"youngs_modulus": E, "poissons_ratio": nu})
     stage = six.model_copy(update={"material": metal, "model": model})
-    mesh = build_mesh(stage, 2)
+    sectors = mesh_sectors(stage, 2)
+    mesh, _ = welded(sectors)
     monkeypatch.setattr(other, "linear_compliance", lambda mesh, plate: np.eye(3))
-    monkeypatch.setattr(other, "uneven_mesh", lambda stage, thirds: mesh)
-    own = SimpleNamespace(mesh=mesh, response=platform_response(mesh, plate_of(stage)))
+    monkeypatch.setattr(other, "uneven_sectors", lambda stage, thirds: sectors)
+    own = SimpleNamespace(mesh=mesh, response=cyclic_response(sectors, plate_of(stage)))
     found = {each.name: each.along.x for each in other._finite_elements(stage, 6, lambda stage, resolution: own)}
     lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     held = platform_response(mesh, SimpleNamespace(lame=(lame, mu), thickness=10.0)).compliance
