@@ -90,8 +90,8 @@ def mesh(
     from flexfem.commands import answers
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.sectors import build_mesh
     from flexfem.fem.response import plate_of
+    from flexfem.fem.sectors import build_mesh
     from flexfem.files.writing import check_folder
     from flexfem.stage.feasibility import load_feasible
 
