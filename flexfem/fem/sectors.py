@@ -91,7 +91,8 @@ def mesh_sectors(
 
 def uneven_sectors(stage: Stage, resolutions: tuple[int, int, int]) -> tuple[Sector, ...]:
     """Three sectors of different resolutions, whose common cuts have the nodes of the finest; as `mesh_sectors`."""
-    jobs = [sector_drawing(stage, chain, n) for chain, n in zip((1, 2, 3), resolutions, strict=True)]
+    chains = (1, 1, 1) if stage.chains_alike else (1, 2, 3)
+    jobs = [sector_drawing(stage, chain, n) for chain, n in zip(chains, resolutions, strict=True)]
     cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
     jobs = [job._replace(divisions={**job.divisions, **cuts}) for job in jobs]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
