@@ -138,10 +138,11 @@ def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
 
 def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
     """Drawing and sizes of the sector that holds one chain."""
-    faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / resolution
+    fine = max(resolution, 2)  # a single triangle from side to side of an arc would fold
+    faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
     cones = [
-        Cone(centre, radius, least, coarse, (coarse - least) * resolution / GROWTH)
-        for centre, radius, least in _fine_places(stage, chain, faces, resolution)
+        Cone(centre, radius, least, coarse, (coarse - least) * fine / GROWTH)
+        for centre, radius, least in _fine_places(stage, chain, faces, fine)
         if least < coarse
     ]
     cuts = max(2, math.ceil(rim_of(stage)[0] / coarse))
