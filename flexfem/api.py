@@ -190,7 +190,8 @@ class ElementModel(Model):
 
     def _per_load(self, force: ArrayLike, read: Callable[[Any], Array]) -> Array:
         loads = _vectors("force", force)
-        cases = [read(load_case(self.stage, *self.solved, load)) for load in loads.reshape(-1, 3)]
+        mesh, answer = self.solved.mesh, self.solved.response
+        cases = [read(load_case(self.stage, mesh, answer, load)) for load in loads.reshape(-1, 3)]
         return np.reshape(cases, (*loads.shape[:-1], *np.shape(cases)[1:]))
 
 

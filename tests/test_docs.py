@@ -57,7 +57,7 @@ def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
 
 def test_a_figure_of_other_numbers_or_another_input_is_stale():
     (line,) = stale("fig5.png", {"fig5: result.error_percent.mobility six.x": 12.4})
-    assert line.startswith("docs/fig5.png was drawn of fig5: result.error_percent.mobility six.x = 12.4, now 12.536")
+    assert line.startswith("docs/fig5.png was drawn of fig5: result.error_percent.mobility six.x = 12.4, now 12.537")
     assert stale("fig5.png", {"fig5: result.error_percent.mobility six.x": 12.54}) == []
     assert len(stale("study-reach.png", {"cases/study-reach.toml": "0123456789abcdef"})) == 1
 

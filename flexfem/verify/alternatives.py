@@ -25,8 +25,8 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, tie_hub
-from flexfem.files.markdown import markdown_table
 from flexfem.fem.sectors import uneven_sectors, welded
+from flexfem.files.markdown import markdown_table
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
