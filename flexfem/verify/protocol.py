@@ -20,7 +20,6 @@ from flexfem.fem.response import LoadCase, Response, load_case, plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.files.provenance import doubts
 from flexfem.stage.checks import check_feasible
-from flexfem.stage.feasibility import naming
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
