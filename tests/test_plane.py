@@ -10,10 +10,10 @@ import pytest
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.analytic.thick import factors
-from flexfem.refused import BadInput
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage, elastic, load_stage
 from flexfem.verify.protocol import solve_stage
 

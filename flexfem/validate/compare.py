@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.refused import BadInput
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import Response, neck_maxima, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
+from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.validate import calculix, ngsolve
 from flexfem.validate.answer import Answer

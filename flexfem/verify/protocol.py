@@ -12,13 +12,13 @@ from flexfem.analytic.equilibrium import at_pose
 from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.refused import ComputationFailed
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import LoadCase, Response, load_case, plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.files.provenance import doubts
+from flexfem.refused import ComputationFailed
 from flexfem.stage.checks import check_feasible
 from flexfem.stage.frames import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage

@@ -16,6 +16,7 @@ from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
 from flexfem.fem.sectors import mesh_sectors, welded
+from flexfem.refused import ComputationFailed
 from flexfem.stage.frames import CHAIN_TURN, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

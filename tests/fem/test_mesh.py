@@ -15,7 +15,6 @@ from scipy.spatial import KDTree
 
 import flexfem.fem.sectors
 from flexfem.clock import Limit
-from flexfem.refused import BadInput, ComputationFailed
 from flexfem.fem.drawing import Job
 from flexfem.fem.mesh import (
     StageMesh,
@@ -28,6 +27,7 @@ from flexfem.fem.mesh import (
     run_mesher,
 )
 from flexfem.fem.sectors import build_mesh, sector_drawing
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import BODIES, draw_sector
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned

@@ -11,10 +11,10 @@ import pytest
 
 from flexfem.analytic.links import linked_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
-from flexfem.refused import BadInput
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
+from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import claims, measures

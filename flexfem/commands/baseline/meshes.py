@@ -9,7 +9,6 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.commands.baseline.leaves import Leaf
-from flexfem.refused import BadInput, ComputationFailed
 from flexfem.fem.mesh import StageMesh, check_mesh
 from flexfem.fem.sectors import build_mesh
 from flexfem.files.writing import read_arrays, write_atomically
