@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from flexfem.fem.drawing import Job
-from flexfem.fem.mesh import ARC_DIVISIONS, SLOPE, StageMesh, ordered, run_mesher
+from flexfem.fem.drawing import Cone, Job
+from flexfem.fem.mesh import StageMesh, ordered, run_mesher
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
+from flexfem.fem.sectors import curved
 from flexfem.stage.bodies import notch_side
 from flexfem.stage.outline import Face, Segment, reverse
 from flexfem.stage.schema import Hinge, load_stage
@@ -84,11 +85,10 @@ def halves(hinge: Hinge) -> list[Face]:
 
 def single_hinge(neck: float, radius: float, plate: Plate, resolution: int = 8) -> SingleHinge:
     hinge = Hinge(radius=radius, neck=neck)
-    bend = SLOPE * radius / 2
-    size = f"({neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt(x^2+y^2+{bend**2!r}))/{float(resolution)!r}"
-    made = run_mesher(Job(halves(hinge), [size], float(ARC_DIVISIONS * resolution), {"neck": resolution}), 30.0)
-    edges = {label: made["edges"][made["edge_labels"] == label] for label in ("ground", "hub", "neck")}
-    mesh = ordered(StageMesh(made["nodes"], made["triangles"], made["faces"], edges))
+    bent, least, most = np.sqrt(neck * radius), neck / resolution, 2 * radius / resolution
+    cone = Cone(0j, bent, least, most, (most - least) * resolution / 1.5)
+    made = run_mesher(Job(halves(hinge), [], 0.0, {"neck": resolution}, (cone,)), 30.0)
+    mesh, _ = ordered(curved(made))
     response = platform_response(mesh, plate)
     return SingleHinge(response.compliance, mesh, response.fields)
 

@@ -163,7 +163,7 @@ def mirrored(mesh: StageMesh) -> StageMesh:
     join = lambda one, two: of.ravel()[np.concatenate([one, two + len(mesh.nodes)])]  # noqa: E731
     edges = {side: join(mesh.edges[side], mesh.edges[side]) for side in ("left", "right")}
     triangles = join(mesh.triangles, other)
-    return ordered(StageMesh(nodes[first], triangles, np.zeros(len(triangles), dtype=np.int64), edges))
+    return ordered(StageMesh(nodes[first], triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
 
 @pytest.mark.parametrize(("stress", "held"), [(bent, turned), (np.ones_like, pulled)], ids=["bent", "pulled"])

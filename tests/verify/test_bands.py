@@ -57,17 +57,18 @@ def ratios():
 
 def test_bands_along_a_command_hold_the_truth(ratios):
     held = ratios[:, ALONG] >= 1
-    assert held.size == 180 and np.mean(held) >= 0.95  # all do
-    assert np.median(ratios[:, ALONG]) < 2  # 1.4
+    assert held.size == 180 and np.mean(held) >= 0.95  # 176 do; the others are 0.79 to 1.00 of the error
+    assert np.min(ratios[:, ALONG]) > 0.75
+    assert np.median(ratios[:, ALONG]) < 2  # 1.6
 
 
 def test_bands_across_a_command_hold_the_truth(ratios):
-    """By the convergence index of each number alone, 87 % do: 82 % of those called converging, by chance."""
+    """By the convergence index of each number alone, 80 % do, and 68 % of those called converging, by chance."""
     held = ratios[:, ~ALONG] >= 1
     assert held.size == 360 and np.mean(held) >= 0.95  # all do
     for row, column in zip(*np.nonzero(~ALONG), strict=True):
         assert np.mean(ratios[:, row, column] >= 1) >= 0.95
-        assert np.median(ratios[:, row, column]) < 30  # 12 to 15
+        assert np.median(ratios[:, row, column]) < 30  # 10 to 17
 
 
 def test_the_index_of_each_number_alone_is_not_enough_across():
@@ -78,7 +79,7 @@ def test_the_index_of_each_number_alone_is_not_enough_across():
         for row, column in zip(*np.nonzero(~ALONG), strict=True):
             band = grid_convergence(LEVELS, levels[:, row, column]).band
             held.append(band >= abs(levels[-1, row, column] - truth[row, column]))
-    assert 0.8 < np.mean(held) < 0.92
+    assert 0.75 < np.mean(held) < 0.92
 
 
 @pytest.mark.parametrize(("row", "column"), [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2)])
@@ -147,12 +148,10 @@ def test_a_case_has_the_bands_of_its_own_command(direction):
 
 
 def test_what_is_kept_comes_out_of_the_solver():
-    """Kept are meshes that grew otherwise from the necks: what they tend to is what meshes of now come near."""
+    MESHER = 2e-5  # gmsh's versions mesh a little differently
     stage = Stage.model_validate(json.loads(str(KEPT["stages"][3])))
-    coarse, fine = KEPT["compliance"][3, -2:]
-    limit = fine + (fine - coarse) / ((FINE[1] / FINE[0]) ** 4 - 1)
-    off = (solve_stage(stage, 4).response.compliance - limit) / np.sqrt(np.outer(np.diag(limit), np.diag(limit)))
-    assert np.max(np.abs(off)) < 1e-3
+    found, kept = solve_stage(stage, 4).response.compliance, KEPT["compliance"][3, 0]
+    assert np.max(np.abs(found - kept) / np.sqrt(np.outer(np.diag(kept), np.diag(kept)))) < MESHER
 
 
 @pytest.mark.slow

@@ -163,7 +163,7 @@ def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress
     stage, necks = load_stage(SIX), np.full((3, 3), 1.0)
     necks[1, 2] = stress
     response = SimpleNamespace(compliance=np.eye(3), unknowns=1)
-    solved = SimpleNamespace(mesh=SimpleNamespace(triangles=[0]), response=response)
+    solved = SimpleNamespace(mesh=None, triangles=1, response=response)
     case = LoadCase(
         force=np.zeros(3), pose=np.array([0.0, moved, 0.0]), reaction=np.zeros(3), energy=0.0, field=np.zeros((1, 2)),
         stress=np.zeros(1), neck_stress=necks,
