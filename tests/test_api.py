@@ -339,11 +339,9 @@ assert {"half-koster", "koster"} < set(flexfem.formulas()) and "own metal" in fl
 """
 WITH_OWN = """name = "own formula"
 stage = "stage.toml"
-model = "verify"
+model = "analytic"
 formula = "half-koster"
 mobility = 3
-resolution = 4
-bands = false
 [sampling]
 method = "grid"
 [[factor]]
@@ -353,7 +351,7 @@ values = [9.0, 10.0]
 
 
 def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_from_a_file(tmp_path):
-    """Twice as stiff as by Koster's, so it errs twice as far; of a metal twice as stiff, which errs as far."""
+    """Twice as stiff as by Koster's, and of a metal twice as stiff."""
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "study.toml").write_text(WITH_OWN)
     reference = ROOT / "geometry" / "mobility3.toml"
@@ -373,11 +371,9 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_f
     for step in (("run",), ("collect", "--to", "out/study.parquet")):
         done = run("--with", "own.py", "study", step[0], "study.toml", "--output", "out", *step[1:])
         assert done.returncode == 0, done.stderr
-    place, koster = tmp_path / "out/study.parquet", flexfem.load(reference)
-    table, expected = flexfem.study.table(place), flexfem.errors(koster, 3, "koster", resolution=4).percent[0, 0]
-    softer = flexfem.solve(koster, 4).stiffness[0, 0]
-    np.testing.assert_allclose(table["kxx_n_per_mm"], [1.8 * softer, 2.0 * softer], rtol=5e-3)
-    np.testing.assert_allclose(100 + table["error_x_percent"], 2 * (100 + expected), rtol=5e-3)  # other meshes
+    place = tmp_path / "out/study.parquet"
+    table, koster = flexfem.study.table(place), flexfem.analyse(flexfem.load(reference), 3, "koster").stiffness[0, 0]
+    np.testing.assert_allclose(table["kxx_n_per_mm"], [3.6 * koster, 4.0 * koster], rtol=1e-9)
     assert table["thickness_mm"].tolist() == [9.0, 10.0] and set(table["status"]) == {"ok"}
     assert flexfem.study.table(place, as_arrow=True).num_rows == 2
     for wrong in ("stage.toml", "missing.parquet"):

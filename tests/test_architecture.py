@@ -35,9 +35,15 @@ HEAVY = {"skfem": ("fem", "validate"), "matplotlib": ("plot",), "meshio": ("fem"
 MODELS = ("flexfem.analytic.", "flexfem.fem.")
 
 
-def imports(module: Path, types: bool = True) -> list[str]:
+@cache
+def tree_of(module: Path) -> ast.Module:
+    return ast.parse(module.read_text())
+
+
+@cache
+def imports(module: Path, types: bool = True) -> tuple[str, ...]:
     """Names that a module imports anywhere in it; without `types`, only those that are there when it runs."""
-    found, tree = [], ast.parse(module.read_text())
+    found, tree = list[str](), tree_of(module)
     checking = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
     unseen = set() if types else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
     for node in ast.walk(tree):
@@ -47,20 +53,18 @@ def imports(module: Path, types: bool = True) -> list[str]:
             found += [name.name for name in node.names]
         elif isinstance(node, ast.ImportFrom):
             found += [f"{node.module}.{name.name}" for name in node.names]
-    return found
+    return tuple(found)
 
 
 def folder_of(module: Path) -> str:
     return module.relative_to(ROOT / "flexfem").with_suffix("").parts[0]
 
 
-@pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_arrows_go_one_way(module):
-    own = folder_of(module)
-    for name in imports(module, types=False):
-        parts = name.split(".")
+def test_arrows_go_one_way():
+    for module, name in ((path, name) for path in MODULES for name in imports(path, types=False)):
+        own, parts = folder_of(module), name.split(".")
         assert own in HEAVY.get(parts[0], (own,)), f"{module} imports {name}"
-        if parts[0] == "flexfem" and own != "__init__" and parts[1] != "__version__":
+        if parts[0] == "flexfem" and own != "__init__" and parts[1:] not in ([], ["__version__"]):
             below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
             assert below or parts[1] == own, f"{module} imports {name}"
 
@@ -91,18 +95,18 @@ def reached(name: str) -> frozenset[str]:
 REPORTS = [f"flexfem.plot.{path.stem}" for path in MODULES if path.parent.name == "plot"]
 
 
-@pytest.mark.parametrize("report", REPORTS)
-def test_what_is_drawn_was_answered_before(report):
-    assert not reached(report) & {"flexfem.study.answer", "flexfem.study.solving", "flexfem.study.analytic"}
+def test_what_is_drawn_was_answered_before():
+    answering = {"flexfem.study.answer", "flexfem.study.solving", "flexfem.study.analytic"}
+    assert [report for report in REPORTS if reached(report) & answering] == []
 
 
-@pytest.mark.parametrize("report", REPORTS)
-def test_from_a_module_that_may_solve_reports_take_records_and_no_function(report):
+def test_from_a_module_that_may_solve_reports_take_records_and_no_function():
     """Results and settings are described beside what computes them; knowing them is no way to compute."""
-    for name in imports(ROOT / f"{report.replace('.', '/')}.py", types=False):
-        module, _, thing = name.rpartition(".")
-        if not name.startswith("flexfem.plot.") and any(each.startswith(MODELS) for each in reached(module)):
-            assert not inspect.isroutine(getattr(import_module(module), thing)), f"{report} takes {name}"
+    for report in REPORTS:
+        for name in imports(ROOT / f"{report.replace('.', '/')}.py", types=False):
+            module, _, thing = name.rpartition(".")
+            if not name.startswith("flexfem.plot.") and any(each.startswith(MODELS) for each in reached(module)):
+                assert not inspect.isroutine(getattr(import_module(module), thing)), f"{report} takes {name}"
 
 
 def test_reach_goes_through_other_modules():
@@ -144,7 +148,7 @@ def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():
     """A name for one thing: neither two classes of one name nor, from another file, what begins with an underline."""
     where: dict[str, list[str]] = {}
     for module in MODULES:
-        for node in ast.parse(module.read_text()).body:
+        for node in tree_of(module).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 where.setdefault(node.name, []).append(str(module.relative_to(ROOT)))
         taken = [name.rpartition(".")[2] for name in imports(module) if name.startswith("flexfem.")]

@@ -6,15 +6,16 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import Response, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
 from flexfem.stage.schema import Stage, load_stage
+from flexfem.validate import compare
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 RESOLUTION = 2  # triangles across a neck: CalculiX takes a second a run
@@ -43,6 +44,27 @@ def stage_named() -> Callable[[str], Stage]:
 def six() -> Coarse:
     """The reference stage of mobility six."""
     return coarse("mobility6")
+
+
+@pytest.fixture(scope="session")
+def answers() -> dict[Any, Any]:
+    """What was solved of `six`, by what it depends on."""
+    return {}
+
+
+@pytest.fixture
+def six_once(six: Coarse, answers: dict[Any, Any], monkeypatch: pytest.MonkeyPatch) -> Coarse:
+    """`six`, which comparisons mesh and solve here only once."""
+
+    def solve(mesh: StageMesh, plate: Plate, *degree: int) -> Response:
+        if degree not in answers:
+            answers[degree] = platform_response(mesh, plate, *degree)
+        found: Response = answers[degree]
+        return found
+
+    monkeypatch.setattr(compare, "build_mesh", lambda *_: six.mesh)
+    monkeypatch.setattr(compare, "platform_response", solve)
+    return six
 
 
 @pytest.fixture(scope="session")
