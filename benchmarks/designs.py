@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from flexfem.analytic.chains import chain_compliance, chain_wrenches
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.notch import FORMULAS
-from flexfem.analytic.serial import serial_stiffness
-from flexfem.stage.frames import frames
+from flexfem.stage.designs import frames
 
 
 def draw(count: int) -> dict[str, Any]:
@@ -45,7 +45,8 @@ def stiffness(d: dict[str, Any]) -> Any:
         0.33,
         block_height=d["width"][spread],
     )
-    return serial_stiffness(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))
+    chains = chain_compliance(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))
+    return np.sum(chain_wrenches(chains), axis=-3)
 
 
 def main() -> None:

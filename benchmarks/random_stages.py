@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.links import linked_compliance
+from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
@@ -81,7 +81,7 @@ def drawn(count: int, seed: int) -> Iterator[Stage]:
         stage = draw(rng)
         try:
             check_feasible(stage)
-            linked_compliance(stage, "calibrated")
+            analyse(stage, 21, "calibrated", links=True)
         except BadInput:
             continue
         found += 1
@@ -90,7 +90,7 @@ def drawn(count: int, seed: int) -> Iterator[Stage]:
 
 def deviation(stage: Stage) -> Array:
     """Per cent (3,) by which the analytic compliance is off the extrapolated one, in x, y, theta."""
-    analytic = np.diag(linked_compliance(stage, "calibrated"))
+    analytic = np.diag(analyse(stage, 21, "calibrated", links=True).compliance)
     solved = np.array([np.diag(solve_stage(stage, n).response.compliance) for n in RESOLUTIONS])
     limits = [grid_convergence(np.array(RESOLUTIONS), solved[:, k], 0.0).extrapolated for k in range(3)]
     return 100 * (analytic / np.array(limits) - 1)

@@ -45,7 +45,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.plane_stress import integration
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.fem.sectors import build_mesh
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.verify.comparison import compare
 
     clock = Clock()

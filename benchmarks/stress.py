@@ -19,7 +19,7 @@ from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.protocol import solve_stage
-from flexfem.verify.summary import Limits, element_limits, linked_limits, rigid_limits
+from flexfem.verify.summary import Limits, analytic_limits, element_limits
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 
@@ -35,8 +35,8 @@ def above(stage: Stage, resolution: int) -> dict[str, Array]:
     found = {}
     for name, entry in FORMULAS.items():
         if np.all(entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)):
-            found[f"{name}, elastic links"] = highest(linked_limits(stage, name))
-            found[f"{name}, rigid links, mobility 3"] = highest(rigid_limits(stage, name, 3))
+            found[f"{name}, elastic links"] = highest(analytic_limits(stage, name, links=True))
+            found[f"{name}, rigid links, mobility 3"] = highest(analytic_limits(stage, name, 3))
     return {name: 100 * (stress / elements - 1) for name, stress in found.items()}
 
 

@@ -10,23 +10,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexfem.analytic.chains import Wrench, neck_stress, range_at_yield
 from flexfem.analytic.inverse import inverse
-from flexfem.analytic.links import body_compliance, linked
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult
 from flexfem.analytic.model import analyse as analyse_stage
-from flexfem.analytic.serial import chain_compliance, chain_wrenches
 from flexfem.analytic.stiffness import apply
-from flexfem.analytic.stress import Wrench, neck_stress, neck_wrenches
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import load_case
 from flexfem.files.toml import Path
 from flexfem.refused import BadInput
 from flexfem.stage.cache import once
-from flexfem.stage.checks import check_feasible
-from flexfem.stage.feasibility import load_feasible
-from flexfem.stage.frames import stage_frames
-from flexfem.stage.schema import Stage, out_of_plane
+from flexfem.stage.designs import lower
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import warning
 from flexfem.verify.convergence import grid_convergence, levels
 from flexfem.verify.measures import error_bands
@@ -84,31 +81,23 @@ class AnalyticModel(Model):
     links: bool
     result: AnalyticResult
 
-    @cached_property
-    def _wrench(self) -> Wrench:
-        placed = stage_frames(self.stage)
-        chains = chain_compliance(placed, self.result.hinges, self.result.freedoms)
-        return neck_wrenches(placed, chain_wrenches(chains, body_compliance(self.stage) if self.links else None))
-
     def neck_stress(self, pose: ArrayLike) -> Array:
         """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3).
 
         Notes
         -----
-        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `flexfem.analytic.stress`, which states how far it is from finite
+        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `chains.concentration`, which states how far it is from finite
         elements.
         """
-        at = _vectors("pose", pose)
-        carried = Wrench(*(np.einsum("cnd,...d->...cn", part, at)[..., None] for part in self._wrench))
-        stage = self.stage
-        pull = out_of_plane(stage.model, stage.material.poissons_ratio)
-        sizes = stage.array("radius"), stage.array("neck"), np.asarray(stage.thickness)
-        return neck_stress(carried, *sizes, pull)[..., 0]
+        at, design = _vectors("pose", pose), lower(self.stage)
+        carried = Wrench(*(np.einsum("cnd,...d->...cn", part, at)[..., None] for part in self.result.wrench))
+        sizes = design.radius[0], design.neck[0], design.thickness[0]
+        return neck_stress(carried, *sizes, design.out_of_plane[0])[..., 0]
 
     @property
     def range_at_yield(self) -> Array:
         """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
-        return np.asarray(self.stage.material.yield_strength / self.neck_stress(np.eye(3)).max(axis=(-2, -1)))
+        return range_at_yield(self.result.stress, lower(self.stage).yield_strength[0])
 
     @property
     def warnings(self) -> list[str]:
@@ -147,8 +136,7 @@ class ElementModel(Model):
     @cached_property
     def range_at_yield(self) -> Array:
         """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
-        highest = element_limits(self.stage, self.solved).stress.max(axis=(0, 1))
-        return np.asarray(self.stage.material.yield_strength / highest)
+        return range_at_yield(element_limits(self.stage, self.solved).stress, lower(self.stage).yield_strength[0])
 
     @cached_property
     def band(self) -> Array:
@@ -246,9 +234,7 @@ def analyse(
     array([2.14, 0.  , 0.  ])
     """
     check_feasible(stage)
-    if links and mobility not in (None, 21):
-        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
-    found = linked(stage, formula) if links else analyse_stage(stage, mobility, formula)
+    found = analyse_stage(stage, mobility, formula, links)
     return AnalyticModel(stage, found.stiffness, found.compliance, found.mobility, formula, links, found)
 
 

@@ -208,7 +208,7 @@ def test_a_stage_that_cannot_be_made_is_refused_by_every_question(ask):
 def test_a_joint_of_known_springs_gives_the_stiffness_of_the_sum_over_chains(stage):
     """Hinges in series, chains in parallel, summed here hinge by hinge, against the model by loops."""
     model = flexfem.analyse(stage, mobility=21)
-    from flexfem.stage.frames import stage_frames
+    from flexfem.stage.designs import stage_frames
 
     placed, K = stage_frames(stage), np.zeros((3, 3))
     for chain in range(3):

@@ -106,14 +106,14 @@ MUTATIONS = [
     ),
     Mutation(
         "hinge axes turned by 90 degrees in both models",
-        "stage/frames.py",
+        "stage/designs.py",
         "axis + np.where(backwards, np.pi, 0.0)",
         "axis + np.pi / 2 + np.where(backwards, np.pi, 0.0)",
         "tests/stage/test_frames.py::test_default_necks_point_along_link_one_link_one_and_link_two",
     ),
     Mutation(
         "chains counted clockwise",
-        "stage/frames.py",
+        "stage/designs.py",
         "CHAIN_TURN = 2.0",
         "CHAIN_TURN = -2.0",
         "tests/stage/test_frames.py::test_chains_are_chain_one_turned_by_120_degrees",
@@ -155,14 +155,14 @@ MUTATIONS = [
     ),
     Mutation(
         "a neck bent as if it were half as strong",
-        "analytic/stress.py",
+        "analytic/chains.py",
         "(6.0 * K.bending",
         "(3.0 * K.bending",
         "tests/analytic/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
     ),
     Mutation(
         "a pulled neck concentrates stress as a bent one",
-        "analytic/stress.py",
+        "analytic/chains.py",
         "(K.tension / area)",
         "(K.bending / area)",
         "tests/analytic/test_stress.py::test_bending_and_tension_of_one_neck_are_those_of_finite_elements",

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.analytic.mobility import KINDS, Freedoms, checked
 from flexfem.arrays import Array, Index
-from flexfem.stage.frames import Frames, direction
+from flexfem.stage.designs import Frames, direction
 
 ROTATION, AXIAL, SHEAR = range(3)
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # a quarter turn of the translation

@@ -1,28 +1,51 @@
-"""One stage through the analytic model."""
+"""The analytic model at rest: n designs at once, for studies, and one stage as n = 1."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexfem.analytic import notch, thick
+from flexfem.analytic.chains import Wrench, chain_compliance, chain_wrenches, neck_stress, neck_wrenches
+from flexfem.analytic.inverse import inverse
+from flexfem.analytic.links import body_compliance
+from flexfem.analytic.loops import rank_revealing
 from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.mobility import mobility as mobility_of
-from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
+from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.checks import check_closed_form
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import Designs, lower, stage_frames
+from flexfem.stage.feasibility import Broken, check_closed_form
 from flexfem.stage.origin import located
-from flexfem.stage.schema import HINGE_NAMES, Plane, elastic, key_of
+from flexfem.stage.tables import HINGE_NAMES, key_of
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
 
 DEFAULT_FORMULA = "paros-weisbord"
+OFF_CHART = "t/R off the hinge chart"
+OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
+NOT_POSITIVE = "no positive compliance by its formula"
+
+
+class AtRest(NamedTuple):
+    """What the platform of n designs does at rest; directions and 3 x 3 matrices in x, y, theta.
+
+    stiffness : (n, 3, 3), N/mm, N, N mm; nan for a singular design.
+    wrench : what the necks carry per displacement, (n, 3 chains, 3 hinges, 3 directions).
+    stress : (n, 3, 3, 3), largest von Mises stress at each neck per displacement in each direction, the others held:
+        MPa per mm, per rad.
+    turning : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
+    """
+
+    stiffness: Array
+    wrench: Wrench
+    stress: Array
+    turning: Array
 
 
 class AnalyticResult(NamedTuple):
@@ -32,6 +55,8 @@ class AnalyticResult(NamedTuple):
     mobility : by (1).   freedoms : of each hinge, 3 chains by 3 hinges.   formula : name of the hinge formula.
     hinges : Compliance of the nine hinges, fields (3, 3).
     in_range : (3, 3), whether t/R is within the range of the formula.
+    links : whether pads, links and platform are elastic.
+    wrench, stress : as in `AtRest`, (3 chains, 3 hinges, 3 directions).
     """
 
     stiffness: Array
@@ -41,109 +66,152 @@ class AnalyticResult(NamedTuple):
     formula: str
     hinges: Compliance
     in_range: NDArray[np.bool_]
+    links: bool
+    wrench: Wrench
+    stress: Array
+
+
+def hinge_compliances(designs: Designs, formula: str) -> Compliance:
+    """Compliances of all hinges, fields (n, 3 chains, 3 hinges), in the designs' plane; nan off a chart.
+
+    Raises BadInput for an unknown formula.
+    """
+    b, H, nu = (each[:, None, None] for each in (designs.thickness, designs.link_width, designs.poissons_ratio))
+    E, effective_nu = (each[:, None, None] for each in designs.elastic)
+    found = notch.formula(formula).compliance(designs.radius, designs.neck, b, E, effective_nu, H)
+    if designs.plane != "corrected":
+        return found
+    factors = thick.factors(designs.radius, designs.neck, b, nu)
+    return Compliance(*(one * factor for one, factor in zip(found, factors, strict=True)))
+
+
+def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
+    """Whether the formula is meant for each hinge (n, 3, 3). Raises BadInput for an unknown formula."""
+    return notch.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
+
+
+def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
+    """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
+    found = {}
+    if isinstance(notch.formula(formula), ChartedFormula):
+        found[OFF_CHART] = notch.formula(formula).in_range(designs.radius, designs.neck)
+    if designs.plane == "corrected":
+        found[OFF_THICKNESS] = on_thickness_chart(designs)
+    found[NOT_POSITIVE] = np.minimum(np.minimum(hinges.rotation, hinges.axial), hinges.shear) > 0
+    return found
+
+
+def on_thickness_chart(designs: Designs) -> NDArray[np.bool_]:
+    """Whether each hinge (n, 3, 3) is on the chart of three-dimensional hinges."""
+    b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
+    return thick.covers(designs.radius, designs.neck, b, nu)
+
+
+def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
+    """What `answered` says no to by its reason, the table of the hinge first, and of which designs."""
+    return [
+        Broken(f"hinges.{name}: {reason}", ~np.all(holds[:, :, position], axis=1))
+        for reason, holds in answered(designs, formula, hinges).items()
+        for position, name in enumerate(HINGE_NAMES)
+    ]
+
+
+def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> AtRest:
+    """The platform of n designs at rest, by hinges of compliances (n, 3, 3).
+
+    Parameters
+    ----------
+    bodies : (n, 9, 9), of `links.body_compliance`; None where pads, links and platform are rigid.
+
+    Notes
+    -----
+    The stiffness is (18) at rest by another route: hinges in series, chains in parallel.
+    """
+    chains = chain_wrenches(chain_compliance(designs.frames, hinges, freedoms), bodies)
+    wrench = neck_wrenches(designs.frames, chains)
+    turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
+    stress = neck_stress(wrench, designs.radius, designs.neck, designs.thickness, designs.out_of_plane)
+    return AtRest(np.sum(chains, axis=1), wrench, stress, np.max(turning, axis=1))
+
+
+def analyse(
+    stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
+) -> AnalyticResult:
+    """The analytic model of a stage at rest.
+
+    Parameters
+    ----------
+    mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself, and 21 with `links`.
+    formula : a name in `notch.FORMULAS`.
+    links : pads, links and platform elastic, with all freedoms of the hinges.
+
+    Raises
+    ------
+    BadInput: mobility or formula not known, or as `hinge_compliance`.
+    ComputationFailed: the stage is at a singular configuration.
+    """
+    freedoms, design, hinges = _freedoms(stage, mobility, links), lower(stage), hinge_compliance(stage, formula)
+    found = at_rest(design, _stacked(hinges), freedoms, body_compliance(stage)[None] if links else None)
+    K, inside = found.stiffness[0], in_range(design, formula)[0]
+    if np.isnan(K).any():
+        raise ComputationFailed(
+            f"stage {stage.name!r} is at a singular configuration at rest: a chain has no compliance in some direction"
+        )
+    wrench, stress = Wrench(*(part[0] for part in found.wrench)), found.stress[0]
+    of_model = (mobility_of(freedoms), freedoms, formula, hinges, inside, links)
+    return AnalyticResult(K, inverse(K), *of_model, wrench, stress)
+
+
+def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
+    """The stage as springs and joints, for loaded and displaced configurations; arguments as for `analyse`.
+
+    Where the joints that the paper calls independent do not fix the others, six others are dependent.
+    """
+    of = mechanism(stage_frames(stage), hinge_compliance(stage, formula), _freedoms(stage, mobility))
+    if np.isnan(stiffness(of).K_uu).any():
+        return of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
+    return of
 
 
 def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
-    """Compliances of the nine hinges, fields (3 chains, 3 hinges).
+    """Compliances of the nine hinges of one stage, fields (3 chains, 3 hinges).
 
     Raises BadInput for a stage that cannot be made, for an unknown formula, for one that is not even positive at some
     hinge's t/R, and for a chart that some hinge is not on: the formula's, or that of the thickness when the stage's
     model is "corrected".
     """
     check_closed_form(stage)
-    radius, neck, entry = stage.array("radius"), stage.array("neck"), notch.formula(formula)
-    with located(stage):
-        _refuse_off_chart(stage, entry)
-        _refuse_off_thickness(stage)
-    b, material, width = stage.thickness, stage.material, stage.chain.link_width
-    found = compliances(entry, stage.model, radius, neck, b, material.youngs_modulus, material.poissons_ratio, width)
-    senseless = ~(np.minimum(np.minimum(found.rotation, found.axial), found.shear) > 0)
-    if np.any(senseless):
-        ratio = (neck / radius)[senseless][0]
-        raise BadInput(
-            f"hinge formula {formula!r} has no positive compliance at t/R = {ratio:.3g}, expected another one"
-        )
-    return found
+    with np.errstate(all="ignore"):  # off a chart, or where a formula has no value: refused below
+        found = hinge_compliances(lower(stage), formula)
+    for reason, holds in answered(lower(stage), formula, found).items():
+        for chain, position in np.argwhere(~holds[0]).tolist():
+            with located(stage):
+                raise BadInput(_sentence(reason, stage, formula, chain + 1, position))
+    return Compliance(*(part[0] for part in found))
 
 
-def compliances(
-    entry: Formula,
-    plane: Plane,
-    radius: ArrayLike,
-    neck: ArrayLike,
-    thickness: ArrayLike,
-    youngs_modulus: ArrayLike,
-    poissons_ratio: ArrayLike,
-    block_height: ArrayLike,
-) -> Compliance:
-    """Compliances (...) of hinges by a formula in a plane model; mm, MPa; arguments broadcast; nan off a chart."""
-    constants = elastic(plane, youngs_modulus, poissons_ratio)
-    found = entry.compliance(radius, neck, thickness, *constants, block_height=block_height)
-    if plane != "corrected":
-        return found
-    factors = thick.factors(radius, neck, thickness, poissons_ratio)
-    return Compliance(*(one * factor for one, factor in zip(found, factors, strict=True)))
+def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int) -> str:
+    """Why a hinge has no answer: key, value and what was expected."""
+    hinge, b, nu = stage.hinge(chain, HINGE_NAMES[position]), stage.thickness, stage.material.poissons_ratio
+    tau = hinge.neck / hinge.radius
+    said = f"{key_of(stage, chain, HINGE_NAMES[position], 'neck_mm')} = {hinge.neck:g}"
+    if reason == OFF_CHART:
+        low, high = notch.formula(formula).valid
+        return f"{said}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
+    if reason == OFF_THICKNESS:
+        values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
+        ends = ", ".join(f"{low:g} to {high:g}" for low, high in thick.thickness_chart()[:3])
+        return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
+    return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
 
 
-def _refuse_off_thickness(stage: Stage) -> None:
-    """Raise BadInput naming the first hinge of a corrected stage that is not on the thickness chart."""
-    if stage.model != "corrected":
-        return
-    nu, b = stage.material.poissons_ratio, stage.thickness
-    for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
-        hinge = stage.hinge(chain, name)
-        if not thick.covers(hinge.radius, hinge.neck, b, nu):
-            values = zip(("t/R", "b/t", "nu"), (hinge.neck / hinge.radius, b / hinge.neck, nu), strict=True)
-            ends = thick.thickness_chart()[:3]
-            raise BadInput(
-                f"{key_of(stage, chain, name, 'neck_mm')} = {hinge.neck:g}: not on the thickness chart of model = "
-                f'"corrected" with {", ".join(f"{axis} = {value:.4g}" for axis, value in values)}, expected '
-                f"{', '.join(f'{low:g} to {high:g}' for low, high in ends)}"
-            )
+def _stacked(hinges: Compliance) -> Compliance:
+    return Compliance(*(np.asarray(part)[None] for part in hinges))
 
 
-def _refuse_off_chart(stage: Stage, entry: Formula) -> None:
-    """Raise BadInput naming the first hinge that is not on the chart of a charted formula, its value and the range."""
-    if not isinstance(entry, ChartedFormula):
-        return
-    off = f"is not on the hinge chart of formula {entry.name!r}"
-    for chain, name in ((chain, name) for chain in (1, 2, 3) for name in HINGE_NAMES):
-        hinge = stage.hinge(chain, name)
-        ratio = hinge.neck / hinge.radius
-        if not entry.in_range(hinge.radius, hinge.neck):
-            raise BadInput(
-                f"{key_of(stage, chain, name, 'neck_mm')} = {hinge.neck:g}: t/R = {ratio:.4g} {off}, "
-                f"expected {entry.valid[0]:g} to {entry.valid[1]:g}"
-            )
-
-
-def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
-    """The stage as springs and joints, for loaded and displaced configurations; arguments as for `analyse`."""
-    return mechanism(stage_frames(stage), hinge_compliance(stage, formula), _freedoms(stage, mobility))
-
-
-def analyse(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> AnalyticResult:
-    """Platform stiffness of a stage at rest.
-
-    Parameters
-    ----------
-    mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself.
-    formula : a name in `notch.FORMULAS`.
-
-    Raises
-    ------
-    BadInput: mobility or formula not known.
-    ComputationFailed: the stage is at a singular configuration.
-    """
-    freedoms = _freedoms(stage, mobility)
-    hinges = hinge_compliance(stage, formula)
-    at_rest = stiffness(mechanism(stage_frames(stage), hinges, freedoms))
-    if np.isnan(at_rest.K_uu).any():
-        what = "its loops do not fix the dependent joints" if np.isnan(at_rest.influence.G_u).any() else "K_uu"
-        raise ComputationFailed(f"stage {stage.name!r} is at a singular configuration at rest: {what}")
-    in_range = notch.formula(formula).in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)
-    return AnalyticResult(at_rest.K_uu, at_rest.C_uu, mobility_of(freedoms), freedoms, formula, hinges, in_range)
-
-
-def _freedoms(stage: Stage, mobility: int | None) -> Freedoms:
-    return stage_freedoms(stage.array("prismatic")) if mobility is None else freedoms_of(mobility)
+def _freedoms(stage: Stage, mobility: int | None, links: bool = False) -> Freedoms:
+    if links and mobility not in (None, 21):
+        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
+    if mobility is None and not links:
+        return stage_freedoms(lower(stage).prismatic)
+    return freedoms_of(21 if mobility is None else mobility)

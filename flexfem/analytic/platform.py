@@ -18,7 +18,7 @@ from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.boundary import Boundary, displacements, divided
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.bodies import body_sides, cut_angle, necks, notch_side
-from flexfem.stage.frames import CHAIN_TURN
+from flexfem.stage.designs import CHAIN_TURN, Elastic
 from flexfem.stage.outline import Segment, polyline, reverse
 from flexfem.stage.schema import CHAINS, Hinge, Stage
 from flexfem.stage.strip import Pose
@@ -33,7 +33,7 @@ TURN = 0.4  # rad, of an arc
 BLOCK = 2.0  # length of the straight block, per link width
 
 
-def platform_compliance(stage: Stage) -> Array:
+def platform_compliance(stage: Stage, material: Elastic) -> Array:
     """Compliance (9, 9) that the platform's body adds to the three chains: x, y, theta of chain 1, 2 and 3.
 
     Raises BadInput when it cannot be drawn.
@@ -46,7 +46,7 @@ def platform_compliance(stage: Stage) -> Array:
     cut_angle(stage)  # refuses lugs with no rim between them
     hinges = [stage.hinge(chain, "platform") for chain in CHAINS]
     one_of_each = dict(zip(hinges, CHAINS, strict=True))
-    found = {hinge: _added(stage, chain) for hinge, chain in one_of_each.items()}
+    found = {hinge: _added(stage, material, chain) for hinge, chain in one_of_each.items()}
     alike = [_circulant(found[hinge]) for hinge in hinges]
     added = np.array([[(alike[i][i, j] + alike[j][i, j]) / 2 for j in range(3)] for i in range(3)])
     poses = [_neck(stage, chain) for chain in CHAINS]
@@ -70,11 +70,11 @@ def _neck(stage: Stage, chain: int) -> Pose:
     return Pose(neck.point * cmath.exp(1j * angle), neck.heading + angle)
 
 
-def _added(stage: Stage, chain: int) -> Array:
+def _added(stage: Stage, material: Elastic, chain: int) -> Array:
     """Compliance (3, 3, 3) beyond the hinge's own, at its neck and at the next chains', of three lugs like this one."""
-    E, nu = (float(value) for value in stage.elastic)
-    added = _body(stage, chain) / (E / (2 * (1 + nu)) * stage.thickness)
-    added[0] -= _half_hinge(stage, stage.hinge(chain, "platform"))
+    E, nu = (float(value) for value in material)
+    added = _body(stage, nu, chain) / (E / (2 * (1 + nu)) * stage.thickness)
+    added[0] -= _half_hinge(stage, material, stage.hinge(chain, "platform"))
     return added
 
 
@@ -83,7 +83,7 @@ def _circulant(added: Array) -> Array:
     return np.array([[added[(i - j) % 3] for j in range(3)] for i in range(3)])
 
 
-def _body(stage: Stage, chain: int) -> Array:
+def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     """Compliance (3, 3, 3), each neck under loads of the first: moment, force along, across; G and thickness one.
 
     A third of the platform is enough, with its lug, its part of the hub and the rim up to the next lug.
@@ -100,7 +100,7 @@ def _body(stage: Stage, chain: int) -> Array:
     boundary, part = _joined(parts)
     held = np.abs(boundary.nodes) < (hub + stage.platform.radius) / 2
     loads = _beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
-    return _work(boundary, loads, held, float(stage.elastic.poissons_ratio), len(CHAINS))
+    return _work(boundary, loads, held, poissons_ratio, len(CHAINS))
 
 
 def _ring(stage: Stage) -> float:
@@ -109,9 +109,9 @@ def _ring(stage: Stage) -> float:
     return min(max(RING * (disc - hub), THIN * hub), 2 * COARSEST * stage.chain.link_width)
 
 
-def _half_hinge(stage: Stage, hinge: Hinge) -> Array:
+def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     """Compliance (3, 3) of half a hinge about its neck: on a straight block, whose own as a beam is subtracted."""
-    E, nu = (float(value) for value in stage.elastic)
+    E, nu = (float(value) for value in material)
     width, start = stage.chain.link_width, hinge.radius
     end = start + BLOCK * width
     neck = Pose(0j, 0.0)

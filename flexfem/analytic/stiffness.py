@@ -12,7 +12,7 @@ from flexfem.analytic.loops import Choice, Influence, choose, columns, in_joint_
 from flexfem.analytic.mobility import Freedoms
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array, Index
-from flexfem.stage.frames import Frames
+from flexfem.stage.designs import Frames
 
 
 class Mechanism(NamedTuple):

@@ -11,7 +11,7 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import FORMULAS, over_calibrated
 from flexfem.analytic.thick import factors
 from flexfem.files.provenance import key_paths, provenance_of
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 

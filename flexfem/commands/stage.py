@@ -20,7 +20,7 @@ LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 def check(stage: Stage, json: Json = False) -> None:
     """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
     from flexfem.commands import answers
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
 
     console.show(answers.of_stage(stage, load_feasible(stage)), json, tables.print_stage)
 
@@ -37,7 +37,7 @@ def summary(
 ) -> None:
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
     from flexfem.analytic import notch
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.verify import summary as verify
 
     loaded = load_feasible(stage)
@@ -62,11 +62,10 @@ def stiffness(
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
     from flexfem.analytic import notch
-    from flexfem.analytic.links import linked
     from flexfem.analytic.mobility import freedoms_of
     from flexfem.analytic.model import analyse
     from flexfem.commands import answers
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     notch.formula(formula)
@@ -75,7 +74,7 @@ def stiffness(
         raise BadInput(
             f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms of the hinges"
         )
-    found = linked(loaded, formula) if links else analyse(loaded, mobility, formula)
+    found = analyse(loaded, mobility, formula, links)
     console.show(answers.of_model(stage, loaded, found), json, tables.print_analytic)
 
 
@@ -93,7 +92,7 @@ def mesh(
     from flexfem.fem.response import plate_of
     from flexfem.fem.sectors import build_mesh
     from flexfem.files.writing import check_folder
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     check_format(output)
@@ -126,7 +125,7 @@ def solve(
     from flexfem.fem.export import write_vtu
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import load_case
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.verify.protocol import solve_stage
 
     loaded = load_feasible(stage)

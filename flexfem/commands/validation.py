@@ -23,7 +23,7 @@ def cross_check(
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
     from flexfem.commands import answers
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.validate import compare
 
     loaded = load_feasible(stage)

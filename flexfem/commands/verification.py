@@ -56,7 +56,7 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
     from flexfem.verify import budget as verify
     from flexfem.verify.case import Direction
@@ -83,7 +83,7 @@ def workspace(
     json: Json = False,
 ) -> None:
     """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
     from flexfem.verify import workspace as verify
 
@@ -108,7 +108,7 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
-    from flexfem.stage.feasibility import load_feasible
+    from flexfem.stage.schema import load_feasible
     from flexfem.verify import converge as verify
 
     loaded = load_feasible(stage)

@@ -35,7 +35,7 @@ from flexfem.fem.response import (
     rigid_motion,
 )
 from flexfem.fem.sectors import Sector, welded
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, turned
 
 SETTLED = 0.1 * BALANCE  # refined no further
 

@@ -13,9 +13,9 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import out_of_plane, stage_frames
 from flexfem.stage.origin import located
-from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
+from flexfem.stage.schema import HINGE_NAMES, Stage
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
 MOST_SOLVES = 12  # with iterative refinement; three do for necks of some um and more

@@ -34,8 +34,8 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import mesh_faces
 from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
-from flexfem.stage.checks import check_feasible
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, turned
+from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.outline import Face, area
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 

@@ -54,7 +54,7 @@ class Key(NamedTuple):
         return found
 
     def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
-        """Fields of `designs.Designs` that it sets and where in them; none where no model asks for it.
+        """Fields of `stage.designs.Designs` that it sets and where in them; none where no model asks for it.
 
         A hinge with an override of its own does not follow the one it overrides; no output depends
         on the density.

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, Literal, NamedTuple, overload
+from typing import Any, ClassVar, Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
 from flexfem.files.dump import toml_text
 from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
@@ -25,7 +25,8 @@ from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.cache import KEPT, once
 from flexfem.stage.changes import merged_changes
-from flexfem.stage.checks import check_feasible
+from flexfem.stage.designs import Elastic, lower
+from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
 from flexfem.stage.materials import Material as Material
 from flexfem.stage.materials import source_of
@@ -40,31 +41,6 @@ from flexfem.stage.tables import Override as Override
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
 from flexfem.stage.tables import key_of as key_of
-
-
-class Elastic(NamedTuple):
-    """Constants that make the equations of plane stress those of a stage's model: E (...) in MPa, Poisson's ratio."""
-
-    youngs_modulus: Array
-    poissons_ratio: Array
-
-
-def elastic(model: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
-    """Elastic constants (...) of a plane model of a material; the arguments broadcast.
-
-    Notes
-    -----
-    Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. A corrected model is plane stress with
-    factors on the hinges alone (`analytic/thick.py`): links are about as wide as thick.
-    """
-    E, nu = np.broadcast_arrays(np.asarray(youngs_modulus, dtype=float), np.asarray(poissons_ratio, dtype=float))
-    return Elastic(E / (1 - nu**2), nu / (1 - nu)) if model == "plane_strain" else Elastic(E, nu)
-
-
-def out_of_plane(model: Plane, poissons_ratio: ArrayLike) -> Array:
-    """The stress out of the plane over the sum of those in it (...): nu in plane strain, else 0."""
-    nu = np.asarray(poissons_ratio, dtype=float)
-    return nu if model == "plane_strain" else np.zeros_like(nu)
 
 
 class Stage(Dimensioned, Sourced):
@@ -203,11 +179,7 @@ link, expected < chain.link_width_mm = 9
         """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
         if chain not in CHAINS or name not in HINGE_NAMES:
             raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
-        hinge: Hinge = getattr(self.hinges, name)
-        for override in self.override:
-            if (override.chain, override.hinge) == (chain, name):
-                return hinge.model_copy(update=override.changes)
-        return hinge
+        return _hinges(self)[chain - 1][HINGE_NAMES.index(name)]
 
     @overload
     def array(self, attr: Literal["radius", "neck"]) -> Array: ...
@@ -217,7 +189,8 @@ link, expected < chain.link_width_mm = 9
         """Return an attribute of all hinges, (3 chains, 3 hinges): mm, or bool for `prismatic`; read-only."""
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
-        return _of_hinges(self, attr)
+        found: Array = getattr(lower(self), attr)
+        return found if attr == "prismatic" else found[0]
 
     @property
     def mobility(self) -> int:
@@ -227,12 +200,12 @@ link, expected < chain.link_width_mm = 9
     @property
     def elastic(self) -> Elastic:
         """Elastic constants of the plane problem, by `model`; `material` keeps the metal's own."""
-        return elastic(self.model, self.material.youngs_modulus, self.material.poissons_ratio)
+        return Elastic(*(value[0] for value in lower(self).elastic))
 
     @property
     def chains_alike(self) -> bool:
         """Whether the hinges of chains 2 and 3 equal those of chain 1, so that the stage is three-fold symmetric."""
-        return all(self.hinge(i, name) == self.hinge(1, name) for i in CHAINS for name in HINGE_NAMES)
+        return len(set(_hinges(self))) == 1
 
     @property
     def hash(self) -> str:
@@ -240,15 +213,20 @@ link, expected < chain.link_width_mm = 9
         content = self.model_dump(exclude={"name": True, "provenance": True, "override": True, "material": {"name"}})
         if self.model == "plane_stress":  # the hashes of stages older than the key stay
             del content["model"]
-        content["hinges"] = [[self.hinge(i, name).model_dump() for name in HINGE_NAMES] for i in CHAINS]
+        content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in _hinges(self)]
         text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
 
 @once
-def _of_hinges(stage: Stage, attr: str) -> AnyArray:
-    kind = np.bool_ if attr == "prismatic" else np.float64
-    return np.array([[getattr(stage.hinge(i, name), attr) for name in HINGE_NAMES] for i in CHAINS], dtype=kind)
+def _hinges(stage: Stage) -> tuple[tuple[Hinge, ...], ...]:
+    """The nine hinges, 3 chains by 3 hinges, overrides applied."""
+    changes = {(override.chain, override.hinge): override.changes for override in stage.override}
+    own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
+    return tuple(
+        tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)
+        for i in CHAINS
+    )
 
 
 def load_stage(path: Path) -> Stage:
@@ -262,6 +240,13 @@ def load_stage(path: Path) -> Stage:
     """
     stage = validate(Stage, path)
     stage.__dict__["origin"] = Origin(os.fspath(path))
+    return stage
+
+
+def load_feasible(path: Path) -> Stage:
+    """Read a stage file and refuse what cannot be made. Raises BadInput, naming the file."""
+    stage = load_stage(path)
+    check_feasible(stage)
     return stage
 
 

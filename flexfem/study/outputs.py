@@ -43,12 +43,9 @@ def common_columns(stiffness: Array, stress: Array, yield_strength: Array, envel
     return np.concatenate([entries, coupling, per_unit, reach, envelope[:, None]], axis=1)
 
 
-def travel_columns(turning: Array, rotation: float) -> Array:
-    """Travels (n, `TRAVELS`): the displacement at which a base hinge has turned by `rotation`, rad.
-
-    `turning` : (n, 3), the largest rotation of a base hinge per displacement, rad per mm and per rad.
-    """
-    return rotation / turning * _factors(TRAVELS)
+def travel_columns(travel: Array) -> Array:
+    """Values (n, `TRAVELS`) of travels (n, 3), mm and rad."""
+    return travel * _factors(TRAVELS)
 
 
 def _factors(columns: tuple[str, ...]) -> Array:

@@ -20,9 +20,8 @@ from flexfem.files.provenance import Sourced, is_assumed
 from flexfem.files.refusals import place_of, refusal, shown, suggestion
 from flexfem.files.toml import read_toml, validate
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import load_feasible
 from flexfem.stage.keys import keys, meant
-from flexfem.stage.schema import Label, Stage
+from flexfem.stage.schema import Label, Stage, load_feasible
 from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
 from flexfem.study.expression import names_in
 from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfem.analytic.chains import travel
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.clock import Limit
@@ -70,7 +71,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     found = [common_columns(stiffness[None], stress[None], strength, size)[0]]
     if study.drive is not None:
         turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
-        found.append(travel_columns(turning[None], study.drive.rotation)[0])
+        found.append(travel_columns(travel(turning[None], study.drive.rotation))[0])
     if analytic is not None:
         found.append(_errors(stage, loaded, analytic, response, clock))
     return np.concatenate(found)

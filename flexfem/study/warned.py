@@ -35,12 +35,11 @@ def outside(loaded: LoadedStudy, values: Array) -> AnyArray:
     """Which designs (n,) have a hinge for which the study's formula is not meant."""
     if loaded.study.model == "fe":
         return np.zeros(len(values), dtype=bool)
-    from flexfem.analytic.notch import formula
+    from flexfem.analytic.model import in_range
     from flexfem.study.designs import designs_of
 
-    designs = designs_of(loaded, values)
     with np.errstate(all="ignore"):
-        inside = formula(loaded.study.formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
+        inside = in_range(designs_of(loaded, values), loaded.study.formula)
     return np.asarray(~inside.all(axis=(1, 2)))
 
 

@@ -15,9 +15,7 @@ import scipy.sparse as sp
 from flexfem.analytic.inverse import inverse
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.mobility import freedoms_of
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.notch import formula
-from flexfem.analytic.serial import chain_compliance, chain_wrenches
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble, at_rest, hinge_compliances
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array
 from flexfem.fem.cyclic import cyclic_response
@@ -27,7 +25,7 @@ from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import uneven_sectors, welded
 from flexfem.files.markdown import markdown_table
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
 from flexfem.verify.budget import CALIBRATED
@@ -169,13 +167,11 @@ def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = D
 
     The metal is the calibrated hinges with elastic pads, links and platform; the model knows the drawn dimensions.
     """
-    lever = stage.chain.link_lengths[2]
-    neck = stage.array("neck") + deviation * np.random.default_rng(seed).normal(size=(draws, 3, 3))
-    hinges = formula(CALIBRATED).compliance(
-        stage.array("radius"), neck, stage.thickness, *stage.elastic, block_height=stage.chain.link_width
-    )
-    chains = chain_compliance(stage_frames(stage), hinges, freedoms_of(21))
-    real = inverse(np.sum(chain_wrenches(chains, body_compliance(stage)), axis=-3))
+    lever, noise = stage.chain.link_lengths[2], np.random.default_rng(seed).normal(size=(draws, 3, 3))
+    designs = lower(stage).repeated(draws)
+    designs.neck[:] += deviation * noise
+    hinges = hinge_compliances(designs, CALIBRATED)
+    real = inverse(at_rest(designs, hinges, freedoms_of(21), body_compliance(stage)).stiffness)
     K = analyse(stage, model).stiffness
     return np.array([error_matrix(K, each, lever) for each in real])
 

@@ -17,8 +17,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table, validate
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import load_feasible
-from flexfem.stage.schema import Label, Stage
+from flexfem.stage.schema import Label, Stage, load_feasible
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
 Analysis: TypeAlias = Literal["linear", "nonlinear"]

@@ -14,8 +14,7 @@ from flexfem.files.markdown import markdown_table
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Table, validate
-from flexfem.stage.feasibility import load_feasible
-from flexfem.stage.schema import Label, Stage
+from flexfem.stage.schema import Label, Stage, load_feasible
 from flexfem.verify import warning
 from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
 from flexfem.verify.measures import MEASURES, Evidence, Measured, errors_of_model

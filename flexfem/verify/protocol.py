@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.equilibrium import at_pose
-from flexfem.analytic.links import linked
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
@@ -19,8 +18,8 @@ from flexfem.fem.response import LoadCase, Response, load_case, plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.files.provenance import doubts
 from flexfem.refused import ComputationFailed
-from flexfem.stage.checks import check_feasible
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import stage_frames
+from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
@@ -127,7 +126,7 @@ def run_case(
 def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], Solved]) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
     lever = stage.chain.link_lengths[2]
-    analytic = linked(stage, curve.formula) if curve.links else analyse(stage, curve.mobility, curve.formula)
+    analytic = analyse(stage, curve.mobility, curve.formula, curve.links)
     plate_of(stage)
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]

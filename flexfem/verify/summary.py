@@ -7,16 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.links import body_compliance
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
-from flexfem.analytic.serial import chain_compliance, chain_wrenches
-from flexfem.analytic.stress import neck_stress, neck_wrenches
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, hinge_compliance
 from flexfem.arrays import Array
 from flexfem.fem.response import load_case
 from flexfem.files.provenance import provenance_of
 from flexfem.refused import BadInput
-from flexfem.stage.frames import stage_frames
-from flexfem.stage.schema import HINGE_NAMES, Stage, out_of_plane
+from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved
@@ -94,7 +90,7 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
             formula = DEFAULT_FORMULA
             warnings.append(f"{refusal.reason}; this summary takes {DEFAULT_FORMULA} instead")
     warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
-    analytic = _side(f"analytic, {formula}, elastic links", stage, linked_limits(stage, formula))
+    analytic = _side(f"analytic, {formula}, elastic links", stage, analytic_limits(stage, formula, links=True))
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         warnings += warning.of_motion(stage, limit.reach * np.eye(3)[axis], f"end of the safe range in {direction}")
     return Summary(
@@ -117,14 +113,10 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
     )
 
 
-def linked_limits(stage: Stage, formula: str) -> Limits:
-    """Limits by hinges of all freedoms between elastic pads, links and platform."""
-    return _limits(stage, analyse(stage, 21, formula), body_compliance(stage))
-
-
-def rigid_limits(stage: Stage, formula: str, mobility: int | None = None) -> Limits:
-    """Limits by the pseudo-rigid model, as studies without `links`."""
-    return _limits(stage, analyse(stage, mobility, formula), None)
+def analytic_limits(stage: Stage, formula: str, mobility: int | None = None, links: bool = False) -> Limits:
+    """Limits by the analytic model; arguments as for `model.analyse`."""
+    found = analyse(stage, mobility, formula, links)
+    return Limits(found.stiffness, found.stress)
 
 
 def element_limits(stage: Stage, solved: Solved) -> Limits:
@@ -132,14 +124,6 @@ def element_limits(stage: Stage, solved: Solved) -> Limits:
     stiffness = np.linalg.inv(solved.response.compliance)
     cases = [load_case(stage, solved.mesh, solved.response, force) for force in stiffness.T]
     return Limits(np.asarray(stiffness), np.stack([case.neck_stress for case in cases], axis=-1))
-
-
-def _limits(stage: Stage, model: AnalyticResult, bodies: Array | None) -> Limits:
-    placed = stage_frames(stage)
-    chains = chain_wrenches(chain_compliance(placed, model.hinges, model.freedoms), bodies)
-    pull = out_of_plane(stage.model, stage.material.poissons_ratio)
-    sizes = (stage.array("radius"), stage.array("neck"), np.asarray(stage.thickness))
-    return Limits(np.asarray(np.sum(chains, axis=0)), neck_stress(neck_wrenches(placed, chains), *sizes, pull))
 
 
 def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:

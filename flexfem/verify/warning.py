@@ -8,18 +8,18 @@ code. Limits that are judgements are constants here, with their reason.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic.links import linked_compliance
-from flexfem.analytic.model import AnalyticResult, analyse
+from flexfem.analytic.model import AnalyticResult, analyse, in_range
 from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.cache import once
+from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import LENGTH, STRESS
 
@@ -93,12 +93,12 @@ def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
 
 def of_formula(stage: Stage, formula: str) -> Warnings:
     """A hinge formula outside its range at some hinge."""
-    entry = FORMULAS[formula]
-    outside = ~entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)
+    design = lower(stage)
+    outside = ~in_range(design, formula)[0]
     if not np.any(outside):
         return []
-    ratio = (stage.array("neck") / stage.array("radius"))[outside]
-    low, high = entry.valid
+    ratio = (design.neck / design.radius)[0, outside]
+    low, high = FORMULAS[formula].valid
     return [
         f"hinge formula {formula} is meant for t/R from {low:g} to {high:g}, and is used at "
         f"{_range(ratio)} ({_places(outside)})"
@@ -181,11 +181,11 @@ def of_convergence(uncertainty: Mapping[Direction, Uncertainty]) -> Warnings:
     ]
 
 
-@lru_cache(maxsize=256)
+@once
 def _with_more(stage: Stage, formula: str, mobility: int) -> tuple[Array, ...]:
     """Diagonals (3,) of the compliance with axial freedoms, with shear, with elastic links, of those that are more."""
     found = [np.diag(analyse(stage, more, formula).compliance) for more in (12, 21) if more > mobility]
-    return (*found, np.diag(linked_compliance(stage, formula)))
+    return (*found, np.diag(analyse(stage, 21, formula, links=True).compliance))
 
 
 def _because_straight(stage: Stage) -> str:

@@ -11,7 +11,7 @@ import pytest
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY, Freedoms
 from flexfem.analytic.notch import Compliance, formula
 from flexfem.arrays import Array
-from flexfem.stage.frames import Frames, frames
+from flexfem.stage.designs import Frames, frames
 
 R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")
 TABLES: dict[str, Freedoms] = {

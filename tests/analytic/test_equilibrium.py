@@ -12,7 +12,7 @@ from flexfem.analytic.kinematics import chain_poses
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.stiffness import mechanism, stiffness
 from flexfem.refused import ComputationFailed
-from flexfem.stage.frames import frames
+from flexfem.stage.designs import frames
 
 TANGENT = 1e-6  # truncation of the central difference is below 1e-7 for a step of 1e-4 of the load
 COMMAND = np.array([0.31, -0.24, 0.012])  # mm, mm, rad: ten times the strokes of the paper

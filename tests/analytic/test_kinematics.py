@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flexfem.analytic.kinematics import chain_poses, first_order, joints_of, second_order
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
-from flexfem.stage.frames import frames
+from flexfem.stage.designs import frames
 
 H = 1e-5  # step of the central differences, rad and mm: truncation and rounding are both near 1e-9 for 30 mm links
 DIFFERENCE = 1e-7  # relative to the link length, two orders above H's own error

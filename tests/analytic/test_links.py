@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from flexfem.analytic.chains import chain_compliance, chain_wrenches
 from flexfem.analytic.inverse import inverse
-from flexfem.analytic.links import _bar, body_compliance, linked_compliance
+from flexfem.analytic.links import _bar, body_compliance
 from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import analyse, hinge_compliance
-from flexfem.analytic.serial import chain_compliance, chain_wrenches
+from flexfem.stage.designs import CHAIN_TURN, stage_frames
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.frames import CHAIN_TURN, stage_frames
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import Stage
 from flexfem.verify.protocol import solve_stage
@@ -45,7 +45,7 @@ def section(of: Stage) -> tuple[float, float, float]:
 def test_a_straight_cantilever_that_ends_at_the_platform_is_timoshenkos():
     of, length = stage(material__poissons_ratio=0.29), 37.0
     EI, EA, GA = section(of)
-    C = _bar(of, Segment(-length + 0j, 0j))
+    C = _bar(of, of.elastic, Segment(-length + 0j, 0j))
     expected = [
         [length / EA, 0, 0],
         [0, length**3 / (3 * EI) + 1.2 * length / GA, length**2 / (2 * EI)],
@@ -58,7 +58,7 @@ def test_a_thin_ring_segment_bends_like_a_curved_bar():
     of, R = stage(chain__link_width_mm=0.1), 50.0
     EI, _, _ = section(of)
     quarter = [Segment(R * np.exp(1j * a), R * np.exp(1j * b), 0j) for a, b in ((0.2, 1.0), (1.0, 0.2 + np.pi / 2))]
-    C = sum(_bar(of, arc) for arc in quarter)
+    C = sum(_bar(of, of.elastic, arc) for arc in quarter)
     assert C[2, 2] == pytest.approx(R * np.pi / 2 / EI, rel=2e-6)  # a curved bar is Euler's when w / R vanishes
     assert C[0, 0] + C[1, 1] == pytest.approx(R**3 * np.pi / 2 / EI, rel=5e-6)
 
@@ -68,7 +68,7 @@ def test_a_sharp_bend_turns_under_a_moment_as_golovins_ring():
     of, R = stage(), 5.6
     E, a, b = of.material.youngs_modulus * of.thickness, R - of.chain.link_width / 2, R + of.chain.link_width / 2
     N = (b**2 - a**2) ** 2 - (2 * a * b * np.log(b / a)) ** 2
-    C = _bar(of, Segment(R + 0j, R * np.exp(1j), 0j))
+    C = _bar(of, of.elastic, Segment(R + 0j, R * np.exp(1j), 0j))
     assert C[2, 2] == pytest.approx(8 * (b**2 - a**2) / (E * N), rel=QUADRATURE)
 
 
@@ -77,22 +77,22 @@ def test_a_quarter_ring_yields_to_a_force_at_its_end_as_golovins():
     of, R = stage(material__poissons_ratio=0.41), 5.6
     E, a, b = of.material.youngs_modulus * of.thickness, R - of.chain.link_width / 2, R + of.chain.link_width / 2
     N = a**2 - b**2 + (a**2 + b**2) * np.log(b / a)
-    C = _bar(of, Segment(R + 0j, R * 1j, 0j))
+    C = _bar(of, of.elastic, Segment(R + 0j, R * 1j, 0j))
     assert C[0, 0] == pytest.approx(np.pi * (a**2 + b**2) / (E * N), rel=QUADRATURE)
 
 
 def test_where_a_bend_is_slight_it_is_a_straight_beam_whichever_way_it_bends():
     of, length = stage(material__poissons_ratio=0.29), 37.0
-    straight = _bar(of, Segment(-length + 0j, 0j))
+    straight = _bar(of, of.elastic, Segment(-length + 0j, 0j))
     for R in (1e4, -1e4):
-        bent = _bar(of, Segment(1j * R * (1 - np.exp(-1j * length / R)), 0j, 1j * R))
+        bent = _bar(of, of.elastic, Segment(1j * R * (1 - np.exp(-1j * length / R)), 0j, 1j * R))
         np.testing.assert_allclose(bent[1:, 1:], straight[1:, 1:], rtol=SLIGHT)
 
 
 def test_walking_a_strip_the_other_way_changes_nothing():
     of = stage()
     arc = Segment(6j + 12 * np.exp(0.3j), 6j + 12 * np.exp(1.1j), 6j)
-    np.testing.assert_allclose(_bar(of, arc), _bar(of, arc.reversed()), rtol=QUADRATURE)
+    np.testing.assert_allclose(_bar(of, of.elastic, arc), _bar(of, of.elastic, arc.reversed()), rtol=QUADRATURE)
 
 
 def test_chains_add_the_same_compliance_turned():
@@ -106,7 +106,7 @@ def test_chains_add_the_same_compliance_turned():
 def test_links_only_ever_soften_the_stage():
     for name in ("mobility3", "mobility6"):
         of = stage(name)
-        more = linked_compliance(of, "calibrated") - analyse(of, 21, "calibrated").compliance
+        more = analyse(of, 21, "calibrated", links=True).compliance - analyse(of, 21, "calibrated").compliance
         assert np.linalg.eigvalsh(more).min() > 0
     assert np.linalg.eigvalsh(body_compliance(stage())).min() > 0
 
@@ -114,7 +114,10 @@ def test_links_only_ever_soften_the_stage():
 def test_stiffer_material_leaves_the_share_of_the_links():
     soft, hard = (stage(material__youngs_modulus_gpa=E) for E in (70.0, 210.0))
     np.testing.assert_allclose(
-        linked_compliance(soft, "calibrated"), 3 * linked_compliance(hard, "calibrated"), rtol=1e-12, atol=1e-16
+        analyse(soft, 21, "calibrated", links=True).compliance,
+        3 * analyse(hard, 21, "calibrated", links=True).compliance,
+        rtol=1e-12,
+        atol=1e-16,
     )
 
 
@@ -123,7 +126,9 @@ def test_calibrated_hinges_and_elastic_links_are_nearly_the_finite_elements(name
     of = stage(name)
     check_feasible(of)
     elements = np.diag(solve_stage(of, 6).response.compliance)
-    np.testing.assert_allclose(np.diag(linked_compliance(of, "calibrated")), elements, rtol=LINKED + MESH)
+    np.testing.assert_allclose(
+        np.diag(analyse(of, 21, "calibrated", links=True).compliance), elements, rtol=LINKED + MESH
+    )
 
 
 def test_lugs_around_a_small_hub_give_way_to_each_other():
@@ -142,5 +147,5 @@ def test_lugs_around_a_small_hub_give_way_to_each_other():
     hinges = chain_compliance(stage_frames(of), hinge_compliance(of, "calibrated"), freedoms_of(21))
     uncoupled = block_diag(*(body_compliance(of)[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(3)))
     alone = np.diag(inverse(np.sum(chain_wrenches(hinges, uncoupled), axis=0)))
-    np.testing.assert_allclose(np.diag(linked_compliance(of, "calibrated")), elements, rtol=RANDOM)
+    np.testing.assert_allclose(np.diag(analyse(of, 21, "calibrated", links=True).compliance), elements, rtol=RANDOM)
     assert 1 - alone[2] / elements[2] > 2 * RANDOM

@@ -11,7 +11,7 @@ from flexfem.analytic.kinematics import chain_poses, first_order, joints_of
 from flexfem.analytic.loops import choose, chosen, influence, rank_revealing
 from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.stiffness import mechanism, stiffness
-from flexfem.stage.frames import Frames
+from flexfem.stage.designs import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
 DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3

@@ -7,9 +7,9 @@ import pytest
 
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.notch import FORMULAS, formula
-from flexfem.analytic.serial import serial_stiffness
+from flexfem.analytic.stiffness import mechanism, stiffness
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.frames import stage_frames
+from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import load_stage
 
 STAGE = """
@@ -61,10 +61,11 @@ def test_the_stages_own_hinges_decide_without_a_given_mobility(stage) -> None:
 
 @pytest.mark.parametrize("name", FORMULAS)
 @pytest.mark.parametrize("mobility", [3, 6, 12, 21])
-def test_stiffness_is_that_of_the_stages_hinges_in_series(stage, mobility, name, error) -> None:
+def test_stiffness_at_rest_is_that_of_the_loops(stage, mobility, name, error) -> None:
+    """(18) from (16) with dependent joints, beside hinges in series and chains in parallel."""
     found = analyse(stage, mobility, name)
     hinges = formula(name).compliance(stage.array("radius"), stage.array("neck"), 9.3, 68.9e3, 0.29, block_height=9.0)
-    expected = serial_stiffness(stage_frames(stage), hinges, found.freedoms)
+    expected = stiffness(mechanism(stage_frames(stage), hinges, found.freedoms)).K_uu
     assert found.mobility == mobility and found.formula == name
     assert error(found.stiffness, expected) < 1e-10  # rounding, as in test_stiffness
     np.testing.assert_allclose(found.compliance @ found.stiffness, np.eye(3), atol=1e-9)
@@ -99,8 +100,18 @@ def test_an_unknown_formula_is_refused(stage) -> None:
 
 
 def test_a_singular_stage_is_an_error_that_names_it(tmp_path) -> None:
-    """Elbow, platform hinge and platform centre in line: mobility three cannot resist along the line."""
+    """Base, elbow and platform hinge in line: with rotations alone nothing gives along the line."""
     path = tmp_path / "singular.toml"
-    path.write_text(STAGE.format(l3=22.7, phi3=0.0))
+    path.write_text(STAGE.format(l3=22.7, phi3=97.0).replace("-85.0", "0.0"))
     with pytest.raises(ComputationFailed, match="stage 'generic' is at a singular configuration"):
         analyse(load_stage(path), 3)
+
+
+def test_links_that_meet_in_the_centre_turn_freely_but_for_their_springs(tmp_path, error) -> None:
+    """With link 2 of every chain through the centre, base joints do not fix the others, and springs still hold it."""
+    path = tmp_path / "concurrent.toml"
+    path.write_text(STAGE.format(l3=22.7, phi3=0.0))
+    stage = load_stage(path)
+    of, K = assemble(stage, 3), analyse(stage, 3).stiffness
+    assert error(stiffness(of).K_uu, K) < 1e-10
+    assert np.linalg.eigvalsh(K / np.sqrt(np.outer(np.diag(K), np.diag(K)))).min() > 0.1

@@ -17,7 +17,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
 from flexfem.fem.sectors import mesh_sectors, welded
 from flexfem.refused import ComputationFailed
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both

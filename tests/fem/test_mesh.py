@@ -29,8 +29,8 @@ from flexfem.fem.mesh import (
 from flexfem.fem.sectors import build_mesh, sector_drawing
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import BODIES, draw_sector
+from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

@@ -40,7 +40,7 @@ from flexfem.fem.tangent import (
     tangent_matrices,
 )
 from flexfem.refused import ComputationFailed
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, turned
 
 PRINTED = 6e-6  # half a unit in the fifth decimal, and one more for how the table was rounded
 BEAM = 3e-5  # a bar 400 times as long as high is a Bernoulli beam to (h/L)^2, and its mesh is as fine

@@ -21,7 +21,7 @@ from flexfem.fem.response import (
     tie_hub,
 )
 from flexfem.refused import ComputationFailed
-from flexfem.stage.frames import CHAIN_TURN, stage_frames, turned
+from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off

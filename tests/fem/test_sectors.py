@@ -21,7 +21,7 @@ from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
 from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
-from flexfem.stage.frames import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, turned
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.convergence import grid_convergence

@@ -20,7 +20,7 @@ from flexfem.plot.model_sketch import links_of_chain, mobility_line, model_sketc
 from flexfem.plot.stage import neck_figure, plot_stage, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.triangles import clamped_edges, curves, edges_of, loops_of
-from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import load_feasible
 
 PICTURES = {
     "stage": lambda made, model: stage_figure(model, made.fields()),

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from flexfem.refused import BadInput
 from flexfem.stage.bodies import BODIES, centrelines, draw_sector, necks, notch_side, turn
+from flexfem.stage.designs import CHAIN_TURN, stage_frames
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.frames import CHAIN_TURN, stage_frames
 from flexfem.stage.outline import Face, Segment, area, polygon_points
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

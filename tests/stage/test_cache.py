@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.stage.bodies import cut_angle, draw_sector, lug_side, necks
 from flexfem.stage.cache import once
-from flexfem.stage.frames import frames, stage_frames
+from flexfem.stage.designs import frames, stage_frames
 from flexfem.stage.schema import CHAINS, Stage
 
 from .conftest import UNLIKE, StageMaker

@@ -4,34 +4,25 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
+from dataclasses import fields, replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 
 from flexfem.refused import BadInput
-from flexfem.stage.conditions import PAIRS, broken, conditions, describe
-from flexfem.stage.feasibility import check_closed_form
-from flexfem.stage.frames import frames, stage_frames
+from flexfem.stage.designs import Designs, lower
+from flexfem.stage.feasibility import PAIRS, broken, check_closed_form, conditions, describe
 from flexfem.stage.schema import Stage
 
 COUNT = 300
 
 
-def arguments(stages: list[Stage]) -> list[np.ndarray]:
-    """What `conditions` asks of stages, stacked."""
-    columns = [
-        (
-            stage_frames(stage).centres,
-            stage.array("radius"),
-            stage.array("neck"),
-            stage.chain.link_width,
-            stage.platform.radius,
-            stage.platform.hub_radius,
-        )
-        for stage in stages
-    ]
-    return [np.array(column) for column in zip(*columns, strict=True)]
+def together(stages: list[Stage]) -> Designs:
+    """Stages as one batch of designs."""
+    each = [lower(stage) for stage in stages]
+    names = [field.name for field in fields(Designs) if field.name not in ("plane", "prismatic")]
+    return replace(each[0], **{name: np.concatenate([getattr(one, name) for one in each]) for name in names})
 
 
 def random_stages(make_stage: Callable[..., Stage]) -> list[Stage]:
@@ -84,7 +75,7 @@ def refused(stage: Stage) -> bool:
 
 def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make_stage: Callable[..., Stage]) -> None:
     stages = random_stages(make_stage)
-    where = np.any([each.where for each in broken(conditions(*arguments(stages)))], axis=0)
+    where = np.any([each.where for each in broken(conditions(together(stages)))], axis=0)
     expected = np.array([impossible(stage) for stage in stages])
     assert np.array_equal(where, expected)
     assert [refused(stage) for stage in stages[:40]] == expected[:40].tolist()
@@ -105,18 +96,17 @@ def test_a_condition_turns_at_its_limit(
     condition: str, key: str, outside: object, inside: object, make_stage: Callable[..., Stage]
 ) -> None:
     broken_at, held_at = (
-        np.all(getattr(conditions(*arguments([make_stage({key: value})])), condition)) for value in (outside, inside)
+        np.all(getattr(conditions(together([make_stage({key: value})])), condition)) for value in (outside, inside)
     )
     assert not broken_at and held_at
 
 
 def test_each_design_is_judged_by_its_own_numbers(make_stage: Callable[..., Stage]) -> None:
     stages = random_stages(make_stage)[:40]
-    together = conditions(*arguments(stages))
+    found = conditions(together(stages))
     for index, stage in enumerate(stages):
-        alone = conditions(*(each[0] for each in arguments([stage])))
-        for one, many in zip(alone, together, strict=True):
-            np.testing.assert_array_equal(one, many[index])
+        for alone, many in zip(conditions(lower(stage)), found, strict=True):
+            np.testing.assert_array_equal(alone[0], many[index])
 
 
 @pytest.mark.parametrize(
@@ -133,13 +123,13 @@ def test_each_design_is_judged_by_its_own_numbers(make_stage: Callable[..., Stag
 def test_a_broken_condition_is_named_with_its_hinge(
     changes: dict[str, object], reason: str, make_stage: Callable[..., Stage]
 ) -> None:
-    found = broken(conditions(*arguments([make_stage(changes)])))
+    found = broken(conditions(together([make_stage(changes)])))
     named = [each.reason for each in found if each.where[0]]
     assert named and named[0].startswith(reason)
 
 
 def test_reasons_differ_and_hold_no_number_of_a_design(make_stage: Callable[..., Stage]) -> None:
-    found = [each.reason for each in broken(conditions(*arguments([make_stage()])))]
+    found = [each.reason for each in broken(conditions(together([make_stage()])))]
     assert len(set(found)) == len(found)
     assert not any(letter.isdigit() for reason in found for letter in reason)
 
@@ -149,8 +139,7 @@ def test_pairs_are_all_pairs_of_nine_hinges() -> None:
     assert describe(0) == "base hinge of chain 1 and elbow hinge of chain 1"
 
 
-def test_gaps_are_those_of_the_frames() -> None:
-    placed = frames(np.array([31.0, 33.5, 25.0]), np.radians([175.0, -85.0, 92.0]))
-    found = conditions(placed.centres, np.full((3, 3), 1.5), np.full((3, 3), 0.5), 8.9, 16.0, 8.0)
-    assert found.gap[0] == pytest.approx(31.0, rel=1e-12) and found.gap.shape == (36,)
-    assert found.distance[0, 2] == pytest.approx(25.0, rel=1e-12)
+def test_gaps_are_those_of_the_frames(make_stage: Callable[..., Stage]) -> None:
+    found = conditions(lower(make_stage({"chain.link_lengths_mm": [31.0, 33.5, 25.0]})))
+    assert found.gap[0, 0] == pytest.approx(31.0, rel=1e-12) and found.gap.shape == (1, 36)
+    assert found.distance[0, 0, 2] == pytest.approx(25.0, rel=1e-12)

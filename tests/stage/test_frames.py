@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.stage.frames import CHAIN_TURN, Frames, direction, frames, stage_frames, turned
+from flexfem.stage.designs import CHAIN_TURN, Frames, direction, frames, stage_frames, turned
 from flexfem.stage.schema import HINGE_NAMES
 
 ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings

@@ -22,13 +22,12 @@ from flexfem.files.lines import MAX_DEPTH, KeyPath
 from flexfem.files.provenance import key_paths, numeric_key_paths, provenance_of
 from flexfem.files.toml import MAX_BYTES, read_toml
 from flexfem.refused import BadInput
+from flexfem.stage.designs import elastic, out_of_plane
 from flexfem.stage.schema import (
     CHAINS,
     HINGE_NAMES,
     Stage,
-    elastic,
     load_stage,
-    out_of_plane,
 )
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))

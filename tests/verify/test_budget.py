@@ -9,14 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.links import linked_compliance
+import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import load_feasible
+from flexfem.stage import designs
+from flexfem.stage.schema import load_feasible
 from flexfem.verify import budget as module
 from flexfem.verify.budget import budget, thick_compliance
 from flexfem.verify.case import DIRECTIONS, LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
+from flexfem.verify.summary import summary
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "geometry/mobility6.toml"
@@ -68,13 +70,41 @@ def by_hand(stage):
         return K, limit, rate, across, budget(PATH, stage, {"x": 0.04, "y": 0.05, "theta": 2e-3}, 8, solve)
 
 
+def test_a_question_lowers_its_stage_once(stage, monkeypatch):
+    """A stage becomes arrays once, its hinges are placed once, whatever of it is asked; the corrected one is a copy."""
+    lowered, placed = [], []
+    counted = ((designs, "Designs", lowered), (designs, "frames", placed))
+    for owner, name, calls in counted:
+        whole = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *a, _f=whole, _c=calls, **k: _c.append(1) or _f(*a, **k))
+    rest = SimpleNamespace(neck_stress=np.ones((3, 3)))
+    monkeypatch.setattr(module, "load_case", lambda *_: rest)
+    monkeypatch.setattr(module, "equilibrium", lambda _, __, force: SimpleNamespace(pose=1e-6 * force))
+    solved = SimpleNamespace(mesh=None, response=SimpleNamespace(compliance=np.eye(3)))
+
+    def whole_model(of):
+        found = flexfem.analyse(of, 21, "calibrated", links=True)
+        return found.neck_stress([1e-3, 0, 0]), found.range_at_yield, found.warnings
+
+    questions = (
+        (flexfem.analyse, 1),
+        (whole_model, 1),
+        (lambda of: summary(PATH, of), 1),
+        (lambda of: budget(PATH, of, resolution=SMALL, solve=lambda *_: solved), 2),
+    )
+    for ask, times in questions:
+        lowered.clear(), placed.clear()
+        ask(stage.model_copy())
+        assert len(lowered) == 1 and len(placed) == times, ask
+
+
 def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, stage):
     K, limit, _, _, made = by_hand
     rungs = [
         analyse(stage).compliance,
         analyse(stage, 21).compliance,
         analyse(stage, 21, "calibrated").compliance,
-        linked_compliance(stage, "calibrated"),
+        analyse(stage, 21, "calibrated", links=True).compliance,
         np.diag(limit / np.diag(K)),
     ]
     for k, direction in enumerate(DIRECTIONS):
@@ -113,7 +143,7 @@ def test_hinges_wide_out_of_plane_are_stiffer_by_up_to_nu_squared(by_hand, stage
     """Towards plane strain, `E / (1 - nu^2)`: negative, and less than nu^2 of the whole compliance."""
     K, *_, made = by_hand
     for k, direction in enumerate(DIRECTIONS):
-        whole = 100 * K[k, k] * linked_compliance(stage, "calibrated")[k, k]
+        whole = 100 * K[k, k] * analyse(stage, 21, "calibrated", links=True).compliance[k, k]
         found = getattr(made.split[direction].out_of_plane, direction)
         assert -(0.33**2) * whole < found < -0.8 * 0.33**2 * whole
     thicker = stage.model_copy(update={"thickness": 26.0})  # b/t = 52 is beyond the chart
@@ -164,5 +194,8 @@ def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softe
         hinges = {name: getattr(base.hinges, name).model_copy(update=shape) for name in ("base", "elbow", "platform")}
         stage = base.model_copy(update={"hinges": base.hinges.model_copy(update=hinges)})
         paper = analyse(stage, 6).stiffness
-        found = [paper[0, 0] * of[0, 0] - 1 for of in (thick_compliance(stage), linked_compliance(stage, "calibrated"))]
+        found = [
+            paper[0, 0] * of[0, 0] - 1
+            for of in (thick_compliance(stage), analyse(stage, 21, "calibrated", links=True).compliance)
+        ]
         assert 100 * np.array(found) == pytest.approx([thick, plane], abs=0.1)

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.links import linked
 from flexfem.analytic.model import analyse
 from flexfem.analytic.notch import FORMULAS
 from flexfem.commands import answers
@@ -19,7 +18,7 @@ from flexfem.stage.schema import load_stage
 from flexfem.verify import warning
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.result import Triple, Uncertainty
-from flexfem.verify.summary import element_limits, linked_limits, summary
+from flexfem.verify.summary import analytic_limits, element_limits, summary
 
 ROOT = Path(__file__).parents[2]
 SIX = ROOT / "geometry/mobility6.toml"
@@ -82,7 +81,7 @@ def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project)
     assert softer > 50
     assert softer == pytest.approx(100 * (elements[axis, axis] / model.compliance[axis, axis] - 1), rel=0.02)
     assert "nearly in line (elbow 2 deg)" in said and "axial freedoms" in said
-    assert warning.of_model(stage, linked(stage, "calibrated")) == []
+    assert warning.of_model(stage, analyse(stage, 21, "calibrated", links=True)) == []
 
 
 def test_what_is_left_out_counts_from_five_per_cent(project):
@@ -129,7 +128,7 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
         for formula in ("paros-weisbord", "smith-chetwynd", "koster", "schotborgh", "calibrated"):
             low, high = warning.STRESS_ABOVE[formula]
             if warning.of_formula(stage, formula) == []:
-                above = 100 * (linked_limits(stage, formula).stress.max(axis=(0, 1)) / elements - 1)
+                above = 100 * (analytic_limits(stage, formula, links=True).stress.max(axis=(0, 1)) / elements - 1)
                 assert np.all((above > low) & (above < high)), (path.stem, formula, above)
                 if formula in ("paros-weisbord", "calibrated") and path != other:
                     np.testing.assert_allclose(above, {"calibrated": 0.5}.get(formula, 13.9), atol=0.4)

@@ -13,7 +13,7 @@ from flexfem.analytic.second_order import tangents
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
 from flexfem.refused import ComputationFailed
-from flexfem.stage.feasibility import load_feasible
+from flexfem.stage.schema import load_feasible
 from flexfem.verify import workspace as module
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.claims import load_claims

@@ -151,6 +151,7 @@ def _solution(start: str, gate: Gate, stress: Gate, mesh: Gate) -> tuple[tuple[s
     return (
         (f"{start} stiffness # #", gate, STIFFNESS),
         (f"{start} compliance # #", gate, COMPLIANCE),
+        (f"{start} force #", EXACT, WRENCH),
         (f"{start} displacement #", gate, POSE),
         (f"{start} reaction #", gate, WRENCH),
         (f"{start} energy", gate, ENERGY),

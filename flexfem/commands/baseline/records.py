@@ -14,7 +14,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.links import linked
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.commands import answers
 from flexfem.commands.baseline.leaves import Leaf, leaves
@@ -25,8 +24,7 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import load_feasible
-from flexfem.stage.schema import Stage
+from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import budget, workspace
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
@@ -104,7 +102,7 @@ def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
     models: dict[str, Callable[[], AnalyticResult]] = {
         DEFAULT_FORMULA: lambda: analyse(stage),
         budget.CALIBRATED: lambda: analyse(stage, 21, budget.CALIBRATED),
-        "links": lambda: linked(stage, budget.CALIBRATED),
+        "links": lambda: analyse(stage, 21, budget.CALIBRATED, links=True),
     }
     return {
         name: _or_refused(partial(lambda found: answers.of_model(file, stage, found()), found))
