@@ -51,10 +51,10 @@ def __getattr__(name: str) -> Any:
     for home, names in _HOMES.items():
         if name in names:
             return getattr(import_module(f"flexfem.{home}"), name)
-    if name == "study":
-        return import_module("flexfem.study")
+    if name in ("plot", "study"):
+        return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "study"]
+    return [*__all__, "plot", "study"]

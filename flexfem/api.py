@@ -164,7 +164,7 @@ class ElementModel(Model):
         -------
         The axes.
         """
-        from flexfem.plot.axes import drawn_displacement
+        from flexfem.plot.displacement import plot_displacement
 
         mesh, load = self.mesh, _vectors("force", force, 1)
         fields = Fields(
@@ -174,7 +174,7 @@ class ElementModel(Model):
             displacement=self.displacement(load),
             stress=self.stress(load),
         )
-        return drawn_displacement(fields, self.stage.platform.hub_radius, factor, ax)
+        return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
 
     def _per_load(self, force: ArrayLike, read: Callable[[Any], Array]) -> Array:
         loads = _vectors("force", force)

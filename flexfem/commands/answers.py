@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.notch import FORMULAS, over_calibrated
-from flexfem.analytic.thick import factors
+from flexfem.analytic.notch import FORMULAS
 from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
@@ -18,7 +17,6 @@ from flexfem.verify import warning
 if TYPE_CHECKING:
     from flexfem.fem.mesh import StageMesh
     from flexfem.fem.response import LoadCase
-    from flexfem.plot.hinge_chart import HingeReview, ThicknessReview
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.registry import BenchmarkTable
     from flexfem.verify.protocol import OnMesh, Solved
@@ -122,37 +120,3 @@ def of_benchmarks(table: BenchmarkTable) -> Answer:
     """What `benchmark` answers."""
     findings = [{**f._asdict(), "ours": f.ours if np.isfinite(f.ours) else None} for f in table.findings]
     return {"findings": findings, "seconds": table.seconds, "passed": table.passed}
-
-
-def of_formulas() -> Answer:
-    """What `formulas` answers."""
-    return {
-        name: {"freedoms": f.freedoms, "t_over_R": f.valid, "source": f.source, "status": f.status}
-        for name, f in FORMULAS.items()
-    }
-
-
-def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
-    """Every formula over the calibrated hinge, for blocks `height` times as high as the notch."""
-    from flexfem.plot.hinge_chart import FormulaCurve, HingeReview
-
-    ratio = np.geomspace(*FORMULAS["calibrated"].valid, 121)
-    found = over_calibrated(ratio, height, poissons_ratio)
-
-    def curve(name: str) -> FormulaCurve:
-        stated = FORMULAS[name].freedoms
-        values = (getattr(found[name], f) if f in stated else None for f in ("rotation", "axial", "shear"))
-        return FormulaCurve(name, FORMULAS[name].valid, *values)
-
-    published = [curve(name) for name in FORMULAS if name != "calibrated"]
-    return HingeReview(ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source)
-
-
-def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
-    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout."""
-    from flexfem.plot.hinge_chart import ThicknessReview
-
-    width, ratio = np.geomspace(0.5, 50.0, 121), np.array([0.02, 0.1, 0.3, 1.0])
-    found = factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
-    source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
-    return ThicknessReview(width, ratio, poissons_ratio, found.rotation, found.axial, {}, source)

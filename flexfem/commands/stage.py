@@ -149,12 +149,12 @@ def solve(
 @app.command()
 def formulas(output: Wanted = None, json: Json = False) -> None:
     """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
-    from flexfem.commands import answers
+    from flexfem.verify import hinges
 
     if output is not None:
         from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure
         from flexfem.plot.write import write_beside
 
-        write_beside(output / "hinge-chart.json", hinge_chart_figure(answers.hinge_review()))
-        write_beside(output / "hinge-thickness.json", thickness_figure(answers.thickness_review()))
-    console.show(answers.of_formulas(), json, tables.print_formulas)
+        write_beside(output / "hinge-chart.json", hinge_chart_figure(hinges.hinge_review()))
+        write_beside(output / "hinge-thickness.json", thickness_figure(hinges.thickness_review()))
+    console.show(hinges.known_formulas(), json, tables.print_formulas)

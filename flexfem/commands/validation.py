@@ -44,7 +44,7 @@ def benchmark(
 
     table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
-        from flexfem.plot.bending import elastica_figure, taylor_figure
+        from flexfem.plot.accuracy import elastica_figure, taylor_figure
         from flexfem.plot.write import write_beside
         from flexfem.validate import elastica, taylor
 

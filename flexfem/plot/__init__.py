@@ -1,0 +1,37 @@
+"""Figures: functions that draw a result on given axes, and pages made of them.
+
+    figure, ax = plt.subplots()
+    flexfem.plot.plot_budget(ax, flexfem.budget(stage), "x")
+
+Every function `plot_...(ax, result, ...)` draws on `ax`, changes nothing outside it, solves nothing, and returns it.
+The names below are loaded when they are first used.
+"""
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
+    "curves": ("plot_errors",),
+    "displacement": ("plot_displacement",),
+    "hinge_chart": ("plot_formulas", "plot_thickness"),
+    "hinge_sketch": ("plot_hinge", "plot_hinge_table"),
+    "model_sketch": ("plot_model",),
+    "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
+    "study_map": ("plot_map",),
+    "study_pareto": ("plot_front",),
+    "study_scatter": ("plot_histogram", "plot_shares"),
+    "workspace": ("plot_across", "plot_along", "plot_tangents"),
+}
+__all__ = sorted(name for names in _HOMES.values() for name in names)
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"flexfem.plot.{home}"), name)
+    raise AttributeError(f"module 'flexfem.plot' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

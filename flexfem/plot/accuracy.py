@@ -1,20 +1,29 @@
-"""How good an error percentage is: the error budget of a stage as waterfalls, and its mesh error over the mesh."""
+"""How good numbers are: error budgets as waterfalls, mesh errors; the code's own verification at large displacements.
+
+The latter are the elastica, and the remainder that the tangent stiffness leaves.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, NAMES, curve_style
-from flexfem.plot.numbers import scientific
 from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
-from flexfem.verify.budget import Budget, Split
+from flexfem.plot.text import scientific
+from flexfem.validate.elastica import Elastica
+from flexfem.validate.taylor import SMALL, Remainders
+from flexfem.verify.budget import Budget
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.converge import MeshStudy
 
 WIDTH, NAME = 8.27, 2.1  # in, of a figure, and of the name of a share
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
+MINUS = "\N{MINUS SIGN}"
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
@@ -27,11 +36,12 @@ def budget_figure(budget: Budget) -> Figure:
         _outside(budget),
     ]
     doubts = (budget.assumed, budget.not_stated)
-    figure, found = panels((WIDTH, 8.6), f"{budget.stage}: error budget", lines, 3, doubts=doubts)
+    figure, found = panels((WIDTH, 7.7), f"{budget.stage}: error budget", lines, 3, doubts=doubts)
     for row, (axes, direction) in enumerate(zip(found, DIRECTIONS, strict=True)):
         axes.set_title(f"({'abc'[row]}) command in {NAMES[direction]}", loc="left")
-        plot_waterfall(axes, budget.split[direction], direction)
-    found[-1].set_xlabel("error in the commanded direction (per cent of the command)")
+        plot_budget(axes, budget, direction)
+        if row < 2:
+            axes.set_xlabel("")
     return figure
 
 
@@ -40,13 +50,14 @@ def _outside(budget: Budget) -> str:
     shares = [(NAMES[axis], split.out_of_plane, axis) for axis, split in budget.split.items()]
     if any(share is None for _, share, _ in shares):
         return "Outside the planar total: out of plane, not known, a hinge is not on the thickness chart."
-    said = ", ".join(f"{name} {getattr(share, axis):+.2f}" for name, share, axis in shares)
+    said = ", ".join(f"{name} {getattr(share, axis):+.2f}" for name, share, axis in shares).replace("-", MINUS)
     plane = budget.plane.replace("_", " ")
     return f"Outside the planar total, three-dimensional necks against {plane}: {said} percentage points."
 
 
-def plot_waterfall(axes: Axes, split: Split, direction: Direction) -> None:
-    """Draw the shares of the error of one command, their total and its band on given axes."""
+def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
+    """Draw the shares of the error of the command in one direction, their total and its band; returns `ax`."""
+    split = budget.split[direction]
     values = np.array([getattr(share.points, direction) for share in split.shares])
     total = float(getattr(split.total, direction))
     ends = np.cumsum(values)
@@ -54,22 +65,23 @@ def plot_waterfall(axes: Axes, split: Split, direction: Direction) -> None:
     places = np.arange(len(values) + 1)
     for place, (start, value) in enumerate(zip(starts, values, strict=True)):
         colour, hatch = COLOURS[place % len(COLOURS)], HATCHES[place % len(HATCHES)]
-        axes.barh(place, value, left=start, height=0.62, color=colour, hatch=hatch, edgecolor="white")
-        axes.plot([start + value] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
-    axes.barh(places[-1], total, height=0.62, color=INK, xerr=split.band, ecolor=COLOURS[1], capsize=4)
+        ax.barh(place, value, left=start, height=0.62, color=colour, hatch=hatch, edgecolor="white")
+        ax.plot([start + value] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
+    ax.barh(places[-1], total, height=0.62, color=INK, xerr=split.band, ecolor=COLOURS[1], capsize=4)
     reach = float(np.max(np.abs([*starts, *ends, total])))
     for place, (end, text) in enumerate(
         [(max(s, e), f"{v:+.3f}") for s, e, v in zip(starts, ends, values, strict=True)]
-        + [(max(total, 0.0), f"{total:.3f} ± {split.band:.3f} %")]
+        + [(max(total, 0.0) + split.band, f"{total:.3f} ± {split.band:.3f} %")]
     ):
-        axes.text(end + 0.015 * reach, place, text.replace("-", "\N{MINUS SIGN}"), va="center", color=INK)
+        ax.text(end + 0.015 * reach, place, text.replace("-", MINUS), va="center", color=INK)
     names = [wrapped(share.name, NAME, 8.5) for share in split.shares]
-    axes.set_yticks(places, [*names, "total"])
-    axes.invert_yaxis()
+    ax.set_yticks(places, [*names, "total"])
+    ax.invert_yaxis()
     low = min(0.0, float(np.min([*starts, *ends])))
-    axes.set_xlim(1.05 * low, 1.3 * reach)
-    axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.grid(axis="x")
+    ax.set(xlim=(1.05 * low, 1.3 * reach), xlabel="error in the commanded direction (per cent of the command)")
+    ax.axvline(0.0, color=GREY, linewidth=0.8)
+    ax.grid(axis="x")
+    return ax
 
 
 @in_house_style
@@ -81,13 +93,13 @@ def convergence_figure(study: MeshStudy) -> Figure:
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
     doubts = (study.assumed, study.not_stated)
-    figure, (axes,) = panels((WIDTH, 5.6), f"{study.stage}: mesh convergence", lines, 1, doubts=doubts)
+    figure, (axes,) = panels((WIDTH, 4.8), f"{study.stage}: mesh convergence", lines, 1, doubts=doubts)
     plot_convergence(axes, study)
     return figure
 
 
-def plot_convergence(axes: Axes, study: MeshStudy) -> None:
-    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh, on given axes."""
+def plot_convergence(ax: Axes, study: MeshStudy) -> Axes:
+    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh; returns `ax`."""
     size = 1 / np.array(study.resolutions, dtype=float)
     for index, axis in enumerate(DIRECTIONS):
         found = study.uncertainty[axis]
@@ -95,17 +107,109 @@ def plot_convergence(axes: Axes, study: MeshStudy) -> None:
         style = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
         order = "no order" if found.observed is None else f"order {found.observed:.2f}"
         text = f"{NAMES[axis]}: {found.verdict}, {order}, band {found.band / abs(found.extrapolated):.1e}"
-        axes.plot(size, distance, label=wrapped(text, 1.6, 8.5), **style)
+        ax.plot(size, distance, label=wrapped(text, 1.6, 8.5), **style)
         spread = found.band / abs(found.extrapolated)
-        axes.errorbar(
+        ax.errorbar(
             size[-1:], [spread], [[max(0.0, spread - distance[-1])], [0.0]], color=style["color"], capsize=3 + 2 * index
         )
     largest = max(np.abs(u.values[0] / u.extrapolated - 1) for u in study.uncertainty.values())
     slope = 2 * largest * (size / size[0]) ** ORDER
-    axes.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
-    axes.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
-    axes.set_xticks(size, [f"1/{n}" for n in study.resolutions])
-    axes.yaxis.set_major_formatter(lambda value, _: scientific(value))
-    axes.minorticks_off()
-    axes.grid()
-    legend_beside(axes, handlelength=4.4)
+    ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
+    ax.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
+    ax.set_xticks(size, [f"1/{n}" for n in study.resolutions])
+    ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
+    ax.minorticks_off()
+    ax.grid()
+    legend_beside(ax, handlelength=4.4)
+    return ax
+
+
+MARK: Any = {"linestyle": "none", "markerfacecolor": "white", "markersize": 6.5, "markeredgewidth": 1.4, "zorder": 3}
+
+
+@in_house_style
+def elastica_figure(found: Elastica) -> Figure:
+    """Draw the load over both displacements of the tip, and the shapes of the beam."""
+    text = (
+        f"A cantilever under a force at its tip that keeps its direction, bent by up to {found.across[-1]:.2f} of its "
+        "length. Curves: elliptic integrals (Bisshopp and Drucker 1945). "
+        f"Marks: {found.unknowns} unknowns, plane stress."
+    )
+    title = "Elastica: large displacements against the exact solution"
+    figure, (axes, shapes) = panels((WIDTH, 3.8), title, [text], 1, 2)
+    plot_elastica(axes, found).set_title("(a) load against displacement", loc="left")
+    plot_shapes(shapes, found).set_title("(b) shapes; dashed: exact path of the tip", loc="left")
+    return figure
+
+
+def plot_elastica(ax: Axes, found: Elastica) -> Axes:
+    """Draw the load over both displacements of the tip, exact and solved; returns `ax`."""
+    for index, (name, ours, exact) in enumerate(
+        (
+            ("across the beam, v/L", found.across, found.exact_across),
+            ("along the beam, u/L", found.along, found.exact_along),
+        )
+    ):
+        colour = COLOURS[index]
+        ax.plot(exact, found.exact_load, color=colour, linestyle="-" if index == 0 else (0, (5, 2)), linewidth=1.9)
+        ax.plot(ours, found.load, label=name, marker="os"[index], color=colour, **MARK)
+    ax.set(xlabel="displacement of the tip / L", ylabel="P L² / (E I)", xlim=(0, 0.9), ylim=(0, 10.6))
+    ax.grid()
+    ax.legend(loc="upper left", frameon=False)
+    return ax
+
+
+def plot_shapes(ax: Axes, found: Elastica) -> Axes:
+    """Draw the beam at rest and under four loads, and the exact path of its tip; returns `ax`."""
+    ax.plot([0.0, 1.0], [0.0, 0.0], color=GREY, linewidth=1.2)
+    for load in (1.0, 3.0, 5.0, 10.0):
+        x, y = found.shapes[int(np.flatnonzero(found.load == load)[0])].T
+        ax.plot(x, y, color=INK, linewidth=1.6)
+        ax.annotate(
+            f"P L²/EI = {load:g}" if load == 10.0 else f"{load:g}",
+            (x[-1], y[-1]),
+            (5, 3),
+            textcoords="offset points",
+            size=9,
+        )
+    ends = np.array([1.0 - found.exact_along, found.exact_across])
+    ax.plot(*ends, color=COLOURS[1], linewidth=1.4, dashes=(5, 2), zorder=1)
+    ax.set(xlabel="x / L", ylabel="y / L")
+    ax.set_xlim(-0.03, 1.08, auto=True)  # matplotlib may widen one of them for equal scales
+    ax.set_ylim(-0.05, 0.92, auto=True)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.grid()
+    return ax
+
+
+@in_house_style
+def taylor_figure(found: Remainders) -> Figure:
+    """Draw the remainder of the internal forces over the step, without tangent, with ours and with a wrong one."""
+    text = (
+        f"Internal forces of a strongly bent bar ({found.unknowns} unknowns, hub turned by about 0.4 rad) after a step "
+        "in a random direction, less their linearisation. Only the true derivative leaves a remainder of second order, "
+        "down to round-off."
+    )
+    figure, (axes,) = panels((WIDTH, 4.2), "Tangent stiffness: the remainder it leaves", [text], 1)
+    plot_remainders(axes, found)
+    return figure
+
+
+def plot_remainders(ax: Axes, found: Remainders) -> Axes:
+    """Draw the remainder of the forces over the step, one curve a tangent; returns `ax`."""
+    curves: list[tuple[str, Array, float]] = [
+        ("nothing taken off", found.none, found.slope(found.none, SMALL)),
+        ("tangent without its geometric part", found.material, found.slope(found.material, SMALL)),
+        ("tangent stiffness", found.ours, found.slope(found.ours)),
+    ]
+    for index, (name, left, slope) in enumerate(curves):
+        label = f"{name}:\nslope {slope:.3f}" + ("" if index == 2 else " at small steps")
+        colour, mark = (GREY, COLOURS[1], COLOURS[0])[index], "^so"[index]
+        ax.plot(found.step, left, color=colour, linewidth=1.4, marker=mark, label=label, **(MARK | {"linestyle": "-"}))
+    ax.set(xscale="log", yscale="log", xlabel="step over the largest", ylabel="remainder of the forces, relative")
+    ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
+    ax.xaxis.set_major_formatter(lambda value, _: scientific(value))
+    ax.minorticks_off()
+    ax.grid()
+    legend_beside(ax, labelspacing=0.9)
+    return ax

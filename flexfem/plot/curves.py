@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
-from flexfem.plot.numbers import banded, scientific
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure, wrapped
+from flexfem.plot.style import GREY, INK, in_house_style, inches, legend_beside, panels, wrapped
+from flexfem.plot.text import banded, scientific
 from flexfem.units import LENGTH, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction
 from flexfem.verify.result import Result
@@ -32,7 +32,8 @@ DASHES: tuple[Any, ...] = (
 )
 THINNEST, SPREAD = 1.4, 1.0  # points: earlier curves are broader and show below later ones
 THICKEST = 3.4  # points
-WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, PANEL_GAP, FOOT = 8.27, 9.6, 0.95, 4.75, 0.42, 0.62  # in
+WIDTH, HEIGHT = 8.27, 8.6  # in
+LEGEND = 1.65  # in, width of a legend's text
 
 
 class Panel(NamedTuple):
@@ -97,49 +98,49 @@ def error_figure(result: Result) -> Figure:
     -----
     Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
-    figure = new_figure(WIDTH, HEIGHT)
     lines = [
         f"Finite-element displacement minus commanded displacement, {FORCES[result.analysis]}. ±, shaded: mesh band.",
         normalisation(result),
     ]
-    top = HEIGHT - header(figure, result.name, lines, result.assumed, result.not_stated) - 0.3
-    height = (top - FOOT - 2 * PANEL_GAP) / 3
-    for row, freedom in enumerate(DIRECTIONS):
-        axes = add_axes(figure, AXES_LEFT, FOOT + (2 - row) * (height + PANEL_GAP), AXES_WIDTH, height)
+    figure, found = panels((WIDTH, HEIGHT), result.name, lines, 3, doubts=(result.assumed, result.not_stated))
+    for row, (axes, freedom) in enumerate(zip(found, DIRECTIONS, strict=True)):
         kind = "commanded direction" if freedom == result.direction else "cross direction"
         axes.set_title(f"({'abc'[row]}) {NAMES[freedom]}, {kind}", loc="left")
         plot_errors(axes, result, freedom)
-        _draw_legend(axes, result, freedom, height)
-        axes.tick_params(labelbottom=row == 2)
+        axes.label_outer()
     figure.align_ylabels()
     return figure
 
 
-def plot_errors(axes: Axes, result: Result, freedom: Direction) -> None:
-    """Draw the errors of every curve in one direction over the command, with their mesh bands, on given axes."""
+def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
+    """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
+
+    The legend beside states the percentages at the largest command.
+    """
     panel = panel_of(result, freedom)
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     x = np.array(result.commanded) * command.factor
-    axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
+    ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
     for index, (label, series) in enumerate(result.curves.items()):
         y = np.array(getattr(series, freedom)) * panel.unit.factor
         style = curve_style(index, len(result.curves), len(x))
-        axes.plot(x, y, label=f"{label} ", **style)
+        ax.plot(x, y, label=f"{label} ", **style)
         band = mesh_band(result, label, freedom) * panel.unit.factor
         if not panel.round_off:
-            axes.fill_between(x, y - band, y + band, color=style["color"], alpha=0.3, linewidth=0, zorder=1.5)
+            ax.fill_between(x, y - band, y + band, color=style["color"], alpha=0.3, linewidth=0, zorder=1.5)
     if panel.half > 0:
-        axes.set_ylim(-panel.half, panel.half)
-    axes.margins(x=0.03)
-    axes.grid()
-    axes.locator_params(axis="y", nbins=7)
-    axes.set_ylabel(f"error in {NAMES[freedom]} ({panel.unit.name})")
-    if freedom == DIRECTIONS[-1]:
-        axes.set_xlabel(f"commanded {NAMES[result.direction]} ({command.name})")
+        ax.set_ylim(-panel.half, panel.half)
+    ax.margins(x=0.03)
+    ax.grid()
+    ax.locator_params(axis="y", nbins=7)
+    ax.set_ylabel(f"error in {NAMES[freedom]} ({panel.unit.name})")
+    ax.set_xlabel(f"commanded {NAMES[result.direction]} ({command.name})")
     if panel.round_off:
         text = f"round-off only: largest {scientific(panel.largest)} {panel.unit.name}"
         box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
-        axes.text(0.5, 0.8, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
+        ax.text(0.5, 0.8, text, transform=ax.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
+    _draw_legend(ax, result, freedom)
+    return ax
 
 
 def error_text(result: Result, label: str, freedom: Direction) -> str:
@@ -164,22 +165,14 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     }
 
 
-def _draw_legend(axes: Axes, result: Result, freedom: Direction, height: float) -> None:
+def _draw_legend(ax: Axes, result: Result, freedom: Direction) -> None:
     """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
-    width = WIDTH - AXES_LEFT - AXES_WIDTH - 0.9
+    height = inches(ax)[1]
     entries = {label: error_text(result, label, freedom) for label in result.curves}
     for size in np.arange(9.0, 4.0, -0.5):
-        texts = [wrapped(f"{label}: {value}", width, size) for label, value in entries.items()]
+        texts = [wrapped(f"{label}: {value}", LEGEND, size) for label, value in entries.items()]
         if sum((text.count("\n") + 1) * 1.25 + 0.6 for text in texts) * size / 72 <= height:
             break
-    axes.legend(
-        axes.get_lines()[1:],
-        [f" {text}" if text.startswith("_") else text for text in texts],  # matplotlib hides names with an underscore
-        loc="upper left",
-        bbox_to_anchor=(1.02, 1.0),
-        borderaxespad=0.0,
-        frameon=False,
-        fontsize=size,
-        handlelength=4.4,
-        labelspacing=0.6,
-    )
+    shown = [text.replace("_", " _", 1) if text.startswith("_") else text for text in texts]  # matplotlib hides "_..."
+    lines = ax.get_lines()[-len(shown) :]
+    legend_beside(ax, handles=lines, labels=shown, fontsize=size, handlelength=4.4, labelspacing=0.6)

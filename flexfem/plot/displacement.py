@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,10 +15,9 @@ from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import NAMES
-from flexfem.plot.marks import clear_spot, show_window
-from flexfem.plot.numbers import round_factor, significant
-from flexfem.plot.style import INK, add_axes, header, in_house_style, new_figure, wrapped
-from flexfem.plot.triangles import edges_of, loops_of, polygon, quarters
+from flexfem.plot.marks import clear_spot, edges_of, loops_of, polygon, quarters
+from flexfem.plot.style import INK, in_house_style, new_axes, panels, wrapped
+from flexfem.plot.text import round_factor, significant
 from flexfem.stage.bodies import BODIES
 from flexfem.units import STRESS, unit_for
 from flexfem.verify.result import Fields, Model, Result
@@ -27,7 +26,7 @@ VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
 ALIKE = 1e-6  # relative difference of stresses that symmetry makes equal: far above round-off, far below mesh noise
 COLOURS = "viridis"
-PANEL, TITLE = 5.0, 0.75  # in, width of a panel and height of its title
+PANEL, TITLE, SCALE = 5.0, 0.6, 0.8  # in, width of a panel, heights of its title and of the scale of stress
 
 
 class Peak(NamedTuple):
@@ -47,9 +46,7 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
     """
     columns = max(2, len(result.curves) if len(result.curves) < 4 else int(np.ceil(np.sqrt(len(result.curves)))))
     rows = -(-len(result.curves) // columns)
-    tall = panel_height(fields)
-    width, height = columns * PANEL + 0.3, rows * (tall + TITLE) + 2.0
-    figure = new_figure(width, height)
+    size = (columns * PANEL + 0.3, rows * (panel_height(fields) + TITLE) + SCALE)
     factor, norm = exaggeration(fields), stress_scale(fields)
     command = unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
@@ -57,14 +54,15 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command.name}, displacements "
         f"× {significant(factor, 1)}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
     ]
-    top = height - header(figure, result.name, lines, result.assumed, result.not_stated)
-    for index, label in enumerate(result.curves):
-        row, column = divmod(index, columns)
-        axes = add_axes(figure, 0.15 + column * PANEL, top - (row + 1) * (tall + TITLE) + 0.2, PANEL, tall)
+    figure, found = panels(size, result.name, lines, rows, columns, (result.assumed, result.not_stated))
+    for axes in found[len(result.curves) :]:
+        axes.remove()
+    for axes, label in zip(found, result.curves, strict=False):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
+        axes.set_anchor("N")
         plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=result.models[label].hub_radius)
         _name_largest(axes, result.models[label], fields[label], factor)
-    _draw_scale(figure, norm, width)
+    _draw_scale(figure, norm)
     return figure
 
 
@@ -109,7 +107,7 @@ def name_of_place(model: Model, fields: Fields, node: int) -> str:
 
 
 def plot_displacement(
-    ax: Axes,
+    ax: Axes | None,
     fields: Fields,
     *,
     factor: float | None = None,
@@ -124,8 +122,9 @@ def plot_displacement(
     factor, norm : exaggeration and scale of stress; by default those that suit these fields.
     hub_radius : mm, of the rigid disc at the platform centre, which is filled; 0 leaves its hole.
 
-    Returns `ax`.
+    Returns `ax`, or new axes.
     """
+    ax = ax or new_axes()
     factor, norm = factor or exaggeration({"": fields}), norm or stress_scale({"": fields})
     moved = fields.nodes + factor * fields.displacement
     loops = loops_of(edges_of(fields.triangles).boundary)
@@ -139,8 +138,8 @@ def plot_displacement(
     for collection in (at_rest, outline, hub):
         ax.add_collection(collection, autolim=False)
     both = np.concatenate([fields.nodes, moved])
-    pad = 0.03 * np.ptp(both, axis=0)
-    show_window(ax, both.min(axis=0) - pad, both.max(axis=0) + pad)
+    low, high, pad = both.min(axis=0), both.max(axis=0), 0.03 * np.ptp(both, axis=0)
+    ax.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(low[1] - pad[1], high[1] + pad[1]), aspect="equal")
     ax.set_axis_off()
     return ax
 
@@ -173,12 +172,12 @@ def _name_largest(axes: Axes, model: Model, fields: Fields, factor: float) -> No
     axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor="#B00000", zorder=6)
 
 
-def _draw_scale(figure: Figure, norm: LogNorm, width: float) -> None:
+def _draw_scale(figure: Figure, norm: LogNorm) -> None:
     """Colour bar below the panels."""
-    axes = add_axes(figure, width / 2 - 3.0, 0.55, 6.0, 0.16)
-    bar = figure.colorbar(ScalarMappable(norm, COLOURS), cax=axes, orientation="horizontal", extend="min")
+    place: Any = {"ax": figure.axes, "location": "bottom", "aspect": 38, "shrink": 6.0 / figure.get_figwidth()}
+    bar = figure.colorbar(ScalarMappable(norm, COLOURS), extend="min", **place)
     ticks = [10.0**power for power in range(-15, 12)]
     bar.set_ticks([tick for tick in ticks if 0.0 <= norm(tick) <= 1.0])
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
+    bar.ax.xaxis.set_minor_formatter(NullFormatter())
     bar.set_label(f"von Mises stress ({STRESS})")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,8 +11,9 @@ from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, DASHES, MARKERS
-from flexfem.plot.numbers import SPACE
 from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
+from flexfem.plot.text import SPACE
+from flexfem.verify.hinges import HingeReview, ThicknessReview
 
 FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
@@ -21,7 +21,7 @@ PALETTE = tuple(colour for colour in COLOURS if colour != "#000000")  # black ar
 SAME = 1e-6  # of a ratio: two exact forms of one integral
 ROOM = 0.06  # of the ratio's range, above and below
 FLOOR = 0.4  # least ratio shown: below it a formula is of no use
-WIDTH, HEIGHT = 8.27, 9.6  # in
+WIDTH, HEIGHT = 8.27, 8.2  # in
 MARKS = 5  # on a curve
 LEGEND, LETTERS = 1.85, 8.0  # width of the legend's text, in, and its size, points
 TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
@@ -29,36 +29,6 @@ THICKNESSES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # ticks of b/t
 LIMIT_ROOM = 0.14  # of the distance between plane stress and plane strain, above and below: for their names
 HINGE_MARKS = "os^Dv"
 HINGE_LOOK: Any = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6}
-
-
-class FormulaCurve(NamedTuple):
-    """A formula over finite elements of a full notch, H = h.
-
-    name : in the registry.   valid : smallest and largest t/R it is meant for.
-    rotation, axial, shear : (n,), ratios of compliances; None for a freedom that its source does not state.
-    """
-
-    name: str
-    valid: tuple[float, float]
-    rotation: Array | None
-    axial: Array | None
-    shear: Array | None
-
-
-class HingeReview(NamedTuple):
-    """What the figure shows.
-
-    ratio : (n,), t/R, ascending.   curves : the formulas.
-    height : H/h of the higher blocks.   higher : finite elements with those over finite elements with H = h.
-    poissons_ratio : for the shear compliances.   source : of the finite elements, one line.
-    """
-
-    ratio: Array
-    curves: Sequence[FormulaCurve]
-    height: float
-    higher: FormulaCurve
-    poissons_ratio: float
-    source: str
 
 
 @in_house_style
@@ -77,14 +47,11 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
         "A formula has a curve for the freedoms that its source states.",
         review.source,
     ]
-    leading = dict.fromkeys(group.names[0] for freedom in FREEDOMS for group in merged(review, freedom))
-    styles = {name: index for index, name in enumerate(leading)}
     figure, found = panels((WIDTH, HEIGHT), "Circular hinge: formulas against finite elements", lines, 3)
     for row, (axes, freedom) in enumerate(zip(found, FREEDOMS, strict=True)):
         axes.set_title(f"({'abc'[row]}) {freedom}, {SYMBOLS[freedom]}", loc="left", parse_math=True)
-        plot_formulas(axes, review, freedom, styles)
-        axes.tick_params(labelbottom=row == 2)
-    found[-1].set_xlabel("t/R")
+        plot_formulas(axes, review, freedom)
+        axes.label_outer()
     return figure
 
 
@@ -112,25 +79,30 @@ def merged(review: HingeReview, freedom: str) -> list[Merged]:
     return found
 
 
-def plot_formulas(axes: Axes, review: HingeReview, freedom: str, styles: dict[str, int]) -> None:
-    """Draw the ratio of every formula to the finite elements in one freedom on given axes."""
+def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
+    """Draw the ratio of every formula to the finite elements in one freedom; returns `ax`.
+
+    A formula looks the same in all three freedoms.
+    """
+    looks = list(dict.fromkeys(group.names[0] for each in FREEDOMS for group in merged(review, each)))
     x, higher = review.ratio, getattr(review.higher, freedom)
     label = f"finite elements, H = h to {review.height:g}{SPACE}h\n1 to {np.max(higher):.2f}"
-    shade = axes.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)
-    axes.plot(x, higher, color=GREY, linewidth=0.8, zorder=1.2)
-    axes.axhline(1.0, color=INK, linewidth=1.6, zorder=1.5)
+    shade = ax.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)
+    ax.plot(x, higher, color=GREY, linewidth=0.8, zorder=1.2)
+    ax.axhline(1.0, color=INK, linewidth=1.6, zorder=1.5)
     ends, drawn = [1.0, float(np.max(higher))], []
     for group in merged(review, freedom):
-        line = _draw_curve(axes, x, group, styles[group.names[0]])
+        line = _draw_curve(ax, x, group, looks.index(group.names[0]))
         drawn.append(line)
         ends += [float(np.min(line.get_ydata())), float(np.max(line.get_ydata()))]
     low, high = max(min(ends), FLOOR), max(ends)
-    axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - ROOM * (high - low), high + ROOM * (high - low)))
-    axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
-    axes.minorticks_off()
-    axes.grid()
-    axes.set_ylabel("formula / finite elements")
-    legend_beside(axes, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
+    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - ROOM * (high - low), high + ROOM * (high - low)))
+    ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
+    ax.minorticks_off()
+    ax.grid()
+    ax.set(xlabel="t/R", ylabel="formula / finite elements")
+    legend_beside(ax, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
+    return ax
 
 
 def _draw_curve(axes: Axes, x: Array, group: Merged, index: int) -> Line2D:
@@ -151,24 +123,6 @@ def _draw_curve(axes: Axes, x: Array, group: Merged, index: int) -> Line2D:
     return line
 
 
-class ThicknessReview(NamedTuple):
-    """What the figure shows.
-
-    width : (n,), b/t, ascending.   ratio : (k,), t/R, one curve each.   poissons_ratio : of the material.
-    rotation, axial : (k, n), compliances in three dimensions over those in plane stress.
-    marked : hinges of a stage, what they are called to their t/R, b/t and factors in rotation and axially.
-    source : of the factors, one line.
-    """
-
-    width: Array
-    ratio: Array
-    poissons_ratio: float
-    rotation: Array
-    axial: Array
-    marked: Mapping[str, tuple[float, float, float, float]]
-    source: str
-
-
 @in_house_style
 def thickness_figure(review: ThicknessReview) -> Figure:
     """Draw the factor out of plane over b/t, a panel for rotation and one for the axial freedom.
@@ -184,36 +138,36 @@ def thickness_figure(review: ThicknessReview) -> Figure:
         "a wide neck is held by its blocks from contracting out of plane, more so when bent than when pulled.",
         review.source,
     ]
-    figure, found = panels((WIDTH, 7.6), "Circular hinge: what its thickness does", lines, 2)
+    figure, found = panels((WIDTH, 6.6), "Circular hinge: what its thickness does", lines, 2)
     for row, (axes, freedom) in enumerate(zip(found, FREEDOMS, strict=False)):
         axes.set_title(f"({'ab'[row]}) {freedom}, {SYMBOLS[freedom]}", loc="left", parse_math=True)
         plot_thickness(axes, review, freedom)
-        axes.tick_params(labelbottom=row == 1)
-    found[-1].set_xlabel("b/t")
+        axes.label_outer()
     return figure
 
 
-def plot_thickness(axes: Axes, review: ThicknessReview, freedom: str) -> None:
-    """Draw the factor of one freedom, rotation or axial, over b/t on given axes."""
+def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
+    """Draw the factor of one freedom, rotation or axial, over b/t; returns `ax`."""
     strain, x = 1 - review.poissons_ratio**2, review.width
-    _draw_limit(axes, 1.0, "plane stress", "above")
-    _draw_limit(axes, strain, f"plane strain, 1 − ν² = {strain:.3f}", "below")
+    _draw_limit(ax, 1.0, "plane stress", "above")
+    _draw_limit(ax, strain, f"plane strain, 1 − ν² = {strain:.3f}", "below")
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
-        axes.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
+        ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
     for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
         value = found[FREEDOMS.index(freedom)]
         sizes = f"t/R{SPACE}={SPACE}{ratio:.3g}, b/t{SPACE}={SPACE}{width:.3g}, factor{SPACE}{value:.3f}"
         text = wrapped(f"{name}: {sizes}", 1.45, 8.5)
         mark = HINGE_MARKS[index % len(HINGE_MARKS)]
-        axes.plot([width], [value], mark, color=INK, label=text, zorder=4, **HINGE_LOOK)
+        ax.plot([width], [value], mark, color=INK, label=text, zorder=4, **HINGE_LOOK)
     room = LIMIT_ROOM * (1 - strain)
-    axes.set(xscale="log", xlim=(x[0], x[-1]), ylim=(strain - room, 1 + room))
-    axes.set_xticks(THICKNESSES, [f"{tick:g}" for tick in THICKNESSES])
-    axes.minorticks_off()
-    axes.grid()
-    axes.set_ylabel("three dimensions / plane stress")
-    legend_beside(axes, fontsize=8.5, handlelength=3.2, labelspacing=0.7)
+    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(strain - room, 1 + room))
+    ax.set_xticks(THICKNESSES, [f"{tick:g}" for tick in THICKNESSES])
+    ax.minorticks_off()
+    ax.grid()
+    ax.set(xlabel="b/t", ylabel="three dimensions / plane stress")
+    legend_beside(ax, fontsize=8.5, handlelength=3.2, labelspacing=0.7)
+    return ax
 
 
 def _draw_limit(axes: Axes, value: float, name: str, side: Literal["above", "below"]) -> None:

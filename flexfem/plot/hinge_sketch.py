@@ -11,8 +11,8 @@ from matplotlib.patches import FancyArrowPatch
 
 from flexfem.arrays import Array
 from flexfem.plot.marks import Point, arrow
-from flexfem.plot.numbers import significant
-from flexfem.plot.style import GREY, INK, add_axes, header, in_house_style, new_figure
+from flexfem.plot.style import GREY, INK, in_house_style, panels
+from flexfem.plot.text import significant
 from flexfem.units import LENGTH
 from flexfem.verify.result import Model
 
@@ -32,22 +32,23 @@ def hinge_sketch(model: Model) -> Figure:
     -----
     Fig. 2 of the paper. The drawing is not to scale: thin necks would not show. The full height is h = 2R + t.
     """
-    rows = hinge_rows(model)
-    table = 0.42 + 0.26 * len(rows)
-    height = 5.3 + table
-    figure = new_figure(8.27, height)
+    heights = (3.8, 0.42 + 0.26 * len(hinge_rows(model)))
     lines = ["Circular hinge of (2) and (3), not to scale. Red: load; blue: what it causes."]
-    used = header(figure, f"{model.stage}: circular hinge", lines, model.assumed, model.not_stated)
-    axes = add_axes(figure, 0.3, table + 0.25, 7.67, height - used - table - 0.3)
-    axes.set_xlim(-4.3, 4.9)
-    axes.set_ylim(-1.75, 2.65)
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-    _draw_solid(axes)
-    _draw_dimensions(axes)
-    _draw_loads(axes)
-    _draw_table(add_axes(figure, 0.3, 0.15, 7.67, table), rows)
+    title, doubts = f"{model.stage}: circular hinge", (model.assumed, model.not_stated)
+    figure, (axes, table) = panels((8.27, sum(heights) + 0.4), title, lines, 2, doubts=doubts, height_ratios=heights)
+    plot_hinge(axes)
+    plot_hinge_table(table, model)
     return figure
+
+
+def plot_hinge(ax: Axes) -> Axes:
+    """Draw the labelled sketch of the circular hinge, not to scale; returns `ax`."""
+    ax.set(xlim=(-4.3, 4.9), ylim=(-1.75, 2.65), aspect="equal")
+    ax.set_axis_off()
+    _draw_solid(ax)
+    _draw_dimensions(ax)
+    _draw_loads(ax)
+    return ax
 
 
 def outline() -> Array:
@@ -161,14 +162,16 @@ def _label(axes: Axes, at: Point, name: str, side: str, size: float = 13, colour
     axes.text(at[0], at[1], name, ha=side, va="center", size=size, color=colour, zorder=7, parse_math=True)
 
 
-def _draw_table(axes: Axes, rows: list[tuple[str, ...]]) -> None:
-    axes.set_axis_off()
+def plot_hinge_table(ax: Axes, model: Model) -> Axes:
+    """Write the dimensions of a stage's hinges as a table, those that are alike in one row; returns `ax`."""
+    rows = hinge_rows(model)
+    ax.set_axis_off()
     head = ("hinge", f"R ({LENGTH})", f"t ({LENGTH})", f"h ({LENGTH})", "t/R")
     across = (0.0, 0.4, 0.55, 0.7, 0.85)
     for line, row in enumerate([head, *rows]):
         y = 1 - (line + 0.5) / (len(rows) + 1)
         for x, cell in zip(across, row, strict=True):
-            axes.text(x, y, cell, va="center", size=9, weight="bold" if line == 0 else "normal")
-    axes.axhline(1 - 1 / (len(rows) + 1), color=INK, linewidth=0.8)
-    axes.set_xlim(0, 1)
-    axes.set_ylim(0, 1)
+            ax.text(x, y, cell, va="center", size=9, weight="bold" if line == 0 else "normal")
+    ax.axhline(1 - 1 / (len(rows) + 1), color=INK, linewidth=0.8)
+    ax.set(xlim=(-0.01, 1), ylim=(0, 1))
+    return ax

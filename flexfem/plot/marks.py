@@ -1,18 +1,17 @@
-"""Marks that drawings share: arrows, hatched ground, frames, joints, and places where a label is clear of the rest."""
+"""What drawings share: arrows, hatched ground, frames, places for labels, and curved quadratic triangles to draw."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.patches import Circle, FancyArrowPatch, Polygon
+from matplotlib.patches import FancyArrowPatch
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.plot.style import INK
-from flexfem.verify.result import HingeDrawing, Model
 
 Point = Sequence[float] | Array
 
@@ -34,18 +33,6 @@ def frame_cross(axes: Axes, length: float) -> None:
     for head, beside, name in (((1.0, 0.0), (0.9, -0.3), "X"), ((0.0, 1.0), (-0.3, 0.9), "Y")):
         arrow(axes, (0.0, 0.0), length * np.array(head), colour="#B00000", width=1.2)
         write(axes, length * np.array(beside), name, "#B00000")
-
-
-def show_window(axes: Axes, low: Array, high: Array) -> None:
-    """Show at least the window from corner `low` to `high`, with equal scales, in the whole of the axes."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    inches = np.array(axes.get_position().size) * figure.get_size_inches()
-    half = float(np.max((high - low) / inches)) * inches / 2
-    middle = (low + high) / 2
-    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
-    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-    axes.set_aspect("equal")
 
 
 def hatch_ground(axes: Axes, nodes: Array, edges: Index, depth: float) -> None:
@@ -76,89 +63,79 @@ def clear_spot(anchor: Array, distance: float, taken: Array, enough: float, half
     return np.asarray(spots[int(np.argmax(np.round(np.minimum(clearance, enough), 9)))])
 
 
-LINK, SLIDER = "#30465E", "#0072B2"
-SYMBOL = 0.017  # radius of a joint's circle, per size of the stage, where the links leave room for it
-PITCH, ENDS = 3.1, 3.0  # distance of a joint's symbols, and what two joints take of a link besides, per radius
-KEY_LINE = 0.34  # in
-MEANING = {
-    "rotation": "revolute joint: rotation",
-    "axial": "slider along the neck: axial elongation",
-    "shear": "slider across the neck: shear",
-}
+SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # ends and middle of the sides of a triangle
+QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+STRAIGHT = 1e-6  # distance of a middle from the chord, per length of the chord, below which a side is straight
 
 
-def symbol_radius(model: Model, size: float) -> float:
-    """Radius of the joints' circles, mm, with which all symbols find room on their links."""
-    radii = [SYMBOL * size]
-    for base, elbow, platform in (model.hinges[k : k + 3] for k in (0, 3, 6)):
-        for start, end, sliders in (
-            (base, elbow, len(base.freedoms) + len(elbow.freedoms) - 2),
-            (elbow, platform, len(platform.freedoms) - 1),
-        ):
-            length = float(np.hypot(*np.subtract(end.centre, start.centre)))
-            radii.append(length / (ENDS + PITCH * sliders))
-    return min(radii)
+class Edges(NamedTuple):
+    """Sides of triangles: ends and middle, (k, 3), walked with their triangle on the left.
 
-
-def draw_ground(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
-    """A bracket behind the base joint, on hatched ground."""
-    at, s = np.array(hinge.centre), radius
-    along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
-    across = np.array([-along[1], along[0]])
-    foot = at - 3.2 * s * along
-    axes.add_patch(
-        Polygon(
-            [at, foot + 1.7 * s * across, foot - 1.7 * s * across],
-            facecolor="white",
-            edgecolor=LINK,
-            linewidth=1.5,
-            zorder=2.5,
-        )
-    )
-    ends = np.array([foot + 2.6 * s * across, foot - 2.6 * s * across])
-    hatch_ground(axes, ends, np.array([[0, 1, 0]]), 1.4 * s)
-
-
-def side_of(hinge: HingeDrawing) -> int:
-    """Where along the neck its sliders are drawn: ahead of a base hinge, else behind, there lies a link by default."""
-    return 1 if hinge.hinge == "base" else -1
-
-
-def draw_joint(axes: Axes, at: Array, axis: float, freedoms: list[str], radius: float) -> None:
-    """A circle for the rotation, then a slider along the neck and one across it, as the freedoms say.
-
-    The sliders are ahead of the circle, behind it where the radius is negative.
+    every : each side once.  boundary : those of one triangle only.
     """
-    along = np.array([np.cos(axis), np.sin(axis)])
-    across = np.array([-along[1], along[0]])
-    place = at
-    for kind, way in (("axial", along), ("shear", across)):
-        if kind in freedoms:
-            place = place + PITCH * radius * along
-            _draw_slider(axes, place, way, radius)
-    axes.add_patch(Circle((at[0], at[1]), abs(radius), facecolor="white", edgecolor=INK, linewidth=1.8, zorder=5))
+
+    every: Index
+    boundary: Index
 
 
-def _draw_slider(axes: Axes, at: Array, way: Array, radius: float) -> None:
-    """A block between two rails that run along its way."""
-    side = np.array([-way[1], way[0]])
-    half, thick = 1.05 * radius * way, 0.62 * radius * side
-    block = [at + half + thick, at - half + thick, at - half - thick, at + half - thick]
-    axes.add_patch(Polygon(block, facecolor="white", edgecolor=SLIDER, linewidth=1.6, zorder=4))
-    for rail in (1.65 * thick, -1.65 * thick):
-        ends = [at + rail - 1.45 * half, at + rail + 1.45 * half]
-        axes.plot(*np.transpose(ends), color=SLIDER, linewidth=1.6, zorder=4)
+def edges_of(triangles: AnyArray) -> Edges:
+    """Sides of the triangles (m, 6)."""
+    sides = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    _, first, count = np.unique(sides[:, 2], return_index=True, return_counts=True)
+    return Edges(sides[first], sides[first[count == 1]])
 
 
-def draw_key(axes: Axes, kinds: list[str], height: float) -> None:
-    """What the symbols mean."""
-    axes.set_xlim(0, 7.6)
-    axes.set_ylim(0, height)
-    axes.set_axis_off()
-    for line, kind in enumerate(kinds):
-        at = np.array([0.35, height - KEY_LINE * (line + 0.5)])
-        if kind == "rotation":
-            draw_joint(axes, at, 0.0, [kind], 0.1)
-        else:
-            _draw_slider(axes, at, np.array([1.0, 0.0] if kind == "axial" else [0.0, 1.0]), 0.1)
-        axes.text(0.75, at[1], MEANING[kind], va="center", size=9)
+def loops_of(boundary: Index) -> list[Index]:
+    """Boundary edges (k, 3) as closed loops, each (n, 3) in the order walked; the longest first."""
+    follow: dict[int, list[int]] = {}
+    for number, (start, _, _) in enumerate(boundary.tolist()):
+        follow.setdefault(start, []).append(number)
+    loops = []
+    while follow:
+        at, loop = next(iter(follow)), []
+        while at in follow:
+            number = follow[at].pop()
+            if not follow[at]:
+                del follow[at]
+            loop.append(number)
+            at = int(boundary[number, 1])
+        loops.append(boundary[loop])
+    return sorted(loops, key=len, reverse=True)
+
+
+def curves(nodes: Array, edges: Index, pieces: int) -> Array:
+    """Points (k, pieces + 1, 2) along quadratic edges (k, 3)."""
+    s = np.linspace(0.0, 1.0, pieces + 1)
+    shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+    return np.asarray(np.einsum("sp,ksi->kpi", shapes, nodes[edges]))
+
+
+def drawn_edges(nodes: Array, edges: Index, pieces: int) -> list[Array]:
+    """Polylines along the edges (k, 3), straight ones with two points."""
+    bent = bending(nodes, edges)
+    return [*nodes[edges[~bent][:, :2]], *curves(nodes, edges[bent], pieces)]
+
+
+def bending(nodes: Array, edges: Index) -> AnyArray:
+    """Whether each of the edges (k, 3) is curved."""
+    ends = nodes[edges[:, :2]]
+    chord = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    bow = np.linalg.norm(nodes[edges[:, 2]] - ends.mean(axis=1), axis=1)
+    return np.asarray(bow > STRAIGHT * chord)
+
+
+def polygon(nodes: Array, loop: Index, pieces: int = 4) -> Array:
+    """Closed polygon (n, 2) along a loop of edges."""
+    points = curves(nodes, loop, pieces)[:, :-1].reshape(-1, 2)
+    return np.vstack([points, points[:1]])
+
+
+def quarters(triangles: AnyArray) -> Index:
+    """Linear triangles (4 m, 3) on the nodes of quadratic ones (m, 6)."""
+    return np.concatenate([triangles[:, list(quarter)] for quarter in QUARTERS])
+
+
+def clamped_edges(boundary: Index, displacement: Array) -> Index:
+    """Boundary edges (k, 3) whose nodes do not move at all under load: those held by the ground."""
+    held = ~np.any(displacement != 0.0, axis=1)
+    return np.asarray(boundary[held[boundary].all(axis=1)])

@@ -11,10 +11,21 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from flexfem.arrays import Array, Index
-from flexfem.plot.marks import arrow, clear_spot, frame_cross, hatch_ground, write
-from flexfem.plot.numbers import SPACE
-from flexfem.plot.style import GREY, INK, PALE, add_axes, header, in_house_style, new_figure
-from flexfem.plot.triangles import Edges, clamped_edges, drawn_edges, edges_of, loops_of, polygon
+from flexfem.plot.marks import (
+    Edges,
+    arrow,
+    clamped_edges,
+    clear_spot,
+    drawn_edges,
+    edges_of,
+    frame_cross,
+    hatch_ground,
+    loops_of,
+    polygon,
+    write,
+)
+from flexfem.plot.style import GREY, INK, PALE, in_house_style, new_axes, panels
+from flexfem.plot.text import SPACE
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment, polygon_points
 from flexfem.stage.schema import CHAINS, Stage
@@ -28,12 +39,13 @@ STEP = np.pi / 24  # rad of arc between two points of a small drawing
 MOST_VECTORS = 2500  # sides of triangles; more are rasterised in a PDF
 
 
-def plot_stage(ax: Axes, stage: Stage) -> Axes:
-    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`.
+def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
+    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`, or new axes.
 
     Raises BadInput when its bodies cannot be drawn.
     """
     outline = outline_of(stage)
+    ax = ax or new_axes()
     draw_outline(ax, outline)
     _fit(ax, np.concatenate(outline.bodies))
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
@@ -90,20 +102,23 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     model, fields : of one curve of a stored verification; nodes in mm.
     """
     across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
-    height = 7.2 * min(max(up / across, 0.5), 1.5) + 1.85
-    figure = new_figure(8.27, height)
-    lines = [mesh_size(model), KEY]
-    used = header(figure, model.stage, lines, model.assumed, model.not_stated)
-    axes = add_axes(figure, 0.75, 0.6, 7.2, height - used - 0.75)
-    edges = edges_of(fields.triangles)
-    draw_mesh(axes, fields.nodes, edges, width=0.18)
-    size = _fit(axes, fields.nodes)
-    hatch_ground(axes, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
-    axes.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
-    frame_cross(axes, max(0.6 * model.hub_radius, 0.04 * size))
-    _number_hinges(axes, model, fields.nodes, size)
-    axes.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    size, doubts = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7), (model.assumed, model.not_stated)
+    figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=doubts)
+    plot_mesh(axes, model, fields)
     return figure
+
+
+def plot_mesh(ax: Axes, model: Model, fields: Fields) -> Axes:
+    """Draw the mesh of a stage, the numbers of its hinges and chains, clamped edges and hub, in mm; returns `ax`."""
+    edges = edges_of(fields.triangles)
+    draw_mesh(ax, fields.nodes, edges, width=0.18)
+    size = _fit(ax, fields.nodes)
+    hatch_ground(ax, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
+    ax.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
+    frame_cross(ax, max(0.6 * model.hub_radius, 0.04 * size))
+    _number_hinges(ax, model, fields.nodes, size)
+    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    return ax
 
 
 def mesh_size(model: Model) -> str:
@@ -163,27 +178,30 @@ def neck_figure(model: Model, fields: Fields) -> Figure:
     ----------
     model, fields : of one curve of a stored verification; nodes in mm. Coordinates run along and across each neck.
     """
-    figure = new_figure(10.0, 7.9)
-    title = f"{model.stage}: necks of chain 1"
     line = f"{mesh_size(model)} Curved sides are drawn as curves."
-    top = 7.9 - header(figure, title, [line], model.assumed, model.not_stated) - 0.3
-    edges = edges_of(fields.triangles)
-    height = (top - 1.15) / 2
+    doubts = (model.assumed, model.not_stated)
+    figure, found = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [line], 2, 3, doubts)
     for column, hinge in enumerate(model.hinges[:3]):
-        local = _along_neck(fields.nodes, hinge)
-        whole = hinge.radius + hinge.neck
-        for row, half in enumerate((1.2 * whole, 1.1 * hinge.neck)):
-            axes = add_axes(figure, 0.75 + 3.2 * column, 0.55 + (1 - row) * (height + 0.6), 2.6, height)
-            _draw_neck(axes, local, edges, half, height / 2.6)
-            axes.set_xlabel(f"along the neck ({LENGTH})")
-            if column == 0:
-                axes.set_ylabel(f"across the neck ({LENGTH})")
-            if row == 0:
-                axes.set_title(f"{hinge.hinge} hinge")
-                _dimension_notch(axes, hinge)
-            else:
-                _dimension_neck(axes, hinge)
+        plot_notch(found[column], fields, hinge).set_title(f"{hinge.hinge} hinge")
+        plot_neck(found[3 + column], fields, hinge)
+        if column:
+            found[column].set_ylabel("")
+            found[3 + column].set_ylabel("")
     return figure
+
+
+def plot_notch(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
+    """Draw the mesh about a notch, seen along its neck, with the radius, in mm; returns `ax`."""
+    _draw_close(ax, fields, hinge, 1.2 * (hinge.radius + hinge.neck))
+    _dimension_notch(ax, hinge)
+    return ax
+
+
+def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
+    """Draw the mesh at the narrowest section of a neck, seen along it, with its width, in mm; returns `ax`."""
+    _draw_close(ax, fields, hinge, 1.1 * hinge.neck)
+    _dimension_neck(ax, hinge)
+    return ax
 
 
 def _along_neck(nodes: Array, hinge: HingeDrawing) -> Array:
@@ -192,17 +210,14 @@ def _along_neck(nodes: Array, hinge: HingeDrawing) -> Array:
     return np.asarray((nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
 
 
-def _draw_neck(axes: Axes, local: Array, edges: Edges, half: float, ratio: float) -> None:
-    """Draw the part of the mesh in a window so wide to each side."""
-    axes.set_xlim(-half, half)
-    axes.set_ylim(-half * ratio, half * ratio)
-    axes.set_aspect("equal")
+def _draw_close(axes: Axes, fields: Fields, hinge: HingeDrawing, half: float) -> None:
+    """Draw the part of the mesh in a window so wide to each side of the neck's centre, along and across the neck."""
+    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    axes.set(xlabel=f"along the neck ({LENGTH})", ylabel=f"across the neck ({LENGTH})")
     axes.locator_params(nbins=4)
-    axes.set_facecolor("white")
-    near = Edges(*(_inside(local, group, 1.5 * half * max(1.0, ratio)) for group in edges))
-    outer, *holes = (
-        _clipped(polygon(local, loop, 8), 2.0 * half * max(1.0, ratio)) for loop in loops_of(edges.boundary)
-    )
+    local, edges = _along_neck(fields.nodes, hinge), edges_of(fields.triangles)
+    near = Edges(*(_inside(local, group, 1.5 * half) for group in edges))
+    outer, *holes = (_clipped(polygon(local, loop, 8), 2.0 * half) for loop in loops_of(edges.boundary))
     axes.add_collection(PolyCollection([outer], facecolors=PALE, edgecolors="none", zorder=1), autolim=False)
     axes.add_collection(PolyCollection(holes, facecolors="white", edgecolors="none", zorder=1.1), autolim=False)
     lines, many = drawn_edges(local, near.every, 12), len(near.every) > MOST_VECTORS

@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import matplotlib.figure
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.plot.numbers import significant
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import Caption, Quantity, caption_of, counted, factor, output, thousands
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
-from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, sensitivity_figure
+from flexfem.plot.study_scatter import (
+    Distribution,
+    Scatter,
+    Sensitivity,
+    Share,
+    distribution_figure,
+    sensitivity_figure,
+)
+from flexfem.plot.text import significant
 from flexfem.plot.write import write_beside
 from flexfem.study.cells import Cells, cells_of
 from flexfem.study.figure import Figure
@@ -26,6 +33,8 @@ from flexfem.study.pareto import wide
 if TYPE_CHECKING:
     from flexfem.study.collected import StudyTable
     from flexfem.study.plan import LoadedStudy
+
+Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
 
 
 def write_study_figures(source: Source, found: Sequence[Shown], folder: Path) -> list[Path]:
@@ -39,22 +48,41 @@ def write_study_figures(source: Source, found: Sequence[Shown], folder: Path) ->
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
+    drawn = [(name, page_of(record)) for name, record in records(source, found).items()]
+    return [path for name, page in drawn for path in write_beside(folder / f"{name}.png", page)]
+
+
+def records(source: Source, found: Sequence[Shown]) -> dict[str, Record]:
+    """What the figures of a study file show, by the names of their files, but for those that are refused."""
     figures = zip(named(source.loaded), found, strict=True)
-    drawn = [(name, draw(source, figure, shown)) for (name, figure), shown in figures if not isinstance(shown, Refused)]
-    return [path for name, picture in drawn for path in write_beside(folder / f"{name}.png", picture)]
+    drawn = ((*known, shown) for known, shown in figures if not isinstance(shown, Refused))
+    return {name: record_of(source, figure, shown) for name, figure, shown in drawn}
 
 
-def draw(source: Source, figure: Figure, found: Extremes | Marks | Shares | Best) -> matplotlib.figure.Figure:
-    """Draw one figure of a study file from what was found for it."""
+def record_of(source: Source, figure: Figure, found: Extremes | Marks | Shares | Best) -> Record:
+    """What one figure of a study file shows, from what was found for it."""
     match found:
         case Extremes():
-            return map_figure(map_of(source, figure))
+            return map_of(source, figure)
         case Marks():
-            return distribution_figure(*scatters_of(source, figure, found))
+            return distribution_of(source, figure, found)
         case Shares():
-            return sensitivity_figure(*shares_of(source, figure, found))
+            return sensitivity_of(source, figure, found)
         case Best():
-            return pareto_figure(front_of(source, figure, found))
+            return front_of(source, figure, found)
+
+
+def page_of(record: Record) -> matplotlib.figure.Figure:
+    """The page of one record."""
+    match record:
+        case StudyMap():
+            return map_figure(record)
+        case Distribution():
+            return distribution_figure(record)
+        case Sensitivity():
+            return sensitivity_figure(record)
+        case ParetoFront():
+            return pareto_figure(record)
 
 
 def named(loaded: LoadedStudy) -> Iterator[tuple[str, Figure]]:
@@ -151,7 +179,7 @@ def _mean_line(source: Source, cells: Cells, value: Quantity) -> list[str]:
     ]
 
 
-def scatters_of(source: Source, figure: Figure, found: Marks) -> tuple[list[Scatter], Caption]:
+def distribution_of(source: Source, figure: Figure, found: Marks) -> Distribution:
     """How values scatter, with percentiles whose intervals hold for independent draws."""
     scatters = [
         Scatter(source.quantity(name), partial(_answered, source, name), marks, source.nominal.get(name))
@@ -162,14 +190,14 @@ def scatters_of(source: Source, figure: Figure, found: Marks) -> tuple[list[Scat
         line += " They hold if the designs of the table are independent draws."
     elif source.loaded.study.sampling.method != "monte_carlo":
         line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
-    return scatters, source.caption(figure, "How the values scatter", line)
+    return Distribution(scatters, source.caption(figure, "How the values scatter", line))
 
 
 def _answered(source: Source, name: str) -> Array:
     return source.table.answered(name)[0]
 
 
-def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share], list[str], Caption]:
+def sensitivity_of(source: Source, figure: Figure, found: Shares) -> Sensitivity:
     """Sobol indices, and what the factors are called."""
     shares = [Share(source.quantity(name), indices) for name, indices in found.indices.items()]
     line = "Sobol indices; whiskers: 95 % confidence."
@@ -182,7 +210,8 @@ def shares_of(source: Source, figure: Figure, found: Shares) -> tuple[list[Share
             line += " Factors may depend on one another, if only by the designs without an answer: shares overlap then."
     nothing = [f"{text[0].upper()}{text[1:]}." for text in source.unseen]
     factors = [factor(column).name for column in source.loaded.columns]
-    return shares, factors, source.caption(figure, "Which factor causes the variance", line, *nothing)
+    caption = source.caption(figure, "Which factor causes the variance", line, *nothing)
+    return Sensitivity(shares, factors, caption)
 
 
 def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexfem.arrays import Array
 from flexfem.files.keypath import path_of
-from flexfem.plot.numbers import SPACE, significant
+from flexfem.plot.text import SPACE, significant
 from flexfem.study.factors import Column
 from flexfem.study.scheme import Method
 from flexfem.units import unit_of, without_unit

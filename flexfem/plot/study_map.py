@@ -17,10 +17,11 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.plot.study_labels import Caption, Quantity, ends_of, log_ticks, name_axis, thousands
-from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure
+from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, inches, panels
 from flexfem.study.pareto import wide
 
-WIDTH, HEIGHT, AXES_LEFT, AXES_WIDTH, FOOT = 8.27, 7.2, 0.85, 5.75, 1.0  # in
+WIDTH, HEIGHT = 8.27, 6.0  # in
+BELOW = 0.56  # in, from the axes to the legend
 ONE_HUE, TWO_HUES = "viridis", "PuOr_r"  # the first alone reads in grey; the contours' labels say the rest
 HATCHES = ("////", "xxxx", "....", "||||", "----")
 HATCHED = "#A8A8A8"
@@ -51,29 +52,35 @@ class StudyMap(NamedTuple):
 
 @in_house_style
 def map_figure(shown: StudyMap) -> Figure:
-    """Draw the value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
+    """Draw a map on a page of its own."""
+    title, lines, *doubts = shown.caption
+    figure, (axes,) = panels((WIDTH, HEIGHT), title, lines, 1, doubts=doubts)
+    plot_map(axes, shown)
+    return figure
+
+
+def plot_map(ax: Axes, shown: StudyMap) -> Axes:
+    """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
+
+    Returns `ax`; the bar that says what the colours mean is an inset of it.
 
     Notes
     -----
     A cell is one design, with its value, or a mean of several, as the caption says; nothing is interpolated but the
     contours. Values of both signs have two hues, and the contours of negative values are dashed.
     """
-    figure = new_figure(WIDTH, HEIGHT)
-    top = HEIGHT - header(figure, *shown.caption) - 0.12
-    axes = add_axes(figure, AXES_LEFT, FOOT, AXES_WIDTH, top - FOOT)
     norm = norm_of(shown.values)
     hues = TWO_HUES if isinstance(norm, CenteredNorm) else ONE_HUE
     colours: dict[str, Any] = {"norm": norm, "cmap": hues}
-    entries = _draw_grid(axes, shown, colours) if shown.grid else _draw_dots(axes, shown, colours)
-    _set_axes(axes, shown)
-    entries += _draw_base(axes, shown)
+    entries = _draw_grid(ax, shown, colours) if shown.grid else _draw_dots(ax, shown, colours)
+    _set_axes(ax, shown)
+    entries += _draw_base(ax, shown)
     if np.isfinite(shown.values).any():
-        beside = add_axes(figure, AXES_LEFT + AXES_WIDTH + 0.2, FOOT, 0.22, top - FOOT)
-        _draw_bar(beside, axes.collections[0], shown)
+        _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
     if entries:
-        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.56 / (top - FOOT))}
-        axes.legend(handles=entries, **place, borderaxespad=0.0, frameon=False, ncols=3, handlelength=2.4)
-    return figure
+        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, -BELOW / inches(ax)[1])}
+        ax.legend(handles=entries, **place, borderaxespad=0.0, frameon=False, ncols=3, handlelength=2.4)
+    return ax
 
 
 def norm_of(values: Array) -> Normalize:

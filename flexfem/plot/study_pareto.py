@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array, Index
-from flexfem.plot.numbers import SPACE, round_factor
 from flexfem.plot.stage import Outline, draw_outline
 from flexfem.plot.study_labels import Caption, Quantity, ends_of, name_axis, thousands
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, wrapped
+from flexfem.plot.text import SPACE, round_factor
 from flexfem.units import LENGTH
 
 WIDTH, AXES_LEFT, AXES_WIDTH, AXES_HEIGHT, FOOT = 8.27, 0.85, 7.1, 4.0, 0.7  # in
@@ -77,7 +77,10 @@ class Rows(NamedTuple):
 
 @in_house_style
 def pareto_figure(shown: ParetoFront) -> Figure:
-    """Draw every design as a dot, the front as a line, and the chosen designs, with letters, in rows below."""
+    """Draw the front, and the chosen designs in rows below.
+
+    The drawings are to one scale, as is the bar below them, so everything here has its place in inches.
+    """
     rows = rows_for(shown.chosen)
     entries = 2 + (shown.base is not None) + bool(len(shown.undrawable)) + len(shown.left_out)
     legend = 0.19 * -(-entries // 2) + 0.2
@@ -85,14 +88,20 @@ def pareto_figure(shown: ParetoFront) -> Figure:
     figure = new_figure(WIDTH, used + legend + AXES_HEIGHT + FOOT + rows.height)
     header(figure, *shown.caption)
     axes = add_axes(figure, AXES_LEFT, rows.height + FOOT, AXES_WIDTH, AXES_HEIGHT)
-    _draw_points(axes, shown)
-    _set_axes(axes, shown)
-    _draw_legend(axes, shown)
+    plot_front(axes, shown)
     for index, chosen in enumerate(shown.chosen):
         _draw_design(figure, rows, index, chosen)
     if rows.number:
         _draw_scale(add_axes(figure, LEFT, 0.08, CELL, 0.26), float(rows.high[0] - rows.low[0]))
     return figure
+
+
+def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
+    """Draw every design as a dot, the front as a line, and the letters of the chosen designs; returns `ax`."""
+    _draw_points(ax, shown)
+    _set_axes(ax, shown)
+    _draw_legend(ax, shown)
+    return ax
 
 
 def rows_for(designs: Sequence[Chosen]) -> Rows:

@@ -14,13 +14,13 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import DASHES
-from flexfem.plot.numbers import SPACE, significant
 from flexfem.plot.study_labels import Caption, Quantity
-from flexfem.plot.style import INK, NOTE_COLOUR, add_axes, header, in_house_style, new_figure, text_width
+from flexfem.plot.style import INK, NOTE_COLOUR, in_house_style, legend_beside, panels
+from flexfem.plot.text import SPACE, significant
 from flexfem.study.percentiles import Percentile
 from flexfem.study.sensitivity import Indices
 
-WIDTH, AXES_LEFT, AXES_WIDTH, PANEL, PANEL_GAP, FOOT = 8.27, 0.85, 4.55, 1.35, 0.62, 0.55  # in
+WIDTH, PANEL = 8.27, 1.97  # in, of a page, and height of a histogram with its axis
 LETTERS = 8.5  # points, of the legend
 MOST_DECIMALS = 7
 ROUND_OFF = 1e-12  # of the largest value
@@ -42,34 +42,37 @@ class Scatter(NamedTuple):
     nominal: float | None = None
 
 
+class Distribution(NamedTuple):
+    """How several values scatter."""
+
+    scatters: Sequence[Scatter]
+    caption: Caption
+
+
 @in_house_style
-def distribution_figure(scatters: Sequence[Scatter], caption: Caption) -> Figure:
+def distribution_figure(shown: Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
-    probe = new_figure(WIDTH, 10.0)
-    used = header(probe, *caption)
-    height = used + 0.15 + len(scatters) * (PANEL + PANEL_GAP) - PANEL_GAP + FOOT
-    figure = new_figure(WIDTH, height)
-    top = height - header(figure, *caption) - 0.15
-    for row, scatter in enumerate(scatters):
-        axes = add_axes(figure, AXES_LEFT, top - PANEL - row * (PANEL + PANEL_GAP), AXES_WIDTH, PANEL)
+    scatters, (title, lines, *doubts) = shown
+    figure, found = panels((WIDTH, PANEL * len(scatters)), title, lines, len(scatters), doubts=doubts)
+    for axes, scatter in zip(found, scatters, strict=True):
         plot_histogram(axes, scatter)
     figure.align_ylabels()
     return figure
 
 
-def plot_histogram(axes: Axes, scatter: Scatter) -> None:
-    """Draw a histogram with its percentiles and their legend on given axes."""
+def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
+    """Draw a histogram of one value with its percentiles and their legend; returns `ax`."""
     values = scatter.values() if callable(scatter.values) else scatter.values
     counts, borders = histogram(values)
-    axes.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
-    axes.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.03), "borderaxespad": 0.0}
-    look: dict[str, Any] = {"frameon": False, "fontsize": LETTERS, "handlelength": 2.6, "labelspacing": 0.6}
-    axes.legend(handles=_draw_marks(axes, scatter, float(np.abs(values).max())), **place, **look)
-    axes.set_xlabel(scatter.quantity.label, parse_math=bool(scatter.quantity.symbol))
-    axes.set_ylabel("designs")
-    axes.set(xlim=(borders[0], borders[-1]), ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
-    axes.ticklabel_format(useOffset=False, axis="x")
+    ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
+    ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
+    entries = _draw_marks(ax, scatter, float(np.abs(values).max()))
+    legend_beside(ax, handles=entries, fontsize=LETTERS, handlelength=2.6, labelspacing=0.6)
+    ax.set_xlabel(scatter.quantity.label, parse_math=bool(scatter.quantity.symbol))
+    ax.set_ylabel("designs")
+    ax.set(xlim=(borders[0], borders[-1]), ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
+    ax.ticklabel_format(useOffset=False, axis="x")
+    return ax
 
 
 def _draw_marks(axes: Axes, scatter: Scatter, size: float) -> list[Any]:
@@ -126,7 +129,7 @@ def to_digits(value: float, width: float) -> str:
     return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
 
 
-BAR_ROW, BETWEEN, BARS_FOOT, LEGEND = 0.3, 0.22, 0.72, 0.32  # in
+BAR_ROW, AROUND, LEGEND = 0.3, 1.1, 0.35  # in, of a factor, what else a panel takes, and the legend above all
 ACROSS = 3  # panels in a row
 FIRST_COLOUR, TOTAL_COLOUR = "#0072B2", "#F0C48A"
 NAME_SIZE = 8.5  # points
@@ -139,28 +142,29 @@ class Share(NamedTuple):
     indices: Indices
 
 
+class Sensitivity(NamedTuple):
+    """Which factor causes how much of several values; what the factors are called, in the order of the indices."""
+
+    shares: Sequence[Share]
+    factors: Sequence[str]
+    caption: Caption
+
+
 @in_house_style
-def sensitivity_figure(shares: Sequence[Share], factors: Sequence[str], caption: Caption) -> Figure:
+def sensitivity_figure(shown: Sensitivity) -> Figure:
     """Draw first-order and total indices of every factor, in the order of the study file, a panel for each value."""
+    shares, factors, (title, lines, *doubts) = shown
     across = 2 if len(shares) == 4 else min(ACROSS, len(shares))
     rows = -(-len(shares) // across)
-    panel = BAR_ROW * len(factors) + 0.15
-    left = 0.25 + max(text_width(name, NAME_SIZE) for name in factors)
-    width = (WIDTH - left - 0.25 - BETWEEN * (across - 1)) / across
-    used = header(new_figure(WIDTH, 10.0), *caption)
-    row_height = panel + 0.32 + BARS_FOOT
-    figure = new_figure(WIDTH, used + LEGEND + rows * row_height)
-    header(figure, *caption)
+    height = LEGEND + rows * (BAR_ROW * len(factors) + AROUND)
+    figure, found = panels((WIDTH, height), title, lines, rows, across, doubts)
+    for axes in found[len(shares) :]:
+        axes.remove()
     ends = limits([share.indices for share in shares])
-    for index, share in enumerate(shares):
-        row, column = divmod(index, across)
-        bottom = (rows - 1 - row) * row_height + BARS_FOOT
-        axes = add_axes(figure, left + column * (width + BETWEEN), bottom, width, panel)
-        plot_shares(axes, share, ends)
-        axes.set_yticks(np.arange(len(factors)), factors if column == 0 else [""] * len(factors), size=NAME_SIZE)
-        axes.set_xlabel(f"share of the variance\n(first order sums to {share.indices.first.sum():.2f})")
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (left / WIDTH, 1 - used / figure.get_figheight())}
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), **place, ncols=2, frameon=False, borderaxespad=0.0)
+    for index, (axes, share) in enumerate(zip(found, shares, strict=False)):
+        plot_shares(axes, share, factors if index % across == 0 else [""] * len(factors), ends)
+    entries = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*entries, loc="outside upper center", ncols=2, frameon=False)
     return figure
 
 
@@ -173,25 +177,31 @@ def limits(indices: Sequence[Indices]) -> tuple[float, float]:
     return min(low, 0.0) - room, high + room
 
 
-def plot_shares(axes: Axes, share: Share, ends: tuple[float, float]) -> None:
-    """Draw the Sobol indices of one value as bars, with whiskers, on given axes."""
+def plot_shares(ax: Axes, share: Share, factors: Sequence[str], ends: tuple[float, float] | None = None) -> Axes:
+    """Draw the Sobol indices of one value as bars, with whiskers, a row for each factor; returns `ax`.
+
+    `ends` : of the axis, by default those that suit this value.
+    """
     found, places = share.indices, np.arange(float(len(share.indices.first)))
     _draw_bars(
-        axes,
+        ax,
         places - (0.19 if found.total is not None else 0.0),
         (found.first, found.first_band),
         FIRST_COLOUR,
         "first order: alone",
     )
     if found.total is not None and found.total_band is not None:
-        _draw_bars(axes, places + 0.19, (found.total, found.total_band), TOTAL_COLOUR, "total: with its interactions")
-    axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set(xlim=ends, ylim=(len(places) - 0.45, -0.55))
-    axes.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")
-    axes.xaxis.set_major_locator(MaxNLocator(4))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.grid(axis="x")
-    axes.tick_params(axis="y", length=0)
+        _draw_bars(ax, places + 0.19, (found.total, found.total_band), TOTAL_COLOUR, "total: with its interactions")
+    ax.axvline(0.0, color=INK, linewidth=0.8)
+    ax.set(xlim=ends or limits([found]), ylim=(len(places) - 0.45, -0.55))
+    ax.set_yticks(places, factors, size=NAME_SIZE)
+    ax.set_xlabel(f"share of the variance\n(first order sums to {found.first.sum():.2f})")
+    ax.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.grid(axis="x")
+    ax.tick_params(axis="y", length=0)
+    return ax
 
 
 def _draw_bars(axes: Axes, places: Array, values: tuple[Array, Array], colour: str, name: str) -> None:

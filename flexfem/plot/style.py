@@ -10,13 +10,15 @@ from functools import wraps
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from flexfem.plot.page import doubt_note
+from flexfem.arrays import Array
+from flexfem.plot.text import doubt_note
 
 P = ParamSpec("P")
 
@@ -130,16 +132,39 @@ def header(
 
 
 def panels(
-    size: tuple[float, float], title: str, lines: Sequence[str], rows: int, columns: int = 1, doubts: Any = ((), ())
+    size: tuple[float, float],
+    title: str,
+    lines: Sequence[str],
+    rows: int,
+    columns: int = 1,
+    doubts: Any = ((), ()),
+    **grid: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of a size in inches with panels below its header, row by row, laid out by matplotlib.
+    """A figure of panels below a header, row by row, laid out by matplotlib, so wide and the panels so high in inches.
 
-    `doubts` : keys that are assumed, and those without a source.
+    `doubts` : keys that are assumed, and those without a source.   `grid` : settings of matplotlib's GridSpec.
     """
-    figure = new_figure(*size)
-    used = header(figure, title, lines, *doubts)
-    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - used / size[1]), w_pad=0.12, h_pad=0.1)
-    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+    width, height = size
+    used = header(new_figure(width, height), title, lines, *doubts)
+    figure = new_figure(width, height + used)
+    header(figure, title, lines, *doubts)
+    rect = (0.0, 0.0, 1.0, height / (height + used))
+    figure.set_layout_engine("constrained", rect=rect, w_pad=0.18, h_pad=0.1)
+    return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
+
+
+def inches(ax: Axes) -> Array:
+    """Width and height (2,) of axes at this moment, in inches; a layout engine may change them later."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return np.array(ax.get_window_extent().size) / figure.dpi
+
+
+def new_axes() -> Axes:
+    """Axes of a new figure of pyplot's, which notebooks show."""
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
 
 
 def legend_beside(axes: Axes, **look: Any) -> None:

@@ -10,15 +10,14 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, NAMES, ROUND_OFF
-from flexfem.plot.numbers import scientific
 from flexfem.plot.style import GREY, INK, in_house_style, panels
+from flexfem.plot.text import scientific
 from flexfem.units import COMMANDS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.travel import Travel, Workspace
 
-WIDTH, HEIGHT = 11.69, 9.6  # in
+WIDTH, HEIGHT = 11.69, 8.5  # in
 COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
-LABELS = ("change from rest (%)", "error (% of the command)", "error (% of the command)")
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "without": ("(16) without its second-order terms", {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.9}),
     "tangent": ("(16)", {"color": COLOURS[0], "linewidth": 2.6}),
@@ -45,18 +44,10 @@ def workspace_figure(found: Workspace) -> Figure:
     title = f"{found.stage}: large displacements and the second-order terms of (16)"
     doubts = (found.assumed, found.not_stated)
     figure, every = panels((WIDTH, HEIGHT), title, _lines(found), 3, 3, doubts)
-    for row, direction in enumerate(DIRECTIONS):
-        three = every[3 * row : 3 * row + 3]
-        travel = found.travel[direction]
-        unit = unit_for(direction, max(travel.commanded))
-        _draw_stiffness(three[0], travel, unit)
-        _draw_along(three[1], travel, unit, row)
-        _draw_across(three[2], travel, unit, row)
-        for column, axes in enumerate(three):
-            axes.set_title(f"({'abcdefghi'[3 * row + column]}) {NAMES[direction]}: {COLUMNS[column]}", loc="left")
-            axes.set(xlabel=f"commanded {NAMES[direction]} ({unit.name})", ylabel=LABELS[column])
-            axes.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
-            axes.grid()
+    kinds = [(direction, draw) for direction in DIRECTIONS for draw in (plot_tangents, plot_along, plot_across)]
+    for index, (axes, (direction, draw)) in enumerate(zip(every, kinds, strict=True)):
+        draw(axes, found, direction)
+        axes.set_title(f"({'abcdefghi'[index]}) {NAMES[direction]}: {COLUMNS[index % 3]}", loc="left")
     shown = figure.axes[1].get_legend_handles_labels()
     figure.legend(*shown, loc="outside lower center", ncols=3, frameon=False, fontsize=9.5, handlelength=3.6)
     return figure
@@ -82,34 +73,55 @@ def _size(found: Workspace, axis: Direction, point: int) -> str:
     return f"±{unit.factor * abs(found.travel[axis].points[point].commanded):g} {unit}"
 
 
-def _draw_stiffness(axes: Axes, travel: Travel, unit: Unit) -> None:
-    _draw_models(axes, travel, unit, {name: np.array(values) for name, values in travel.stiffness.items()})
-    _draw_held(axes, travel, unit, travel.elements.stiffness)
-    _say_worth(axes, [point.stiffness for point in travel.points])
+def plot_tangents(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+    """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
+    travel = found.travel[direction]
+    unit = _frame(ax, travel, direction, "change from rest (%)")
+    _draw_models(ax, travel, unit, {name: np.array(values) for name, values in travel.stiffness.items()})
+    _draw_held(ax, travel, unit, travel.elements.stiffness)
+    _say_worth(ax, [point.stiffness for point in travel.points])
+    return ax
 
 
-def _draw_along(axes: Axes, travel: Travel, unit: Unit, axis: int) -> None:
-    _draw_models(axes, travel, unit, {name: np.array(values)[:, axis] for name, values in travel.position.items()})
-    _draw_held(axes, travel, unit, np.array(travel.elements.position)[:, axis])
+def plot_along(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+    """Draw the error of linear theory along the command, by every model; returns `ax`."""
+    travel = found.travel[direction]
+    unit, axis = _frame(ax, travel, direction, "error (% of the command)"), DIRECTIONS.index(direction)
+    _draw_models(ax, travel, unit, {name: np.array(values)[:, axis] for name, values in travel.position.items()})
+    _draw_held(ax, travel, unit, np.array(travel.elements.position)[:, axis])
     loads = unit.factor * np.array([point.commanded for point in travel.points])
-    axes.plot(loads, np.array(travel.elements.loaded_position)[:, axis], label=UNDER_LOAD, **LOADED)
-    _say_worth(axes, [point.position for point in travel.points])
+    ax.plot(loads, np.array(travel.elements.loaded_position)[:, axis], label=UNDER_LOAD, **LOADED)
+    _say_worth(ax, [point.position for point in travel.points])
+    return ax
 
 
-def _draw_across(axes: Axes, travel: Travel, unit: Unit, axis: int) -> None:
+def plot_across(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+    """Draw the errors of linear theory across the command, by every model; returns `ax`."""
+    travel = found.travel[direction]
+    unit, axis = _frame(ax, travel, direction, "error (% of the command)"), DIRECTIONS.index(direction)
     largest, others = 0.0, [k for k in range(3) if k != axis]
     for other in others:
         curves = {name: np.array(values)[:, other] for name, values in travel.position.items()}
         largest = max(largest, float(np.max(np.abs(curves["exact"]))))
-        _draw_models(axes, travel, unit, curves)
-        _draw_held(axes, travel, unit, np.array(travel.elements.position)[:, other])
+        _draw_models(ax, travel, unit, curves)
+        _draw_held(ax, travel, unit, np.array(travel.elements.position)[:, other])
         if largest > ROUND_OFF:
             place = (unit.factor * travel.commanded[-1], curves["exact"][-1])
             name = "in " + NAMES[DIRECTIONS[other]]
-            axes.annotate(name, place, (7, 0), textcoords="offset points", va="center", size=9.5)
-            axes.set_xlim(right=1.4 * place[0])
+            ax.annotate(name, place, (7, 0), textcoords="offset points", va="center", size=9.5)
+            ax.set_xlim(right=1.4 * place[0])
     if largest < ROUND_OFF:
-        _say_round_off(axes)
+        _say_round_off(ax)
+    return ax
+
+
+def _frame(ax: Axes, travel: Travel, direction: Direction, label: str) -> Unit:
+    """Labels, grid and the line of linear theory; returns the unit of the command."""
+    unit = unit_for(direction, max(travel.commanded))
+    ax.set(xlabel=f"commanded {NAMES[direction]} ({unit.name})", ylabel=label)
+    ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
+    ax.grid()
+    return unit
 
 
 def _say_round_off(axes: Axes) -> None:

@@ -15,9 +15,9 @@ from flexfem.plot.curves import error_figure
 from flexfem.plot.displacement import deformed_figure
 from flexfem.plot.hinge_sketch import hinge_sketch
 from flexfem.plot.model_sketch import model_sketch
-from flexfem.plot.page import markdown_report
 from flexfem.plot.stage import neck_figure, stage_figure
 from flexfem.plot.style import rendered
+from flexfem.plot.text import markdown_report
 from flexfem.verify.result import Fields, Model, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]

@@ -159,7 +159,7 @@ link, expected < chain.link_width_mm = 9
         Raises BadInput when the stage cannot be made.
         """
         check_feasible(self)
-        return import_module(".plot.axes", "flexfem").drawn_stage(self, ax)  # shows, and decides nothing
+        return import_module(".plot.stage", "flexfem").plot_stage(ax, self)  # shows, and decides nothing
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""

@@ -12,7 +12,7 @@ import pytest
 from flexfem.commands.tables import print_results
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import Problem, needed
-from flexfem.plot.page import doubt_note, markdown_report
+from flexfem.plot.text import doubt_note, markdown_report
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.study.plan import load_study
 from flexfem.verify.case import Case, LoadedCase

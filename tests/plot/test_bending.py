@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.bending import elastica_figure, taylor_figure
+from flexfem.plot.accuracy import elastica_figure, taylor_figure
 from flexfem.validate.elastica import Elastica
 from flexfem.validate.taylor import Remainders
 

@@ -54,7 +54,7 @@ def test_every_number_stands_at_its_own_bar(figure):
 
 def test_what_is_outside_the_plane_is_said_with_its_sign(figure, made):
     text = " ".join(made.texts(figure))
-    assert "three-dimensional necks against plane strain: X -10.53, Y +6.22, θ -8.46 percentage points" in text
+    assert "three-dimensional necks against plane strain: X −10.53, Y +6.22, θ −8.46 percentage points" in text
     assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
     split = {axis: one.model_copy(update={"out_of_plane": None}) for axis, one in made.budget().split.items()}
     without = " ".join(made.texts(budget_figure(made.budget(split=split, assumed=["thickness_mm"]))))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.hinge_chart import FLOOR, FREEDOMS, FormulaCurve, HingeReview, hinge_chart_figure, merged
-from flexfem.plot.numbers import SPACE
+from flexfem.plot.hinge_chart import FLOOR, FREEDOMS, hinge_chart_figure, merged
+from flexfem.plot.text import SPACE
+from flexfem.verify.hinges import FormulaCurve, HingeReview
 
 X = np.geomspace(0.02, 1.2, 40)
 FULL = 1.5  # points: curves within their range are broader than this, pale ones thinner

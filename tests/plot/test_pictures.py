@@ -15,11 +15,10 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 from flexfem.plot import style
 from flexfem.plot.displacement import deformed_figure, largest_stress, name_of_place, plot_displacement
 from flexfem.plot.hinge_sketch import hinge_rows, hinge_sketch
-from flexfem.plot.marks import hatch_ground
+from flexfem.plot.marks import clamped_edges, curves, edges_of, hatch_ground, loops_of
 from flexfem.plot.model_sketch import links_of_chain, mobility_line, model_sketch
 from flexfem.plot.stage import neck_figure, plot_stage, stage_figure
 from flexfem.plot.style import rendered
-from flexfem.plot.triangles import clamped_edges, curves, edges_of, loops_of
 from flexfem.stage.schema import load_feasible
 
 PICTURES = {
@@ -133,7 +132,7 @@ def test_the_stage_is_drawn_in_mm_with_hub_frame_and_ground(made, pictures):
 
 
 def test_necks_are_seen_along_themselves_with_their_own_dimensions(made, pictures):
-    columns = np.reshape(pictures["neck"].axes, (3, 2))
+    columns = np.reshape(pictures["neck"].axes, (2, 3)).T
     corners = 4.0 * np.array([[1.0, 0.1], [-0.4, 0.9], [-0.6, -0.8]])
     for k, (hinge, (notch, neck)) in enumerate(zip(unequal(made)[:3], columns, strict=True)):
         R, t = (1.3, 1.41, 1.52)[k], (0.3, 0.35, 0.4)[k]

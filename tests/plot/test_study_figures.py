@@ -12,13 +12,22 @@ import pytest
 from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
-from flexfem.plot.numbers import SPACE
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study import Source, front_of, map_of, named, scatters_of, shares_of, write_study_figures
+from flexfem.plot.study import Source, distribution_of, front_of, map_of, named, sensitivity_of, write_study_figures
 from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
 from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
-from flexfem.plot.study_scatter import Scatter, Share, distribution_figure, histogram, limits, sensitivity_figure
+from flexfem.plot.study_scatter import (
+    Distribution,
+    Scatter,
+    Sensitivity,
+    Share,
+    distribution_figure,
+    histogram,
+    limits,
+    sensitivity_figure,
+)
+from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
@@ -159,7 +168,8 @@ def test_every_cell_of_a_map_has_the_value_of_its_design() -> None:
 
 def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None:
     figure = map_figure(shown_map(marks=(15.0, 25.0, 99.0)))
-    axes, bar = figure.axes
+    (axes,) = figure.axes
+    (bar,) = axes.child_axes
     (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
     low, high = np.nanmin(shown_map().values), np.nanmax(shown_map().values)
     assert bar.get_ylabel() == "error along X in %" and bar.get_ylim() == (low, high) == (
@@ -170,7 +180,7 @@ def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None
     for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
         x, y = text.get_position()
         assert float(text.get_text().split(SPACE)[0]) == pytest.approx(10 * x + y, abs=1.5)
-    wide = map_figure(shown_map(values=10.0 ** shown_map().points[:, 0], missing={})).axes[1]
+    wide = map_figure(shown_map(values=10.0 ** shown_map().points[:, 0], missing={})).axes[0].child_axes[0]
     assert wide.get_ylim() == pytest.approx((10.0, 1e4))
 
 
@@ -246,7 +256,7 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
         Percentile(50.0, 41.0, 40.97, 41.02),
         Percentile(97.5, 42.2, 42.1, 42.4),
     ]
-    figure = distribution_figure([Scatter(output("kxx_n_per_mm"), values, found, 41.0123)], CAPTION)
+    figure = distribution_figure(Distribution([Scatter(output("kxx_n_per_mm"), values, found, 41.0123)], CAPTION))
     (axes,) = figure.axes
     counts, borders = histogram(values)
     assert counts.sum() == 3000 and borders[0] == values.min() and borders[-1] == values.max()
@@ -267,7 +277,7 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
 def test_an_open_interval_says_that_designs_are_too_few() -> None:
     values = np.linspace(3.0, 4.0, 20)
     found = [Percentile(2.5, 3.0, -np.inf, 3.1), Percentile(50.0, 3.5, 3.2, 3.7), Percentile(97.5, 4.0, 3.9, np.inf)]
-    figure = distribution_figure([Scatter(output("envelope_mm"), values, found)], CAPTION)
+    figure = distribution_figure(Distribution([Scatter(output("envelope_mm"), values, found)], CAPTION))
     assert texts(figure).count("too few designs for an interval") == 2
     assert "base stage" not in texts(figure)
 
@@ -276,7 +286,8 @@ def test_a_value_that_does_not_vary_is_one_bar_and_round_off_of_the_base_stage_i
     counts, _ = histogram(np.full(30, 7.3))
     assert list(counts) == [30.0]
     same = [Percentile(p, 0.5, 0.5, 0.5) for p in (2.5, 50.0, 97.5)]
-    figure = distribution_figure([Scatter(output("coupling_xy"), np.linspace(-0.5, 0.5, 9), same, 1e-16)], CAPTION)
+    scatter = Scatter(output("coupling_xy"), np.linspace(-0.5, 0.5, 9), same, 1e-16)
+    figure = distribution_figure(Distribution([scatter], CAPTION))
     assert "base stage: 0" in texts(figure)
 
 
@@ -287,7 +298,7 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
     values = ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.015])
     indices = [Indices(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
     names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("range_y_um")]
-    figure = sensitivity_figure([*map(Share, quantities, indices)], names, CAPTION)
+    figure = sensitivity_figure(Sensitivity([*map(Share, quantities, indices)], names, CAPTION))
     for axes, found, sums in zip(figure.axes, indices, ("0.90", "0.63"), strict=True):
         assert [bar.get_width() for bar in axes.patches] == [*found.first, *found.total]
         middles = [round(bar.get_y() + bar.get_height() / 2) for bar in axes.patches]
@@ -489,7 +500,7 @@ def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> N
     table = answered(loaded)
     assert loaded.count == 80
     source = source_of(loaded, table)
-    (scatter, other), caption = scatters_of(source, *found_for(source, 0))
+    (scatter, other), caption = distribution_of(source, *found_for(source, 0))
     assert other.nominal == source.nominal["coupling_xy"] != scatter.nominal
     median = scatter.percentiles[1]
     ordered = np.sort(scatter.values())
@@ -532,11 +543,12 @@ def test_the_same_table_gives_the_same_files_of_every_figure(tmp_path: Path, tex
 def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Path) -> None:
     indices = Indices(*(np.array([0.5]) for _ in range(4)))
     same = [Percentile(p, 0.5, 0.4, 0.6) for p in (2.5, 50.0, 97.5)]
+    scatter = Scatter(output("coupling_xy"), np.linspace(0.0, 1.0, 9), same)
     for caption, said in ((CAPTION, True), (CAPTION._replace(assumed=[]), False)):
         for figure in (
             map_figure(shown_map()._replace(caption=caption)),
-            distribution_figure([Scatter(output("coupling_xy"), np.linspace(0.0, 1.0, 9), same)], caption),
-            sensitivity_figure([Share(output("coupling_xy"), indices)], ["one"], caption),
+            distribution_figure(Distribution([scatter], caption)),
+            sensitivity_figure(Sensitivity([Share(output("coupling_xy"), indices)], ["one"], caption)),
             pareto_figure(shown_front(tmp_path)._replace(caption=caption)),
         ):
             assert ("assumed dimensions" in texts(figure)) is said and "A title" in texts(figure)
@@ -545,11 +557,11 @@ def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Pat
 def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
     loaded = study(tmp_path, SCATTERED)
     source = Source(loaded, answered(loaded), {})
-    shares, factors, _ = shares_of(source, *found_for(source, 1))
+    shares, factors, _ = sensitivity_of(source, *found_for(source, 1))
     assert factors == ["neck of base hinges", "neck of elbow hinges", "neck of platform hinges"]
     assert all(share.indices.total is not None for share in shares)
     plain = [Share(share.quantity, share.indices._replace(total=None, total_band=None)) for share in shares]
-    bars = [len(sensitivity_figure(each, factors, CAPTION).axes[0].patches) for each in (shares, plain)]
+    bars = [len(sensitivity_figure(Sensitivity(each, factors, CAPTION)).axes[0].patches) for each in (shares, plain)]
     assert bars == [6, 3]
     assert [share.quantity for share in shares] == [output("kxx_n_per_mm"), output("ktt_n_mm_per_rad")]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.hinge_chart import ThicknessReview, thickness_figure
-from flexfem.plot.numbers import SPACE
+from flexfem.plot.hinge_chart import thickness_figure
+from flexfem.plot.text import SPACE
+from flexfem.verify.hinges import ThicknessReview
 
 X = np.geomspace(0.5, 50.0, 30)
 NU = 0.29

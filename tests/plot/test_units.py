@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexfem.plot.numbers import percent, round_factor, scientific, significant
+from flexfem.plot.text import percent, round_factor, scientific, significant
 from flexfem.stage.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.units import (

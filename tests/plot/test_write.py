@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from flexfem.plot.page import markdown_report
+from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
 from flexfem.verify.result import write_result
 
@@ -90,5 +90,5 @@ def test_page_without_assumptions_says_so(made):
 
 
 def test_page_is_written_without_matplotlib():
-    code = "import sys, flexfem.plot.page; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, flexfem.plot.text; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.plot.study import Source, front_of, scatters_of
+from flexfem.plot.study import Source, distribution_of, front_of
 from flexfem.plot.study_pareto import thinned
 from flexfem.study import collected as tables
 from flexfem.study.answer import answer
@@ -38,7 +38,7 @@ def test_figures_read_the_columns_they_show(studies: Any, tmp_path: Path, monkey
     monkeypatch.setattr(tables, "_column", lambda path, name: asked.append(name) or read(path, name))
     scattered, best = findings(loaded, table, {})
     source, (one, other) = Source(loaded, table, {}), loaded.study.figure
-    scatters, _ = scatters_of(source, one, scattered)
+    scatters, _ = distribution_of(source, one, scattered)
     drawn = front_of(source, other, best)
     assert set(asked) == {"ktt_n_mm_per_rad", "envelope_mm", "range_x_um", "kxx_n_per_mm"}
     assert all(callable(scatter.values) for scatter in scatters)

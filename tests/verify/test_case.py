@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.fem.response import load_case
-from flexfem.plot.page import markdown_report
+from flexfem.plot.text import markdown_report
 from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 from flexfem.verify.case import LoadedCase

@@ -25,7 +25,7 @@ from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage, load_feasible
-from flexfem.verify import budget, workspace
+from flexfem.verify import budget, hinges, workspace
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
@@ -148,12 +148,12 @@ def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
 def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     """What the analytic model reads from a chart of flexfem itself."""
     if path.stem == "thickness_chart":
-        return {"thickness": answers.thickness_review}
+        return {"thickness": hinges.thickness_review}
     middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
     return {
-        "formulas": answers.of_formulas,
-        "hinges": answers.hinge_review,
-        "middle": lambda: answers.hinge_review(middle),
+        "formulas": hinges.known_formulas,
+        "hinges": hinges.hinge_review,
+        "middle": lambda: hinges.hinge_review(middle),
     }
 
 

@@ -1,0 +1,102 @@
+"""Every `plot_...` function draws on the axes it is given, in a figure of the user's, and leaves the rest alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import pyplot
+
+import flexfem
+from flexfem.plot.stage import outline_of
+from flexfem.plot.study_labels import Caption, Quantity
+from flexfem.plot.study_map import StudyMap
+from flexfem.plot.study_pareto import Chosen, ParetoFront
+from flexfem.plot.study_scatter import Scatter, Share
+from flexfem.study.percentiles import Percentile
+from flexfem.study.sensitivity import Indices
+from flexfem.validate.elastica import Elastica
+from flexfem.validate.taylor import Remainders
+from flexfem.verify.hinges import hinge_review, thickness_review
+
+STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+CAPTION = Caption("A title", ["a line"], [])
+X, Y = Quantity("across", "mm"), Quantity("up", "N/mm", "$K$")
+POINTS = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7]])
+STEPS = np.geomspace(1e-6, 1.0, 7)
+LOADS = np.array([0.0, 1.0, 3.0, 5.0, 10.0])
+
+
+def study_map() -> StudyMap:
+    points = np.stack(np.meshgrid([1.0, 2.0, 3.0], [4.0, 5.0, 7.0]), axis=-1).reshape(-1, 2)
+    missing = {"refused": np.arange(9) == 8}
+    values = np.where(missing["refused"], np.nan, points.sum(axis=1))
+    return StudyMap(CAPTION, X, X, Y, points, values, missing, True, (7.0,), (2.0, 5.0))
+
+
+def front() -> ParetoFront:
+    chosen = [Chosen(2, outline_of(flexfem.load(STAGE)), ["K: 1"])]
+    return ParetoFront(CAPTION, X, Y, "larger", "larger", POINTS, np.array([2, 1, 0]), np.array([3]), chosen, ["none"])
+
+
+def elastica() -> Elastica:
+    shapes, line = np.linspace(0.0, 1.0, 20).reshape(1, 10, 2).repeat(5, axis=0), np.linspace(0.0, 0.8, 5)
+    return Elastica(LOADS, line, line / 2, shapes, LOADS, line, line / 2, 99)
+
+
+def indices() -> Indices:
+    return Indices(*(np.array(values) for values in ([0.5, 0.3], [0.05, 0.02], [0.6, 0.4], [0.04, 0.03])))
+
+
+def percentiles() -> list[Percentile]:
+    return [Percentile(p, p / 10, p / 11, p / 9) for p in (2.5, 50.0, 97.5)]
+
+
+DRAWN: dict[str, Any] = {
+    "plot_across": lambda made: (made.workspace(), "y"),
+    "plot_along": lambda made: (made.workspace(), "x"),
+    "plot_budget": lambda made: (made.budget(), "theta"),
+    "plot_convergence": lambda made: (made.mesh_study(),),
+    "plot_displacement": lambda made: (made.fields(),),
+    "plot_elastica": lambda made: (elastica(),),
+    "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
+    "plot_formulas": lambda made: (hinge_review(), "axial"),
+    "plot_front": lambda made: (front(),),
+    "plot_hinge": lambda made: (),
+    "plot_hinge_table": lambda made: (made.model(),),
+    "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
+    "plot_map": lambda made: (study_map(),),
+    "plot_mesh": lambda made: (made.model(), made.fields()),
+    "plot_model": lambda made: (made.model(),),
+    "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
+    "plot_notch": lambda made: (made.fields(), made.model().hinges[1]),
+    "plot_remainders": lambda made: (Remainders(STEPS, STEPS, STEPS, STEPS**2, 99),),
+    "plot_shapes": lambda made: (elastica(),),
+    "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
+    "plot_stage": lambda made: (flexfem.load(STAGE),),
+    "plot_tangents": lambda made: (made.workspace(), "theta"),
+    "plot_thickness": lambda made: (thickness_review(), "rotation"),
+}
+
+
+def state(figure: Any, other: Any) -> tuple[Any, ...]:
+    """What a figure has outside one of its axes, and what holds for all figures."""
+    kept = (figure.axes, figure.texts, figure.legends, figure.artists, figure.lines, figure.patches, figure.images)
+    look = (tuple(figure.get_size_inches()), figure.dpi, figure.get_layout_engine(), figure.get_suptitle())
+    beside = (len(other.get_children()), other.get_xlim(), other.get_ylim(), other.get_aspect(), other.axison)
+    return *map(list, kept), look, beside, other.get_position().bounds, dict(mpl.rcParams), pyplot.get_fignums()
+
+
+def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made):
+    """A function without a record here fails the first line."""
+    assert set(DRAWN) == set(flexfem.plot.__all__)
+    for name, given in DRAWN.items():
+        figure, (other, ax) = pyplot.subplots(1, 2, figsize=(11, 5))
+        before, empty = state(figure, other), len(ax.get_children())
+        assert getattr(flexfem.plot, name)(ax, *given(made)) is ax, name
+        assert len(ax.get_children()) > empty, name
+        assert state(figure, other) == before, name
+        figure.draw_without_rendering()
+        pyplot.close(figure)
