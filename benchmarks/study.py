@@ -22,7 +22,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_closed_form
 from flexfem.study.answer import answer
 from flexfem.study.designs import stage_of
-from flexfem.study.plan import LoadedStudy, load_study
+from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.sampling import sample
 
 STAGE = Path(__file__).parent.parent / "geometry" / "mobility6.toml"

@@ -30,7 +30,8 @@ from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.study import solving
-from flexfem.study.plan import LoadedStudy, Study
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.plan import Study
 from flexfem.verify.convergence import grid_convergence
 from flexfem.verify.protocol import solve_stage
 

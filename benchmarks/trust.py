@@ -22,7 +22,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample
 from flexfem.verify.budget import CALIBRATED, thick_compliance
 from flexfem.verify.comparison import error_matrix

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
+from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.parts import Parts, parts_of
-from flexfem.study.plan import LoadedStudy, load_study
 from flexfem.study.pool import LocalPool, require_workers
 from flexfem.study.run import run_study
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from flexfem.stage.schema import load_stage
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parent.parent
 MANIFEST = ROOT / "docs/figures.json"

@@ -232,7 +232,7 @@ MUTATIONS = [
     ),
     Mutation(
         "first-order and total Sobol indices swapped",
-        "study/sensitivity.py",
+        "study/statistics.py",
         "first, total = found.first_order[:factors], found.total_order[:factors]",
         "total, first = found.first_order[:factors], found.total_order[:factors]",
         "tests/study/test_findings.py::test_shares_are_by_factor_and_first_order_is_not_total",

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from flexfem.commands.streams import raw
-from flexfem.study.parts import RETRIED
+from flexfem.study.content import RETRIED
 from flexfem.study.run import Progress as Step
 
 EVERY = 10.0  # s between two lines

@@ -16,9 +16,8 @@ from flexfem.refused import BadInput
 from flexfem.study.worker import ONE_THREAD
 
 if TYPE_CHECKING:
-    from flexfem.study.parts import Parts
+    from flexfem.study.parts import Parts, Shard
     from flexfem.study.pool import Pool
-    from flexfem.study.shard import Shard
 
 app = typer.Typer(
     help="Study many designs: run, see how far it is, collect the table, plot.",
@@ -45,8 +44,8 @@ REPORTS = Path("reports")
 
 
 def _parts(study: Path, output: Path) -> Parts:
+    from flexfem.study.loaded import load_study
     from flexfem.study.parts import parts_of
-    from flexfem.study.plan import load_study
 
     return parts_of(load_study(study), output)
 
@@ -68,8 +67,8 @@ def run(
     from flexfem.commands.processes import processors
     from flexfem.commands.progress import print_status, watching
     from flexfem.files.writing import check_folder
+    from flexfem.study.parts import shard_of
     from flexfem.study.run import run_study
-    from flexfem.study.shard import shard_of
     from flexfem.study.warned import unseen
 
     part = shard_of(shard)
@@ -147,8 +146,7 @@ def clean(
     from flexfem.commands import console
     from flexfem.commands.progress import print_cleaned
     from flexfem.files.writing import check_folder
-    from flexfem.study.kernels import release_folder
-    from flexfem.study.stale import clean_facts, remove, stale_parts
+    from flexfem.study.folder import clean_facts, release_folder, remove, stale_parts
 
     parts = _parts(study, output)
     check_folder(parts.folder)

@@ -25,14 +25,13 @@ from flexfem.plot.study_scatter import (
 )
 from flexfem.plot.text import significant
 from flexfem.plot.write import write_beside
-from flexfem.study.cells import Cells, cells_of
-from flexfem.study.figure import Figure
 from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares, Shown
-from flexfem.study.pareto import wide
+from flexfem.study.reductions import Cells, cells_of, wide
+from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
-    from flexfem.study.collected import StudyTable
-    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.loaded import LoadedStudy
+    from flexfem.study.table import StudyTable
 
 Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
 

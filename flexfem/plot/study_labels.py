@@ -14,12 +14,12 @@ from flexfem.arrays import Array
 from flexfem.files.keypath import path_of
 from flexfem.plot.text import SPACE, significant
 from flexfem.study.factors import Column
-from flexfem.study.scheme import Method
+from flexfem.study.tables import Method
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
-    from flexfem.study.collected import StudyTable
-    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.loaded import LoadedStudy
+    from flexfem.study.table import StudyTable
 
 OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
     "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),

@@ -17,8 +17,8 @@ from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.stage.keys import keys
 from flexfem.study.derived import refusals_of
 from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import common_columns, travel_columns
-from flexfem.study.plan import LoadedStudy
 
 
 class Answers(NamedTuple):

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
 

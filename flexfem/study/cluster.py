@@ -19,7 +19,7 @@ from typing import Any
 from flexfem.clock import Stopwatch
 from flexfem.files.refusals import one_line
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.pool import Answer, answered, deciding, deciding_sources, outcome_of
 from flexfem.study.rows import Rows
 from flexfem.study.worker import Died, Worker

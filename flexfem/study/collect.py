@@ -10,15 +10,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
-from flexfem.study.collected import FILE, with_derived, with_derived_fields
-from flexfem.study.parts import PARQUET, Chunk, Parts, read_part, sweep
-from flexfem.study.status import listed
+from flexfem.study.collected import FILE
+from flexfem.study.content import read_part
+from flexfem.study.derived import judge
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.parts import PARQUET, Chunk, Parts, listed, sweep
+from flexfem.study.plan import FEASIBLE
+from flexfem.study.table import OK
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
@@ -151,3 +157,24 @@ def _require_replaceable(path: Path) -> None:
     ours = path.is_dir() and not path.is_symlink() and all(FILE.fullmatch(each.name) for each in path.iterdir())
     if not ours:
         raise BadInput(f"{path}: not a table that flexfem study collect wrote, expected a new folder")
+
+
+def with_derived(loaded: LoadedStudy, stored: Any) -> Any:
+    """An Arrow table of designs with columns for the derived outputs, and for whether all constraints are kept."""
+    names = [*(column.name for column in loaded.columns), *loaded.outputs]
+    columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
+    ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
+    found = judge(loaded, columns, ok)
+    added = {name: pa.array(values, mask=np.isnan(values)) for name, values in found.derived.items()}
+    if loaded.study.constraint:
+        added[FEASIBLE] = pa.array(found.feasible, mask=~ok)
+    for name, values in added.items():
+        stored = stored.append_column(name, values)
+    return stored
+
+
+def with_derived_fields(loaded: LoadedStudy, schema: Any) -> Any:
+    """The schema of `with_derived`, from that of the parts."""
+    for output in loaded.study.output:
+        schema = schema.append(pa.field(output.name, pa.float64()))
+    return schema.append(pa.field(FEASIBLE, pa.bool_())) if loaded.study.constraint else schema

@@ -1,134 +1,27 @@
-"""The collected table of a study: named columns as arrays, checked as they are read."""
+"""The collected table of a study on disk: its columns as arrays, checked as they are read."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
 from flexfem.study.derived import Judged, judge
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.parts import KEY
-from flexfem.study.plan import FEASIBLE, RESERVED, LoadedStudy
+from flexfem.study.plan import RESERVED
+from flexfem.study.table import OK, StudyTable, Texts
 
-OK = "ok"
 FILE = re.compile(r"designs-\d{10,}\.parquet")  # of a table in several files, by the number of its first design
-
-
-class Texts:
-    """Texts (n,) of which few differ, a code for each; taken out of it they are an array of objects."""
-
-    def __init__(self, codes: AnyArray, words: list[str]) -> None:
-        self.codes, self.words = codes, words
-
-    def __len__(self) -> int:
-        return len(self.codes)
-
-    def __getitem__(self, place: Any) -> Any:
-        return np.array(self.words, dtype=object)[self.codes[place]]
-
-    def __eq__(self, other: object) -> AnyArray:  # type: ignore[override]
-        if other not in self.words:
-            return np.zeros(len(self.codes), dtype=bool)
-        return np.asarray(self.codes == self.words.index(other))
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> AnyArray:
-        return np.asarray(self[:])
-
-    def tolist(self) -> list[str]:
-        """All of them."""
-        return list(self[:])
-
-
-class StudyTable(NamedTuple):
-    """What was answered, design after design.
-
-    design : (n,), numbers of the designs, ascending.   status, reason : (n,), text.
-    columns : factors in file units, outputs and derived outputs, (n,) each, by name; the latter two are nan where the
-        status is not ok.
-    feasible : (n,), which designs have an answer and keep all constraints; None in a study without constraints.
-
-    Columns of a table on disk are read when they are asked for, and not kept.
-    """
-
-    design: Index
-    status: AnyArray | Texts
-    reason: AnyArray | Texts
-    columns: Mapping[str, Array]
-    feasible: AnyArray | None = None
-
-    @property
-    def ok(self) -> AnyArray:
-        """Which designs have an answer, bool (n,)."""
-        return np.asarray(self.status == OK)
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many designs have each status, the most frequent first."""
-        if isinstance(self.status, Texts):
-            numbers = np.bincount(self.status.codes, minlength=len(self.status.words)).tolist()
-            found = Counter({word: n for word, n in zip(self.status.words, numbers, strict=True) if n})
-            return dict(found.most_common())
-        return dict(Counter(self.status.tolist()).most_common())
-
-    @property
-    def unanswered(self) -> dict[str, AnyArray]:
-        """Which designs, bool (n,), have no answer, by status, the most frequent first."""
-        return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
-
-    @property
-    def doubts(self) -> dict[str, int]:
-        """How many designs have an answer with something to know of it, by what it is."""
-        if isinstance(self.reason, Texts):
-            numbers = np.bincount(self.reason.codes[self.ok], minlength=len(self.reason.words)).tolist()
-            found = Counter({word: n for word, n in zip(self.reason.words, numbers, strict=True) if n and word})
-        else:
-            found = Counter(reason for reason in self.reason[self.ok].tolist() if reason)
-        return dict(found.most_common())
-
-    @property
-    def warnings(self) -> list[str]:
-        """What is to be known of some of the answers, a sentence each."""
-        return counted_doubts(self.doubts, int(self.ok.sum()))
-
-    @property
-    def infeasible(self) -> AnyArray:
-        """Which designs, bool (n,), have an answer but break a constraint."""
-        return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
-
-    @property
-    def considered(self) -> StudyTable:
-        """The table without the designs that break a constraint."""
-        keep = ~self.infeasible
-        if keep.all():
-            return self._replace(feasible=None)
-        status, reason = (
-            Texts(texts.codes[keep], texts.words) if isinstance(texts, Texts) else texts[keep]
-            for texts in (self.status, self.reason)
-        )
-        return StudyTable(self.design[keep], status, reason, SomeRows(self.columns, keep))
-
-    def answered(self, *names: str) -> list[Array]:
-        """Columns of the designs that have an answer."""
-        ok = self.ok
-        return [self.columns[name] if ok.all() else self.columns[name][ok] for name in names]
-
-
-def counted_doubts(reasons: Mapping[str, int], ok: int) -> list[str]:
-    """Warnings on the designs with an answer, by what stands as their reason, and how many."""
-    return [f"{n:,} of {ok:,} designs with an answer: {reason}" for reason, n in reasons.items() if reason]
 
 
 class Stored(Mapping[str, Array]):
@@ -174,22 +67,6 @@ class Stored(Mapping[str, Array]):
         return values if self._order is None else values[self._order]
 
 
-class SomeRows(Mapping[str, Array]):
-    """Some rows, bool (n,), of columns by name."""
-
-    def __init__(self, columns: Mapping[str, Array], keep: AnyArray) -> None:
-        self._columns, self._keep = columns, keep
-
-    def __getitem__(self, name: str) -> Array:
-        return self._columns[name][self._keep]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._columns)
-
-    def __len__(self) -> int:
-        return len(self._columns)
-
-
 def files_of(path: Path) -> list[Path]:
     """The Parquet files of a table, in the order of its designs."""
     return sorted(each for each in path.iterdir() if FILE.fullmatch(each.name)) if path.is_dir() else [path]
@@ -232,27 +109,6 @@ def _schema(path: Path, loaded: LoadedStudy) -> Any:
         missing = isinstance(error, FileNotFoundError)
         reason = "no such file" if missing else "not a Parquet file, or a damaged one"
         raise BadInput(f"{path}: {reason}, expected the collected table of {loaded.path}") from None
-
-
-def with_derived(loaded: LoadedStudy, stored: Any) -> Any:
-    """An Arrow table of designs with columns for the derived outputs, and for whether all constraints are kept."""
-    names = [*(column.name for column in loaded.columns), *loaded.outputs]
-    columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
-    ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
-    found = judge(loaded, columns, ok)
-    added = {name: pa.array(values, mask=np.isnan(values)) for name, values in found.derived.items()}
-    if loaded.study.constraint:
-        added[FEASIBLE] = pa.array(found.feasible, mask=~ok)
-    for name, values in added.items():
-        stored = stored.append_column(name, values)
-    return stored
-
-
-def with_derived_fields(loaded: LoadedStudy, schema: Any) -> Any:
-    """The schema of `with_derived`, from that of the parts."""
-    for output in loaded.study.output:
-        schema = schema.append(pa.field(output.name, pa.float64()))
-    return schema.append(pa.field(FEASIBLE, pa.bool_())) if loaded.study.constraint else schema
 
 
 def _column(path: Path, name: str) -> Any:

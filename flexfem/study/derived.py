@@ -12,7 +12,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.stage.keys import Key, keys
 from flexfem.study.designs import designs_of
 from flexfem.study.expression import names_in, value_of
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 
 
 class Judged(NamedTuple):

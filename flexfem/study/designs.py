@@ -9,7 +9,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.designs import Designs, lower
 from flexfem.stage.keys import Key, keys
 from flexfem.stage.schema import Override, Stage
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 
 
 def designs_of(loaded: LoadedStudy, values: Array) -> Designs:

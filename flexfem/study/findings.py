@@ -12,17 +12,15 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
-from flexfem.study.cells import cells_of
 from flexfem.study.designs import stage_of
-from flexfem.study.figure import Figure
-from flexfem.study.pareto import Front, drawable_front, spread, wide
-from flexfem.study.percentiles import Percentile, percentiles
+from flexfem.study.reductions import Front, cells_of, drawable_front, spread, wide
 from flexfem.study.sampling import sample
-from flexfem.study.sensitivity import Indices, sensitivity
+from flexfem.study.statistics import Indices, Percentile, percentiles, sensitivity
+from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
-    from flexfem.study.collected import StudyTable
-    from flexfem.study.plan import LoadedStudy
+    from flexfem.study.loaded import LoadedStudy
+    from flexfem.study.table import StudyTable
 
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each

@@ -10,8 +10,8 @@ from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
 from flexfem.study.derived import judge
 from flexfem.study.factors import Factor, columns_of
-from flexfem.study.plan import LoadedStudy
-from flexfem.study.scheme import Sampling
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.tables import Sampling
 
 FIXED = "thickness_mm"  # every stage gives it; the one factor of a study that varies nothing
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-import os
 from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -16,19 +11,24 @@ from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.keypath import key_path
-from flexfem.files.provenance import Sourced, is_assumed
-from flexfem.files.refusals import place_of, refusal, shown, suggestion
-from flexfem.files.toml import read_toml, validate
-from flexfem.refused import BadInput
+from flexfem.files.provenance import Sourced
+from flexfem.files.refusals import refusal, shown, suggestion
 from flexfem.stage.keys import keys, meant
-from flexfem.stage.schema import Label, Stage, load_feasible
-from flexfem.study.conditions import Constraint, Correlation, Output, normal_correlation
+from flexfem.stage.schema import Label
 from flexfem.study.expression import names_in
-from flexfem.study.factors import WAYS, Column, Factor, acting, columns_of, with_mean
-from flexfem.study.figure import Figure
-from flexfem.study.given import Given, given_of
+from flexfem.study.factors import WAYS, Factor, columns_of
 from flexfem.study.outputs import outputs_of
-from flexfem.study.scheme import EXTENSIBLE, MOST, Drive, Method, Sampling
+from flexfem.study.tables import (
+    MOST,
+    Constraint,
+    Correlation,
+    Drive,
+    Figure,
+    Method,
+    Output,
+    Sampling,
+    normal_correlation,
+)
 from flexfem.verify.case import known_formula
 
 UNCORRELATED: dict[Method, str] = {
@@ -39,8 +39,6 @@ UNCORRELATED: dict[Method, str] = {
 SINGULAR = 1e-9  # least eigenvalue of a correlation matrix, as of round-off
 RESERVED = ("design", "status", "reason")
 FEASIBLE = "feasible"  # column of a study with constraints
-
-
 _APPLIES = {  # keys that not every model takes
     "formula": ("analytic", "verify"),
     "mobility": ("analytic", "verify"),
@@ -221,129 +219,8 @@ class Study(Sourced):
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
 
 
-@dataclass(frozen=True)
-class LoadedStudy:
-    """A study with its base stage read and found feasible, and its columns; `stem` names its results.
-
-    `given` : the user's own table of designs, where the study samples from one.
-    """
-
-    path: Path
-    study: Study
-    stage: Stage
-    columns: tuple[Column, ...]
-    stem: str
-    given: Given | None = None
-
-    @property
-    def count(self) -> int:
-        """Number of designs."""
-        return self.study.count if self.given is None else self.given.rows
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the output columns, in their order."""
-        return self.study.outputs
-
-    @property
-    def assumed(self) -> tuple[str, ...]:
-        """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
-        own = (key for key, source in self.study.provenance.items() if is_assumed(source))
-        return (*(f"stage: {key}" for key in self.stage.assumed), *(f"study: {key}" for key in own))
-
-    @property
-    def not_stated(self) -> tuple[str, ...]:
-        """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
-        stage = (f"stage: {key}" for key in self.stage.not_stated)
-        return (*stage, *(f"study: {key}" for key in self.study.not_stated))
-
-    @property
-    def hash(self) -> str:
-        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
-
-        How many designs there are counts only where it changes the first ones too; derived outputs, and constraints on
-        outputs, are found from the answers.
-        """
-        unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
-        content = self.study.model_dump(mode="json", exclude=unneeded)
-        content |= {"stage": self.stage.hash, "draws": self.study.draws}
-        if self.given is not None:
-            content["sampling"] = content["sampling"] | {"file": self.given.digest}
-        if self.study.sampling.method in EXTENSIBLE:
-            content["sampling"] = content["sampling"] | {"designs": None, "base": None}
-        # a hinge with an override does not follow the factor of its like, though it may be as the others are
-        content["override"] = sorted((o.chain, o.hinge, sorted(o.changes)) for o in self.stage.override)
-        content["columns"] = [
-            [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
-            for name, keys, factor in self.columns
-        ]
-        content["refused"] = [
-            [self.study.in_full(each.value), each.least, each.most, each.said]
-            for each in self.study.constraint
-            if self.study.is_given(each.value)
-        ]
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()
-
-
 def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
     names = sorted(known)
     for name in names_in(expression):
         if name not in names:
             raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, names)}", *at)
-
-
-def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
-    """Read a study file and its base stage.
-
-    Raises
-    ------
-    BadInput
-        As `toml.validate`, or the base stage cannot be read or made; one line naming file, line and key.
-    """
-    study = validate(Study, path)
-    try:
-        stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
-    except BadInput as error:
-        line = read_toml(path).lines.line(("stage",))
-        raise BadInput(f"{place_of(path, line)}: stage = {shown(study.stage)}: {error}") from None
-    if study.model != "analytic" and stage.model == "corrected":
-        line = read_toml(path).lines.line(("model",))
-        raise BadInput(
-            f'{place_of(path, line)}: model = {shown(study.model)} on a stage with model = "corrected", expected '
-            '"analytic": the finite elements are plane'
-        )
-    columns: list[Column] = []
-    for index, factor in enumerate(study.factor):
-        try:
-            columns += [acting(with_mean(column, stage), stage) for column in columns_of([factor])]
-        except BadInput as error:
-            line = read_toml(path).lines.line(("factor", index))
-            raise BadInput(f"{place_of(path, line)}: {key_path(('factor', index))}.{error}") from None
-    loaded = LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem, _given(path, study, columns))
-    _require_key_values(loaded)
-    return loaded
-
-
-def _given(path: str | os.PathLike[str], study: Study, columns: list[Column]) -> Given | None:
-    """The table of designs that a study file names, read through; None where it names none."""
-    if study.sampling.file is None:
-        return None
-    try:
-        return given_of(Path(path).parent / study.sampling.file, columns)
-    except BadInput as error:
-        line = read_toml(path).lines.line(("sampling", "file"))
-        raise BadInput(f"{place_of(path, line)}: sampling.file: {error}") from None
-
-
-def _require_key_values(loaded: LoadedStudy) -> None:
-    """Raise BadInput where an expression asks for a key that no factor sets and the stage leaves to a default."""
-    study, set_by = loaded.study, {path for column in loaded.columns for path in column.keys}
-    named = {*(column.name for column in loaded.columns), *study.every_output, *set_by}
-    places = [(output.expression, ("output", k, "expression")) for k, output in enumerate(study.output)]
-    places += [(constraint.value, ("constraint", k, "value")) for k, constraint in enumerate(study.constraint)]
-    for expression, place in places:
-        for name in names_in(expression):
-            if name not in named and keys()[name].value_in(loaded.stage) is None:
-                line = read_toml(loaded.path).lines.line(place)
-                raise BadInput(f"{place_of(loaded.path, line)}: {key_path(place)}: the stage has no {name} of its own")

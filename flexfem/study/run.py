@@ -16,25 +16,14 @@ import numpy as np
 from flexfem.refused import BadInput
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
-from flexfem.study.journal import forget_rows, keep_row
-from flexfem.study.kept import Kept
-from flexfem.study.kernels import claim_folder, require_same_arithmetic
-from flexfem.study.parts import (
-    Chunk,
-    Counts,
-    Parts,
-    counts_of,
-    counts_of_table,
-    read_part,
-    sweep,
-    write_part,
-)
+from flexfem.study.content import Counts, counts_of, counts_of_table, read_part, write_part
+from flexfem.study.folder import candidates, claim_folder, require_same_arithmetic, set_apart
+from flexfem.study.kept import Kept, forget_rows, keep_row
+from flexfem.study.parts import WHOLE, Chunk, Parts, Shard, shuffled, sweep
 from flexfem.study.pool import DEATHS, Answer, Pool, require_workers
 from flexfem.study.rows import Rows, failed_row
-from flexfem.study.scheme import EXTENSIBLE
-from flexfem.study.shard import WHOLE, Shard, shuffled
-from flexfem.study.stale import candidates, set_apart
 from flexfem.study.status import survey
+from flexfem.study.tables import EXTENSIBLE
 from flexfem.study.worker import Died
 
 BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs

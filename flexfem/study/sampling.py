@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.study.conditions import normal_correlation
 from flexfem.study.factors import Factor
 from flexfem.study.given import rows_of
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.tables import normal_correlation
 
 BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of its own
 BITS = 30  # of a Sobol point, so that 2^30 differ
@@ -43,7 +43,7 @@ def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
     Notes
     -----
     A Gaussian copula (R. B. Nelsen, An Introduction to Copulas, 2nd ed., Springer 2006): normal deviates `L z` with
-    `L L' = R` of `conditions.normal_correlation`; every factor keeps its own distribution.
+    `L L' = R` of `tables.normal_correlation`; every factor keeps its own distribution.
     """
     names = [column.name for column in loaded.columns]
     pairs = loaded.study.correlation

@@ -19,8 +19,8 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import common_columns, travel_columns
-from flexfem.study.plan import LoadedStudy
 from flexfem.study.rows import Rows
 from flexfem.verify.comparison import error_matrix
 from flexfem.verify.convergence import CAUTIOUS, ORDER, grid_convergence, levels

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexfem.refused import BadInput
-from flexfem.study.collected import counted_doubts
-from flexfem.study.parts import PART, RETRIED, Chunk, Counts, Parts, counts_of_table, read_counts, read_part
-from flexfem.study.shard import WHOLE, Shard
+from flexfem.study.content import RETRIED, Counts, counts_of_table, read_counts, read_part
+from flexfem.study.parts import PART, WHOLE, Parts, Shard, listed, names_in
+from flexfem.study.table import counted_doubts
 from flexfem.study.warned import unseen
 
 
@@ -54,33 +53,6 @@ def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
         if any(status in RETRIED for status, _ in counts):
             unsure[chunk.number] = counts
     return Survey(frozenset(done), total, unsure, damaged, foreign, elsewhere)
-
-
-def listed(parts: Parts) -> tuple[list[Chunk], tuple[Path, ...]]:
-    """Chunks for which there is a part, in order, and the other Parquet files."""
-    chunks, foreign = [], []
-    for name in sorted(names_in(parts.folder)):
-        chunk = chunk_of(parts, name)
-        if chunk is not None:
-            chunks.append(chunk)
-        elif name.endswith(".parquet") and not name.startswith("."):
-            foreign.append(parts.folder / name)
-    return chunks, tuple(foreign)
-
-
-def names_in(folder: Path) -> list[str]:
-    """Names of what lies in a folder, none where there is no folder."""
-    try:
-        return os.listdir(folder)
-    except (FileNotFoundError, NotADirectoryError):
-        return []
-
-
-def chunk_of(parts: Parts, name: str) -> Chunk | None:
-    """The chunk whose part has that name, None where none has."""
-    found = PART.fullmatch(name)
-    chunk = parts.chunk(int(found[1])) if found and int(found[1]) < parts.count else None
-    return chunk if chunk is not None and parts.name(chunk) == name else None
 
 
 def facts_of(counts: Counts) -> dict[str, Any]:

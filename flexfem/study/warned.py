@@ -10,8 +10,8 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.study.expression import names_in
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import COUPLINGS, CROSS
-from flexfem.study.plan import LoadedStudy
 from flexfem.study.sampling import at_quantile, sample
 
 if TYPE_CHECKING:

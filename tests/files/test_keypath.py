@@ -12,7 +12,7 @@ from flexfem.files.keypath import key_path, path_of
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import load_feasible, load_stage
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 
 ENTRIES = ((3, "base", "radius_mm", 3.7), (1, "platform", "neck_mm", 0.43), (2, "base", "neck_mm", 0.57))
 SHIPPED = (Path(__file__).parents[2] / "geometry/mobility6.toml").read_text().partition("[provenance]")[0]

@@ -14,7 +14,7 @@ from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import Problem, needed
 from flexfem.plot.text import doubt_note, markdown_report
 from flexfem.stage.schema import Stage, load_stage
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 from flexfem.verify.case import Case, LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 

@@ -15,8 +15,7 @@ from flexfem.plot.study_labels import Caption, Quantity
 from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
-from flexfem.study.percentiles import Percentile
-from flexfem.study.sensitivity import Indices
+from flexfem.study.statistics import Indices, Percentile
 from flexfem.validate.elastica import Elastica
 from flexfem.validate.taylor import Remainders
 from flexfem.verify.hinges import hinge_review, thickness_review

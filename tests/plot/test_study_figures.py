@@ -31,16 +31,15 @@ from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
-from flexfem.study.collected import StudyTable
 from flexfem.study.factors import Factor, columns_of
-from flexfem.study.figure import Figure
 from flexfem.study.findings import Refused, Shown, findings
+from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.nominal import nominal, own_values
 from flexfem.study.outputs import outputs_of
-from flexfem.study.percentiles import Percentile
-from flexfem.study.plan import LoadedStudy, load_study
 from flexfem.study.sampling import sample
-from flexfem.study.sensitivity import Indices
+from flexfem.study.statistics import Indices, Percentile
+from flexfem.study.table import StudyTable
+from flexfem.study.tables import Figure
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 CAPTION = Caption("A title", ["a line"], ["stage: thickness_mm"])

@@ -13,7 +13,7 @@ import flexfem
 from flexfem.commands.baseline.sources import keys_of
 from flexfem.stage import materials
 from flexfem.study.designs import stage_of
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 from flexfem.verify.summary import summary
 
 REFERENCE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.study.plan import LoadedStudy, load_study
+from flexfem.study.loaded import LoadedStudy, load_study
 
 STAGE = """
 name = "generic stage"

@@ -16,12 +16,11 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.outline import Face, Segment
 from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool
-from flexfem.study.parts import parts_of
-from flexfem.study.plan import LoadedStudy, load_study
+from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.parts import parts_of, shard_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
-from flexfem.study.shard import shard_of
 
 PAUSE = 0.004  # s a design: time to be killed in
 HANGS, KILLED, SEGMENTATION, RAISES, FAILS, NAN = 3, 5, 18, 20, 21, 22

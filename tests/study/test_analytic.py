@@ -23,7 +23,7 @@ from flexfem.stage.outline import polygon_points
 from flexfem.stage.schema import Plane
 from flexfem.study.answer import answer
 from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path

@@ -16,9 +16,9 @@ import pytest
 
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
-from flexfem.study.journal import kept_rows
+from flexfem.study.kept import kept_rows
+from flexfem.study.loaded import load_study
 from flexfem.study.parts import parts_of
-from flexfem.study.plan import load_study
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
 

@@ -12,10 +12,11 @@ from scipy.stats import kstest, spearmanr, truncnorm, uniform
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
+from flexfem.study.content import write_part
 from flexfem.study.derived import judge
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.nominal import nominal
-from flexfem.study.parts import parts_of, write_part
+from flexfem.study.parts import parts_of
 from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'

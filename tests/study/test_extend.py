@@ -12,11 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from flexfem.study.collect import collect
-from flexfem.study.parts import Parts, parts_of
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.parts import Parts, Shard, parts_of
 from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
-from flexfem.study.shard import Shard
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import flexfem.study.findings
-from flexfem.study.cells import cells_of
-from flexfem.study.collected import StudyTable
 from flexfem.study.derived import judge
 from flexfem.study.findings import Best, Marks, Refused, Shares, facts_of, findings, power_of
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.nominal import own_values
-from flexfem.study.percentiles import Percentile
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.reductions import cells_of
 from flexfem.study.sampling import sample
+from flexfem.study.statistics import Percentile
+from flexfem.study.table import StudyTable
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'

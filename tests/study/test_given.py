@@ -14,7 +14,7 @@ import pytest
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.given import given_of
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 
 VALUES = np.column_stack([np.linspace(0.41, 0.69, 11), np.linspace(72.5, 60.25, 11) ** 1.001])

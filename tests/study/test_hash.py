@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from flexfem.stage.schema import Hinge, Override
-from flexfem.study.plan import LoadedStudy
+from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]
 NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",)}

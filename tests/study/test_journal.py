@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.study.journal import forget_rows, journal_path, keep_row, kept_rows
+from flexfem.study.kept import forget_rows, journal_path, keep_row, kept_rows
 from flexfem.study.parts import parts_of
 from flexfem.study.rows import Rows
 

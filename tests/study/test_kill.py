@@ -19,8 +19,8 @@ import pytest
 from flexfem.refused import ComputationFailed
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
+from flexfem.study.loaded import load_study
 from flexfem.study.parts import parts_of
-from flexfem.study.plan import load_study
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
 from flexfem.study.status import status_facts, survey

@@ -13,8 +13,9 @@ from flexfem.plot.study_pareto import thinned
 from flexfem.study import collected as tables
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
+from flexfem.study.content import write_part
 from flexfem.study.findings import findings
-from flexfem.study.parts import parts_of, write_part
+from flexfem.study.parts import parts_of
 
 FIGURES = """
 [[figure]]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from flexfem.study.pareto import drawable_front, non_dominated, spread
+from flexfem.study.reductions import drawable_front, non_dominated, spread
 
 SIDES = st.tuples(st.booleans(), st.booleans())
 POINTS = hnp.arrays(
@@ -116,7 +116,7 @@ def test_a_front_found_in_blocks_is_that_of_all_at_once(monkeypatch: pytest.Monk
     impossible = set(rng.choice(700, 400, replace=False).tolist())
     found = {}
     for block in (32, 700):
-        monkeypatch.setattr("flexfem.study.pareto.BLOCK", block)
+        monkeypatch.setattr("flexfem.study.reductions.BLOCK", block)
         found[block] = drawable_front(x, y, (True, False), lambda place: place not in impossible, 1000)
     for one, other in zip(found[32], found[700], strict=True):
         np.testing.assert_array_equal(one, other)

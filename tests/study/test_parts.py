@@ -20,11 +20,11 @@ from flexfem.commands.study import status
 from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
-from flexfem.study.parts import COUNTS, KEY, kind_of, parts_of, read_part, sweep, write_part
-from flexfem.study.plan import load_study
+from flexfem.study.content import COUNTS, kind_of, read_part, write_part
+from flexfem.study.folder import clean_facts, remove, set_apart, stale_parts
+from flexfem.study.loaded import load_study
+from flexfem.study.parts import KEY, Shard, parts_of, sweep
 from flexfem.study.rows import Rows
-from flexfem.study.shard import Shard
-from flexfem.study.stale import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.status import facts_of as counted
 from flexfem.study.status import status_facts, survey
 
@@ -239,8 +239,9 @@ def test_killed_while_writing_a_part_is_whole_or_not_there(written):
     script = (
         "import sys\n"
         "from itertools import cycle\n"
-        "from flexfem.study.parts import parts_of, write_part\n"
-        "from flexfem.study.plan import load_study\n"
+        "from flexfem.study.content import write_part\n"
+        "from flexfem.study.parts import parts_of\n"
+        "from flexfem.study.loaded import load_study\n"
         "from flexfem.study.rows import failed_row\n"
         "from pathlib import Path\n"
         "parts = parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 1)\n"

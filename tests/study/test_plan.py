@@ -13,7 +13,7 @@ import pytest
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Override
-from flexfem.study.plan import load_study
+from flexfem.study.loaded import load_study
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
 RANGE = "from = 0.4\nto = 0.7"

@@ -21,12 +21,12 @@ from hypothesis import strategies as st
 from flexfem.commands.progress import said
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.collect import collect
-from flexfem.study.kernels import release_folder
-from flexfem.study.parts import parts_of, read_part
-from flexfem.study.plan import load_study
+from flexfem.study.content import read_part
+from flexfem.study.folder import release_folder
+from flexfem.study.loaded import load_study
+from flexfem.study.parts import Shard, parts_of, shard_of, shuffled
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import Progress, run_study
-from flexfem.study.shard import Shard, shard_of, shuffled
 from flexfem.study.status import status_facts
 from flexfem.study.worker import Died, Worker, _is_stopped
 

@@ -18,8 +18,8 @@ from flexfem.fem.sectors import mesh_sectors
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
-from flexfem.study.plan import LoadedStudy
 from flexfem.study.solving import mesh_band, solved_values
 from flexfem.verify.comparison import compare
 from flexfem.verify.convergence import grid_convergence

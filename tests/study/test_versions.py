@@ -63,7 +63,7 @@ def test_an_edit_counts_when_it_can_change_a_number(
 def test_what_an_answer_loads_counts_and_what_shows_it_does_not() -> None:
     """Asked of Python, in a process that answers by both models: no route through the text of imports."""
     script = (
-        "import sys; from flexfem.study.plan import load_study; from flexfem.study.answer import answer\n"
+        "import sys; from flexfem.study.loaded import load_study; from flexfem.study.answer import answer\n"
         "for path in sys.argv[1:]: assert answer(load_study(path), 0, 1, True).status[0] == 'ok'\n"
         "print(*(m.__file__ for n, m in sys.modules.items() if n.startswith('flexfem.')))"
     )

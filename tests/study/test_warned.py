@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from flexfem.commands.study import app
 from flexfem.study.answer import answer
-from flexfem.study.parts import parts_of, write_part
+from flexfem.study.content import write_part
+from flexfem.study.parts import parts_of
 from flexfem.study.sampling import sample
 from flexfem.study.status import status_facts
 from flexfem.study.warned import unseen

@@ -1,8 +1,14 @@
-"""Parts of other inputs or versions: kept apart from those of the study as it is now, taken back, removed."""
+"""What else lies in the folder of a study: parts of other inputs or versions, and which arithmetic its rows are of.
+
+Processors round differently, and neither are their rows mixed nor set each other's apart: the first runner of a study
+says in the folder which arithmetic its rows are of; a runner of another one is refused.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
@@ -13,8 +19,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flexfem.refused import BadInput
-from flexfem.study.parts import KEY, PART, Parts
-from flexfem.study.status import chunk_of, names_in
+from flexfem.study.parts import KEY, PART, Parts, chunk_of, names_in
+
+CURE = "processors differ: OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES, set alike everywhere, make them one"
 
 
 class Moved(NamedTuple):
@@ -126,3 +133,48 @@ def _said(path: Path) -> Stale | None:
         return Stale(path, str(about["stem"]), str(about["hash"]), path.stat().st_size)
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError):
         return None
+
+
+def require_same_arithmetic(parts: Parts) -> None:
+    """Raise BadInput when this very study is computed in this folder with another arithmetic."""
+    own, found = parts.versions["arithmetic"], _claimed(parts)
+    if found not in (None, own):
+        raise BadInput(
+            f"{parts.folder.parent}: its rows are of arithmetic {found}, those of this machine would be of {own}: "
+            f"{CURE}; else another --output, or flexfem study clean and begin anew"
+        )
+
+
+def claim_folder(parts: Parts) -> None:
+    """Say of which arithmetic the rows of a folder are, unless somebody has. Raises BadInput."""
+    path = _claim(parts)
+    try:
+        if _claimed(parts) is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.unlink(missing_ok=True)  # a torn one
+            with suppress(FileExistsError), path.open("x") as file:
+                file.write(parts.versions["arithmetic"])
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror or error}") from None
+    require_same_arithmetic(parts)
+
+
+def release_folder(parts: Parts) -> None:
+    """Forget what runners of another arithmetic have said: their rows are removed."""
+    if _claimed(parts) != parts.versions["arithmetic"]:
+        with suppress(OSError):
+            _claim(parts).unlink(missing_ok=True)
+
+
+def _claimed(parts: Parts) -> str | None:
+    with suppress(OSError, UnicodeError):
+        text = _claim(parts).read_text(encoding="ascii")
+        return text if re.fullmatch("[0-9a-f]{16}", text) else None
+    return None
+
+
+def _claim(parts: Parts) -> Path:
+    """A file whose name tells all that decides the rows but the arithmetic."""
+    others = {name: text for name, text in parts.versions.items() if name != "arithmetic"}
+    key = json.dumps([parts.loaded.hash, others], sort_keys=True)
+    return parts.folder.parent / f".arithmetic-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
