@@ -25,7 +25,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import warning
-from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.convergence import compliance_bands, levels
 from flexfem.verify.measures import error_bands
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Fields
@@ -140,13 +140,14 @@ class ElementModel(Model):
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3,) of the mesh uncertainty of the diagonal compliances: mm/N, mm/N, rad/(N mm).
+        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad.
 
-        By grid convergence over this mesh and two coarser ones, which are made when first asked for.
+        By grid convergence over this mesh and two coarser ones, which are made when first asked for; what is zero by
+        symmetry has the size of its round-off.
         """
         steps = levels(self.resolution)
         found = np.array([_solved(self.stage, level).response.compliance for level in steps])
-        return np.array([grid_convergence(np.array(steps), found[:, k, k], round_off=0.0).band for k in range(3)])
+        return compliance_bands(np.array(steps), found)
 
     @property
     def warnings(self) -> list[str]:

@@ -104,15 +104,48 @@ def command_convergence(
     )
 
 
-def _bands_across(resolutions: Array, compliances: Array, force: Array) -> Array:
-    """Half-widths (3,), mm, mm, rad, of the pose under a force (3,), by Cauchy-Schwarz: see `command_convergence`."""
+def compliance_bands(resolutions: Array, compliances: Array) -> Array:
+    """Half-widths (3, 3) of the mesh uncertainty of a compliance, of every entry in its own unit.
+
+    Parameters
+    ----------
+    compliances : (levels, 3, 3), coarse to fine, order x, y, theta.
+
+    Notes
+    -----
+    On the diagonal `grid_convergence`; off it the bound of `command_convergence` with unit forces. An entry that is
+    round-off on every mesh, zero by symmetry, has the largest of its values as its band.
+    """
+    C, n = np.asarray(compliances), np.asarray(resolutions, dtype=float)
+    size = np.sqrt(np.outer(np.diag(C[-1]), np.diag(C[-1])))
+    found, error = np.max(np.abs(C), axis=0), _error_of(n, C)
+    bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
+    bands = np.where(found <= ROUND_OFF * size, np.maximum(found, np.finfo(float).eps * size), bound)
+    for k in range(3):
+        bands[k, k] = grid_convergence(n, C[:, k, k], round_off=0.0).band
+    return np.asarray(bands)
+
+
+class _RelativeError(NamedTuple):
+    """Of the finest compliance C, dC = m C + D: largest |m|, and half the spread of the eigenvalues of dC x = e C x."""
+
+    common: float
+    spread: float
+
+
+def _error_of(resolutions: Array, compliances: Array) -> _RelativeError:
     C3, C2, C1 = compliances[-3:]
     n3, n2, n1 = resolutions[-3:] ** ORDER
     errors = (C1 - C2) / (n1 / n2 - 1), (C2 - C3) / (n1 / n3 - n1 / n2)
     ends = np.array([eigh(error, C1, eigvals_only=True)[[0, -1]] for error in errors])
-    common, spread = np.max(np.abs(ends)), np.max(ends[:, 1] - ends[:, 0]) / 2
-    rest = spread * np.sqrt(np.diag(C1) * (force @ C1 @ force))
-    return np.asarray(CAUTIOUS * (common * np.abs(C1 @ force) + rest))
+    return _RelativeError(float(np.max(np.abs(ends))), float(np.max(ends[:, 1] - ends[:, 0]) / 2))
+
+
+def _bands_across(resolutions: Array, compliances: Array, force: Array) -> Array:
+    """Half-widths (3,), mm, mm, rad, of the pose under a force (3,), by Cauchy-Schwarz: see `command_convergence`."""
+    C, error = compliances[-1], _error_of(resolutions, compliances)
+    rest = error.spread * np.sqrt(np.diag(C) * (force @ C @ force))
+    return np.asarray(CAUTIOUS * (error.common * np.abs(C @ force) + rest))
 
 
 def _across(found: Convergence, band: float) -> Convergence:

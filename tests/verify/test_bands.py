@@ -14,7 +14,7 @@ import pytest
 
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.convergence import command_convergence, grid_convergence
+from flexfem.verify.convergence import command_convergence, compliance_bands, grid_convergence
 from flexfem.verify.measures import errors_of_model
 from flexfem.verify.protocol import _uncertainty, solve_stage
 
@@ -80,6 +80,28 @@ def test_the_index_of_each_number_alone_is_not_enough_across():
             band = grid_convergence(LEVELS, levels[:, row, column]).band
             held.append(band >= abs(levels[-1, row, column] - truth[row, column]))
     assert 0.75 < np.mean(held) < 0.92
+
+
+def test_every_entry_of_a_compliance_has_a_band_that_holds_the_truth():
+    ratios = []
+    for compliance in KEPT["compliance"]:
+        coarse, fine = compliance[-2:]
+        truth = fine + (fine - coarse) / ((FINE[1] / FINE[0]) ** 4 - 1)
+        band = compliance_bands(np.array(LEVELS), compliance[:3])
+        np.testing.assert_allclose(band, band.T, rtol=1e-6)
+        ratios.append(band / np.abs(compliance[2] - truth))
+    for row, column in np.ndindex(3, 3):
+        held = np.array(ratios)[:, row, column]
+        assert np.mean(held >= 1) >= 0.95 and np.median(held) < (2 if row == column else 30)
+
+
+def test_what_is_zero_by_symmetry_has_the_size_of_its_round_off():
+    compliances = np.array([np.diag([0.02, 0.03, 4e-5]) * (1 - 2.0 * n**-4.0) for n in (4, 6, 8)])
+    compliances[:, 0, 1] = compliances[:, 1, 0] = [3e-18, -7e-18, 2e-18]
+    band = compliance_bands(np.array([4, 6, 8]), compliances)
+    assert band[0, 1] == band[1, 0] == 7e-18
+    assert 0 < band[0, 2] < 1e-15 * np.sqrt(0.02 * 4e-5)  # zero on every mesh
+    assert band[1, 1] == pytest.approx(1.25 * 0.03 * 2.0 * 8.0**-4, rel=1e-3)
 
 
 @pytest.mark.parametrize(("row", "column"), [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2)])
