@@ -177,8 +177,8 @@ MUTATIONS = [
     Mutation(
         "thick hinges softer instead of stiffer",
         "verify/budget.py",
-        "_triple(percent(thick) - percent(ladder[-1]))",
-        "_triple(percent(ladder[-1]) - percent(thick))",
+        "steps.percent(direction, steps.thick) - rungs[len(steps.ladder) - 1]",
+        "rungs[len(steps.ladder) - 1] - steps.percent(direction, steps.thick)",
         "tests/verify/test_budget.py::test_hinges_wide_out_of_plane_are_stiffer_by_up_to_nu_squared",
     ),
     Mutation(

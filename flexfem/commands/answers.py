@@ -25,17 +25,16 @@ Answer = dict[str, Any]
 UNITS = "N, mm, rad; order x, y, theta"
 
 
-def _about(path: Path, stage: Stage, warnings: warning.Warnings, **found: Any) -> Answer:
+def _about(stage: Stage, warnings: warning.Warnings, **found: Any) -> Answer:
     """An answer on a stage: which it is, what was found, and what is to be known of that."""
     doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
-    return {"file": str(path), "name": stage.name, **found, "warnings": warnings, **doubts}
+    return {"file": str(stage.origin), "name": stage.name, **found, "warnings": warnings, **doubts}
 
 
-def of_stage(path: Path, stage: Stage) -> Answer:
+def of_stage(stage: Stage) -> Answer:
     """What `check` answers."""
     sources = {key: provenance_of(stage, key) for key in key_paths(stage)}
     return _about(
-        path,
         stage,
         warning.of_stage(stage),
         mobility=stage.mobility,
@@ -61,10 +60,9 @@ def _hinge(stage: Stage, chain: int, position: int) -> Answer:
     }
 
 
-def of_model(path: Path, stage: Stage, result: AnalyticResult) -> Answer:
+def of_model(stage: Stage, result: AnalyticResult) -> Answer:
     """What `stiffness` answers."""
     return _about(
-        path,
         stage,
         [*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
         units=UNITS,
@@ -79,17 +77,16 @@ def of_model(path: Path, stage: Stage, result: AnalyticResult) -> Answer:
     )
 
 
-def of_mesh(path: Path, stage: Stage, mesh: StageMesh, resolution: int, output: Path) -> Answer:
+def of_mesh(stage: Stage, mesh: StageMesh, resolution: int, output: Path) -> Answer:
     """What `mesh` answers."""
     counts = {"nodes": len(mesh.nodes), "triangles": len(mesh.triangles)}
-    return _about(path, stage, [], written=str(output), resolution=resolution, **counts)
+    return _about(stage, [], written=str(output), resolution=resolution, **counts)
 
 
-def of_solution(path: Path, stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolution: int) -> Answer:
+def of_solution(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolution: int) -> Answer:
     """What `solve` answers."""
     strength, where = stage.material.yield_strength, "under this load"
     return _about(
-        path,
         stage,
         [
             *warning.of_yield(float(np.max(case.neck_stress)), strength, where),
@@ -110,10 +107,10 @@ def of_solution(path: Path, stage: Stage, solved: Solved | OnMesh, case: LoadCas
     )
 
 
-def of_cross_check(path: Path, stage: Stage, found: CrossCheck) -> Answer:
+def of_cross_check(stage: Stage, found: CrossCheck) -> Answer:
     """What `cross-check` answers."""
     checks = [{**check._asdict(), "passed": check.passed} for check in found.checks]
-    return _about(path, stage, [], units=UNITS, **(found._asdict() | {"checks": checks, "passed": found.passed}))
+    return _about(stage, [], units=UNITS, **(found._asdict() | {"checks": checks, "passed": found.passed}))
 
 
 def of_benchmarks(table: BenchmarkTable) -> Answer:

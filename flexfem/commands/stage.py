@@ -22,7 +22,7 @@ def check(stage: Stage, json: Json = False) -> None:
     from flexfem.commands import answers
     from flexfem.stage.schema import load_feasible
 
-    console.show(answers.of_stage(stage, load_feasible(stage)), json, tables.print_stage)
+    console.show(answers.of_stage(load_feasible(stage)), json, tables.print_stage)
 
 
 @app.command()
@@ -48,7 +48,7 @@ def summary(
         from flexfem.verify.protocol import solve_stage
 
         solved = solve_stage(loaded, resolution or RESOLUTION)
-    found = verify.summary(stage, loaded, formula, solved)
+    found = verify.summary(loaded, formula, solved)
     console.show(found, json, tables.print_summary)
 
 
@@ -75,7 +75,7 @@ def stiffness(
             f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms of the hinges"
         )
     found = analyse(loaded, mobility, formula, links)
-    console.show(answers.of_model(stage, loaded, found), json, tables.print_analytic)
+    console.show(answers.of_model(loaded, found), json, tables.print_analytic)
 
 
 @app.command()
@@ -100,7 +100,7 @@ def mesh(
     plate = plate_of(loaded)
     made = build_mesh(loaded, resolution or RESOLUTION)
     write_mesh(made, plate, output)
-    console.show(answers.of_mesh(stage, loaded, made, resolution or RESOLUTION, output), json, tables.print_plain)
+    console.show(answers.of_mesh(loaded, made, resolution or RESOLUTION, output), json, tables.print_plain)
 
 
 @app.command()
@@ -142,7 +142,7 @@ def solve(
     case = load_case(loaded, solved.mesh, solved.response, load)
     if vtu is not None:
         write_vtu(solved.mesh, vtu, {"displacement": case.field, "von_mises": case.stress})
-    found = answers.of_solution(stage, loaded, solved, case, resolution or RESOLUTION)
+    found = answers.of_solution(loaded, solved, case, resolution or RESOLUTION)
     console.show(found, json, tables.print_solution)
 
 

@@ -28,7 +28,7 @@ def cross_check(
 
     loaded = load_feasible(stage)
     found = compare.cross_check(loaded, resolution or RESOLUTION, solver)
-    console.show(answers.of_cross_check(stage, loaded, found), json, tables.print_cross_check)
+    console.show(answers.of_cross_check(loaded, found), json, tables.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 
 

@@ -65,7 +65,7 @@ def budget(
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
     amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), amplitude_um / unit_of("amplitude_um").factor)
     amplitudes["theta"] = amplitude_mrad / unit_of("amplitude_mrad").factor
-    found = verify.budget(stage, loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
+    found = verify.budget(loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
 
@@ -89,7 +89,7 @@ def workspace(
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
-    found = verify.workspace(stage, loaded, amplitude_um / unit_of("amplitude_um").factor)
+    found = verify.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
 
@@ -113,7 +113,7 @@ def converge(
 
     loaded = load_feasible(stage)
     resolutions = verify.checked_resolutions(level or verify.RESOLUTIONS)
-    found = verify.converge(stage, loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    found = verify.converge(loaded, resolutions, console.with_progress(len(resolutions), "refining"))
     if output is not None:
         from flexfem.plot.accuracy import convergence_figure
 

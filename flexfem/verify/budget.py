@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.comparison import compare, percentages
 from flexfem.verify.convergence import command_convergence, levels
 from flexfem.verify.protocol import Solved, solve_stage
-from flexfem.verify.result import Record, Triple, versions
+from flexfem.verify.result import OfStage, Record, Triple, about
 
 CALIBRATED = "calibrated"
 AMPLITUDES: dict[Direction, float] = {"x": 0.05, "y": 0.05, "theta": 1e-3}  # mm, mm, rad: assumed, as in cases/
@@ -70,24 +70,17 @@ class Split(Record):
     out_of_plane: Triple | None
 
 
-class Budget(Record):
+class Budget(OfStage):
     """The error budget of a stage's own analytic model; `split` by commanded direction."""
 
     stage: str
-    file: str
-    hash: str
     plane: str
     mobility: int
     formula: str
-    assumed: list[str]
-    not_stated: list[str]
-    warnings: list[str]
     split: dict[Direction, Split]
-    versions: dict[str, str]
 
 
 def budget(
-    path: Path,
     stage: Stage,
     amplitudes: dict[Direction, float] = AMPLITUDES,
     resolution: int = RESOLUTION,
@@ -98,31 +91,25 @@ def budget(
     Raises BadInput when a hinge is not on the hinge chart, ComputationFailed.
     """
     paper = analyse(stage)
-    ladder = [
-        paper.compliance,
-        analyse(stage, 21).compliance,
-        analyse(stage, 21, CALIBRATED).compliance,
-        analyse(stage, 21, CALIBRATED, links=True).compliance,
-    ]
-    thick = thick_compliance(stage)
+    models = [paper, *(analyse(stage, 21, *more) for more in ((), (CALIBRATED,), (CALIBRATED, True)))]
     solved = [solve(stage, level) for level in levels(resolution)]
+    steps = _Steps(
+        stage,
+        paper.stiffness,
+        [model.compliance for model in models],
+        thick_compliance(stage),
+        np.array(levels(resolution)),
+        np.array([each.response.compliance for each in solved]),
+        solved[-1],
+    )
     return Budget(
+        **about(stage),
         stage=stage.name,
-        file=str(path),
-        hash=stage.hash,
         plane=stage.model,
         mobility=paper.mobility,
         formula=DEFAULT_FORMULA,
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
         warnings=_warnings(stage, paper, solved[-1], amplitudes),
-        split={
-            direction: _split(
-                stage, paper.stiffness, ladder, thick, solved, direction, amplitudes[direction], resolution
-            )
-            for direction in DIRECTIONS
-        },
-        versions=versions(),
+        split={direction: _split(steps, direction, amplitudes[direction]) for direction in DIRECTIONS},
     )
 
 
@@ -150,43 +137,52 @@ def thick_compliance(stage: Stage) -> Array | None:
     return inverse(at_rest(design, hinges, freedoms_of(21), bodies[None]).stiffness[0])
 
 
-def _split(
-    stage: Stage,
-    stiffness: Array,
-    ladder: list[Array],
-    thick: Array | None,
-    solved: list[Solved],
-    direction: Direction,
-    amplitude: float,
-    resolution: int,
-) -> Split:
+class _Steps(NamedTuple):
+    """What the shares of every command are taken from.
+
+    stiffness : (3, 3), of the paper's model.   ladder : compliances (3, 3) from that model to elastic links.
+    thick : (3, 3), of `thick_compliance`.   compliances : (levels, 3, 3), of finite elements on `resolutions`.
+    """
+
+    stage: Stage
+    stiffness: Array
+    ladder: list[Array]
+    thick: Array | None
+    resolutions: Array
+    compliances: Array
+    finest: Solved
+
+    def percent(self, direction: Direction, compliance: Array) -> Array:
+        """Error percentages (3,) of one command on a compliance (3, 3)."""
+        lever, command = self.stage.chain.link_lengths[2], np.array([0.0, 1.0])
+        return compare(self.stiffness, compliance, direction, command, lever).percent
+
+
+def _split(steps: _Steps, direction: Direction, amplitude: float) -> Split:
     """The shares of one command: differences of the error from rung to rung."""
-    lever, axis = stage.chain.link_lengths[2], DIRECTIONS.index(direction)
-    command = np.array([-amplitude, amplitude])
-
-    def percent(compliance: Array) -> Array:
-        return compare(stiffness, compliance, direction, command, lever).percent
-
-    compliances = np.array([each.response.compliance for each in solved])
-    meshes, resolutions = np.array([percent(compliance) for compliance in compliances]), np.array(levels(resolution))
-    found = command_convergence(resolutions, meshes, axis, compliances, stiffness[:, axis], lever)
-    force = stiffness[:, axis] * amplitude  # (18)
-    bent = equilibrium(solved[-1].mesh, plate_of(stage), force[None]).pose[0] - amplitude * np.eye(3)[axis]
-    nonlinear = percentages(bent, amplitude, direction, lever)
-    rungs = [percent(compliance) for compliance in ladder] + [np.array([each.extrapolated for each in found])]
-    rungs.append(rungs[-1] + nonlinear - meshes[-1])  # on one mesh, so that its own error drops out
+    axis, lever = DIRECTIONS.index(direction), steps.stage.chain.link_lengths[2]
+    meshes = np.array([steps.percent(direction, each) for each in steps.compliances])
+    force = steps.stiffness[:, axis]  # (18), per unit of the command
+    found = command_convergence(steps.resolutions, meshes, axis, steps.compliances, force, lever)
+    rungs = [steps.percent(direction, each) for each in steps.ladder]
+    rungs.append(np.array([each.extrapolated for each in found]))
+    rungs.append(rungs[-1] + _bent(steps, direction, amplitude) - meshes[-1])  # on one mesh: its own error drops out
     shares = [
-        Share(name=name, points=_triple(after - before))
+        Share(name=name, points=Triple.of(after - before))
         for name, (before, after) in zip(SHARES, pairwise(rungs), strict=True)
     ]
+    thick = None if steps.thick is None else steps.percent(direction, steps.thick) - rungs[len(steps.ladder) - 1]
     return Split(
         amplitude=amplitude,
         shares=shares,
-        total=_triple(rungs[-1] - rungs[0]),
+        total=Triple.of(rungs[-1] - rungs[0]),
         band=found[axis].band,
-        out_of_plane=None if thick is None else _triple(percent(thick) - percent(ladder[-1])),
+        out_of_plane=None if thick is None else Triple.of(thick),
     )
 
 
-def _triple(values: Array) -> Triple:
-    return Triple(**dict(zip(DIRECTIONS, values.tolist(), strict=True)))
+def _bent(steps: _Steps, direction: Direction, amplitude: float) -> Array:
+    """Error percentages (3,) of nonlinear finite elements on the finest mesh under the force of (18)."""
+    command = amplitude * np.eye(3)[DIRECTIONS.index(direction)]
+    pose = equilibrium(steps.finest.mesh, plate_of(steps.stage), (steps.stiffness @ command)[None]).pose[0]
+    return percentages(pose - command, amplitude, direction, steps.stage.chain.link_lengths[2])

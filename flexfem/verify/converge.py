@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -14,29 +13,23 @@ from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.convergence import COARSER, grid_convergence
 from flexfem.verify.protocol import Solved, solve_stage, stored
-from flexfem.verify.result import Matrix, Record, Uncertainty, versions
+from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 
 RESOLUTIONS = (3, 4, 6, 8, 11, 15)
 
 
-class MeshStudy(Record):
+class MeshStudy(OfStage):
     """Platform compliance (3, 3) of a stage, order x, y, theta, on meshes of growing resolution.
 
     uncertainty : of the diagonal terms, mm/N, mm/N, rad/(N mm), their bands in the same units.
     """
 
     stage: str
-    file: str
-    hash: str
-    assumed: list[str]
-    not_stated: list[str]
-    warnings: list[str]
     resolutions: list[int]
     triangles: list[int]
     unknowns: list[int]
     compliance: list[Matrix]
     uncertainty: dict[Direction, Uncertainty]
-    versions: dict[str, str]
 
 
 def checked_resolutions(resolutions: Sequence[int]) -> tuple[int, ...]:
@@ -51,7 +44,7 @@ def checked_resolutions(resolutions: Sequence[int]) -> tuple[int, ...]:
 
 
 def converge(
-    path: Path, stage: Stage, resolutions: Sequence[int], solve: Callable[[Stage, int], Solved] = solve_stage
+    stage: Stage, resolutions: Sequence[int], solve: Callable[[Stage, int], Solved] = solve_stage
 ) -> MeshStudy:
     """Solve a feasible stage on every resolution, coarse to fine. Raises BadInput, ComputationFailed."""
     solved = [solve(stage, resolution) for resolution in checked_resolutions(resolutions)]
@@ -61,16 +54,12 @@ def converge(
         for k, axis in enumerate(DIRECTIONS)
     }
     return MeshStudy(
+        **about(stage),
         stage=stage.name,
-        file=str(path),
-        hash=stage.hash,
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
         warnings=warning.of_convergence(uncertainty),
         resolutions=list(resolutions),
         triangles=[each.triangles for each in solved],
         unknowns=[each.response.unknowns for each in solved],
         compliance=compliance.tolist(),
         uncertainty=uncertainty,
-        versions=versions(),
     )

@@ -8,16 +8,18 @@ import os
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from flexfem.arrays import AnyArray
+from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput
-from flexfem.verify.case import Analysis, Direction
+from flexfem.stage.schema import Stage
+from flexfem.verify.case import DIRECTIONS, Analysis, Direction
 from flexfem.verify.convergence import Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
@@ -30,12 +32,38 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class OfStage(Record):
+    """What every answer on one stage says of it.
+
+    file : where it was read, "" without a file.   hash : of its physical content.
+    assumed, not_stated : key paths of numbers that are assumed, and of those whose source is not stated.
+    """
+
+    file: str
+    hash: str
+    assumed: list[str]
+    not_stated: list[str]
+    warnings: list[str]
+    versions: dict[str, str]
+
+
+def about(stage: Stage) -> dict[str, Any]:
+    """The fields of `OfStage`, but for the warnings."""
+    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(stage.origin), "hash": stage.hash, **doubts, "versions": versions()}
+
+
 class Triple(Record):
     """One number for each of the platform's freedoms."""
 
     x: float
     y: float
     theta: float
+
+    @classmethod
+    def of(cls, values: Array) -> Triple:
+        """Of values (3,)."""
+        return cls(**dict(zip(DIRECTIONS, values.tolist(), strict=True)))
 
 
 class Series(Record):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved
-from flexfem.verify.result import Matrix, Record, Triple, versions
+from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 
 CALIBRATED = "calibrated"
 
@@ -50,15 +49,13 @@ class ModelSummary(Record):
     limits: dict[Direction, SafeRange]
 
 
-class Summary(Record):
+class Summary(OfStage):
     """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked.
 
     material : source of every number of the material, by key path of the stage file.
     """
 
     name: str
-    file: str
-    hash: str
     model: str
     mobility: int
     yield_strength: float
@@ -66,13 +63,9 @@ class Summary(Record):
     analytic: ModelSummary
     elements: ModelSummary | None
     accuracy: str
-    warnings: list[str]
-    assumed: list[str]
-    not_stated: list[str]
-    versions: dict[str, str]
 
 
-def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved | None = None) -> Summary:
+def summary(stage: Stage, formula: str | None = None, solved: Solved | None = None) -> Summary:
     """Summarise a feasible stage; `solved` adds finite elements.
 
     Parameters
@@ -94,9 +87,8 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         warnings += warning.of_motion(stage, limit.reach * np.eye(3)[axis], f"end of the safe range in {direction}")
     return Summary(
+        **about(stage),
         name=stage.name,
-        file=str(path),
-        hash=stage.hash,
         model=stage.model,
         mobility=stage.mobility,
         yield_strength=stage.material.yield_strength,
@@ -107,9 +99,6 @@ def summary(path: Path, stage: Stage, formula: str | None = None, solved: Solved
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(formula),
         warnings=warnings,
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
-        versions=versions(),
     )
 
 
@@ -132,10 +121,9 @@ def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:
         stress = limits.stress[..., axis]
         chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
         reach = stage.material.yield_strength / float(np.max(stress))
-        force = (limits.stiffness[:, axis] * reach).tolist()
         found[direction] = SafeRange(
             reach=reach,
-            force=Triple(**dict(zip(DIRECTIONS, force, strict=True))),
+            force=Triple.of(limits.stiffness[:, axis] * reach),
             chain=int(chain) + 1,
             hinge=HINGE_NAMES[int(position)],
             stress=float(np.max(stress)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexfem.verify.case import Direction
-from flexfem.verify.result import Matrix, Record
+from flexfem.verify.result import Matrix, OfStage, Record
 
 
 class Elements(Record):
@@ -65,7 +65,7 @@ class Box(Record):
     terms: float
 
 
-class Workspace(Record):
+class Workspace(OfStage):
     """Travel of a stage's own analytic model and of its finite elements in the three directions.
 
     plane : the stage's own choice of plane problem.   amplitude : mm, mm, rad.   resolution, unknowns : of the finite
@@ -73,18 +73,12 @@ class Workspace(Record):
     """
 
     stage: str
-    file: str
-    hash: str
     plane: str
     mobility: int
     formula: str
-    assumed: list[str]
-    not_stated: list[str]
-    warnings: list[str]
     amplitude: dict[Direction, float]
     resolution: int
     unknowns: int
     travel: dict[Direction, Travel]
     small: Box
     box: Box
-    versions: dict[str, str]

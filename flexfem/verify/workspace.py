@@ -9,7 +9,6 @@ linear answer: what the hinge formulas err by is there with and without displace
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -26,7 +25,7 @@ from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.comparison import percentages
 from flexfem.verify.protocol import Solved, solve_stage
-from flexfem.verify.result import versions
+from flexfem.verify.result import about
 from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
 
 AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml
@@ -41,7 +40,7 @@ Solve: TypeAlias = Callable[[Stage, int], Solved]
 
 
 def workspace(
-    path: Path, stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
+    stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
 ) -> Workspace:
     """Travel of a feasible stage up to `amplitude`, mm, in X and Y, and `TURN` times that in theta, on both sides.
 
@@ -52,14 +51,11 @@ def workspace(
     solved = solve(stage, resolution)
     small, box = (missed(of, part * reach, lever) for part in (STATED[2] / STEPS, 1.0))
     return Workspace(
+        **about(stage),
         stage=stage.name,
-        file=str(path),
-        hash=stage.hash,
         plane=stage.model,
         mobility=model.mobility,
         formula=DEFAULT_FORMULA,
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
         warnings=_warnings(stage, model, solved, reach),
         amplitude=dict(zip(DIRECTIONS, reach.tolist(), strict=True)),
         resolution=resolution,
@@ -67,7 +63,6 @@ def workspace(
         travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, reach, strict=True)},
         small=Box(position=100 * small.position, terms=100 * small.terms),
         box=Box(position=100 * box.position, terms=100 * box.terms),
-        versions=versions(),
     )
 
 

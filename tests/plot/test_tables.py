@@ -161,7 +161,7 @@ def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
 def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch):
     asked = []
 
-    def travel(path, stage, amplitude, **_):
+    def travel(stage, amplitude, **_):
         asked.append(amplitude)
         return made.workspace()
 

@@ -39,7 +39,7 @@ def solve():
 
 @pytest.fixture(scope="module")
 def made(stage, solve):
-    return budget(PATH, stage, resolution=SMALL, solve=solve)
+    return budget(stage, resolution=SMALL, solve=solve)
 
 
 def share(made, name, direction):
@@ -67,7 +67,7 @@ def by_hand(stage):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "equilibrium", bent)
         patch.setattr(module, "_warnings", lambda *_: [])
-        return K, limit, rate, across, budget(PATH, stage, {"x": 0.04, "y": 0.05, "theta": 2e-3}, 8, solve)
+        return K, limit, rate, across, budget(stage, {"x": 0.04, "y": 0.05, "theta": 2e-3}, 8, solve)
 
 
 def test_a_question_lowers_its_stage_once(stage, monkeypatch):
@@ -89,8 +89,8 @@ def test_a_question_lowers_its_stage_once(stage, monkeypatch):
     questions = (
         (flexfem.analyse, 1),
         (whole_model, 1),
-        (lambda of: summary(PATH, of), 1),
-        (lambda of: budget(PATH, of, resolution=SMALL, solve=lambda *_: solved), 2),
+        (lambda of: summary(of), 1),
+        (lambda of: budget(of, resolution=SMALL, solve=lambda *_: solved), 2),
     )
     for ask, times in questions:
         lowered.clear(), placed.clear()
@@ -169,7 +169,7 @@ def test_the_hinge_formula_is_nearly_all_of_it(made, direction):
 
 @pytest.mark.slow
 def test_large_displacement_grows_with_the_command(made, stage, solve):
-    larger = budget(PATH, stage, {"x": 0.5, "y": 0.5, "theta": 1e-2}, resolution=SMALL, solve=solve)
+    larger = budget(stage, {"x": 0.5, "y": 0.5, "theta": 1e-2}, resolution=SMALL, solve=solve)
     for direction in DIRECTIONS:
         ratio = share(larger, "large displacement", direction) / share(made, "large displacement", direction)
         assert abs(ratio) > 5
@@ -179,7 +179,7 @@ def test_large_displacement_grows_with_the_command(made, stage, solve):
 def test_a_hinge_off_the_chart_is_refused_by_name(project):
     path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.01\nprismatic"))
     with pytest.raises(BadInput, match=r"hinges\.base\.neck_mm.*calibrated"):
-        budget(path, load_feasible(path), resolution=SMALL)
+        budget(load_feasible(path), resolution=SMALL)
 
 
 def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(stage):

@@ -23,7 +23,7 @@ def solve(_, resolution):
 
 
 def test_each_direction_has_its_own_values_order_limit_and_band():
-    made = converge(PATH, load_stage(PATH), (4, 6, 8), solve)
+    made = converge(load_stage(PATH), (4, 6, 8), solve)
     for k, axis in enumerate(("x", "y", "theta")):
         found, left = made.uncertainty[axis], LIMIT[k] * abs(RATE[k]) * 8.0 ** -ORDER[k]
         assert found.values == pytest.approx(LIMIT[k] * (1 + RATE[k] * np.array([4.0, 6, 8]) ** -ORDER[k]), rel=1e-12)

@@ -167,14 +167,14 @@ def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress
         force=np.zeros(3), pose=np.array([0.0, moved, 0.0]), reaction=np.zeros(3), energy=0.0, field=np.zeros((1, 2)),
         stress=np.zeros(1), neck_stress=necks,
     )  # fmt: skip
-    assert len(answers.of_solution(SIX, stage, solved, case, 2)["warnings"]) == said
+    assert len(answers.of_solution(stage, solved, case, 2)["warnings"]) == said
 
 
 def test_the_force_at_the_end_of_the_safe_range_moves_the_platform_there_and_nowhere_else(project):
     """A stage of unlike chains, whose directions are coupled: the force has three components."""
     worn = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.8\n\n[provenance]'
     stage = load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", worn)))
-    side = summary(SIX, stage, "schotborgh").analytic
+    side = summary(stage, "schotborgh").analytic
     for axis, direction in enumerate(("x", "y", "theta")):
         limit = side.limits[direction]
         force = [getattr(limit.force, name) for name in ("x", "y", "theta")]

@@ -43,7 +43,7 @@ def made(stage, solved):
     """Finite elements are solved at two commands on either side of rest, not at four."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "SOLVED", np.array([-20, -2, 0, 2, 20]))
-        return workspace(PATH, stage, resolution=COARSE, solve=lambda *_: solved)
+        return workspace(stage, resolution=COARSE, solve=lambda *_: solved)
 
 
 def point(made, direction, commanded):
@@ -134,14 +134,14 @@ def test_the_record_says_what_it_is_of(made, stage):
 
 def test_a_command_out_of_reach_is_refused(stage, solved):
     with pytest.raises(ComputationFailed, match=r"no equilibrium|strain of"):
-        workspace(PATH, stage, 6000.0, solve=lambda *_: solved)
+        workspace(stage, 6000.0, solve=lambda *_: solved)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mobility3", "mobility6"])
 def test_a_finer_mesh_moves_the_compliance_and_not_the_nonlinearity(name):
     path = ROOT / f"geometry/{name}.toml"
-    coarse, fine = (workspace(path, load_feasible(path), resolution=n) for n in (4, 8))
+    coarse, fine = (workspace(load_feasible(path), resolution=n) for n in (4, 8))
     for direction in DIRECTIONS:
         for one, two in zip(coarse.travel[direction].points, fine.travel[direction].points, strict=True):
             assert one.position["elements"] == pytest.approx(two.position["elements"], rel=1e-3)

@@ -84,20 +84,20 @@ def meshes(path: Path) -> dict[str, Stage]:
 
 
 def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
-    stage, named_file = load_feasible(path), Path(path.name)
+    stage = load_feasible(path)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: answers.of_stage(named_file, stage),
-        "stiffness": lambda: _stiffness(named_file, stage),
-        "mesh": lambda: _or_refused(lambda: _solution(named_file, stage, _on_committed(stage, mesh), FORCE, COARSE)),
-        "solve": lambda: _or_refused(lambda: _solution(named_file, stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
-        "budget": lambda: _or_refused(lambda: budget.budget(named_file, stage, solve=solve)),
-        "workspace": lambda: _or_refused(lambda: workspace.workspace(named_file, stage, solve=solve)),
-        "converge": lambda: _or_refused(lambda: converge(named_file, stage, LEVELS, solve)),
+        "check": lambda: _by_name(answers.of_stage(stage)),
+        "stiffness": lambda: _stiffness(stage),
+        "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
+        "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
+        "budget": lambda: _or_refused(lambda: budget.budget(stage, solve=solve)),
+        "workspace": lambda: _or_refused(lambda: workspace.workspace(stage, solve=solve)),
+        "converge": lambda: _or_refused(lambda: converge(stage, LEVELS, solve)),
     }
 
 
-def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
+def _stiffness(stage: Stage) -> dict[str, Any]:
     """What `stiffness` says by the paper's model and by the finest one, without and with elastic links."""
     models: dict[str, Callable[[], AnalyticResult]] = {
         DEFAULT_FORMULA: lambda: analyse(stage),
@@ -105,14 +105,14 @@ def _stiffness(file: Path, stage: Stage) -> dict[str, Any]:
         "links": lambda: analyse(stage, 21, budget.CALIBRATED, links=True),
     }
     return {
-        name: _or_refused(partial(lambda found: answers.of_model(file, stage, found()), found))
+        name: _or_refused(partial(lambda found: answers.of_model(stage, found()), found))
         for name, found in models.items()
     }
 
 
-def _solution(file: Path, stage: Stage, solved: Solved | OnMesh, force: Any, resolution: int) -> dict[str, Any]:
+def _solution(stage: Stage, solved: Solved | OnMesh, force: Any, resolution: int) -> dict[str, Any]:
     full = load_case(stage, solved.mesh, solved.response, np.array(force))
-    return answers.of_solution(file, stage, solved, full, resolution)
+    return answers.of_solution(stage, solved, full, resolution)
 
 
 def _on_committed(stage: Stage, path: Path) -> OnMesh:
@@ -136,8 +136,8 @@ def _curve(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
     solved = _on_committed(stage, folder / mesh_name(file, stage))
     found = compare(K, solved.response.compliance, case.direction, case.commanded, lever)
     model = {"stiffness": K.tolist(), "force": found.force.tolist()}
-    full = _solution(Path(file.name), stage, solved, found.force[-1], COARSE)
-    return {"model": model, "percent": found.percent.tolist(), **full}
+    full = _solution(stage, solved, found.force[-1], COARSE)
+    return {"model": model, "percent": found.percent.tolist(), **_by_name(full)}
 
 
 def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
@@ -193,10 +193,16 @@ def _cell(text: str) -> Leaf:
         return text or None
 
 
+def _by_name(found: Any) -> dict[str, Any]:
+    """An answer on a stage with the name of its file alone: a baseline may lie in any folder."""
+    data: dict[str, Any] = plain(found)
+    return data | {"file": Path(data["file"]).name}
+
+
 def _or_refused(make: Section) -> Any:
     """What is made, or why a stage cannot have it."""
     try:
-        return make()
+        return _by_name(make())
     except BadInput as refusal:
         return {"refused": str(refusal)}
 
