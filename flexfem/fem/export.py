@@ -8,7 +8,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.deck import write_deck
-from flexfem.fem.mesh import StageMesh, run_mesher
+from flexfem.fem.gmsh_process import run_mesher
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Export
 from flexfem.fem.plane_stress import Plate
 from flexfem.files.writing import replacing

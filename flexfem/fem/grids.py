@@ -8,7 +8,8 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.drawing import Job
-from flexfem.fem.mesh import StageMesh, ordered, run_mesher
+from flexfem.fem.gmsh_process import run_mesher
+from flexfem.fem.mesh import StageMesh, ordered
 from flexfem.stage.outline import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh

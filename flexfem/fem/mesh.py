@@ -1,42 +1,28 @@
-"""A mesh, its checks, how many triangles it will have, and the child process that makes it."""
+"""A mesh, its checks, and how many triangles it will have."""
 
 from __future__ import annotations
 
-import io
-import pickle
-from collections.abc import Sequence
-from subprocess import PIPE, Popen, TimeoutExpired
-from tempfile import TemporaryFile
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import AnyArray, Array, Index
-from flexfem.clock import Limit, Stopwatch
-from flexfem.fem.drawing import Job
-from flexfem.fem.mesher import Export
+from flexfem.arrays import Array, Index
 from flexfem.fem.triangle import NODES, determinants
-from flexfem.refused import ComputationFailed, SourcesChanged
-from flexfem.sources import CHANGED, child_command, manifest
+from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
 RESOLUTION = 8  # triangles across every neck
 TIME_LIMIT = 60.0  # s, for meshing one third
-LOOK = 0.25  # s between two looks at a child
 MOST_TRIANGLES = 1_000_000
 SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
 COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
 TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
 AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in thirds with two triangles across a neck
-
-
-class MeshTimeout(ComputationFailed):
-    """gmsh was stopped because it took too long."""
 
 
 class StageMesh(NamedTuple):
@@ -102,47 +88,6 @@ def rim_of(stage: Stage) -> tuple[float, float]:
     """Width of the platform's rim around the hub, and the radius of its middle, mm."""
     disc, hub = stage.platform.radius, stage.platform.hub_radius
     return disc - hub, (disc + hub) / 2
-
-
-def run_mesher(job: Job | Export, time_limit: float | Limit) -> dict[str, AnyArray]:
-    """Mesh, or write a mesh, in a child process; as `run_jobs`."""
-    return run_jobs([job], time_limit)[0]
-
-
-def run_jobs(jobs: Sequence[Job | Export], time_limit: float | Limit) -> list[dict[str, AnyArray]]:
-    """Meshes of some jobs, one after the other in one child process.
-
-    Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
-    its sources are not those that this process began with.
-    """
-    limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
-    with TemporaryFile() as told:
-        told.write(pickle.dumps(dict(manifest())) + pickle.dumps(list(jobs)))
-        told.seek(0)
-        with Popen(child_command("flexfem.fem.mesher"), stdin=told, stdout=PIPE, stderr=PIPE) as child:
-            try:
-                made, said = _answer(child, limit)
-            finally:
-                child.kill()
-    if child.returncode != 0:
-        lines = said.decode(errors="replace").strip().splitlines()
-        reason = lines[-1] if lines else f"gmsh ended with exit code {child.returncode}"
-        raise (SourcesChanged if child.returncode == CHANGED else ComputationFailed)(reason)
-    with np.load(io.BytesIO(made)) as arrays:
-        named = [name.split(" ", 1) for name in arrays]
-        return [{key: arrays[f"{of} {key}"] for of, key in named if of == str(job)} for job in range(len(jobs))]
-
-
-def _answer(child: Popen[bytes], limit: Limit) -> tuple[bytes, bytes]:
-    """Standard output and error of a child. Raises MeshTimeout after the limit, in which no stop of flexfem counts."""
-    watch, allowed = Stopwatch(), limit.left
-    while True:
-        try:
-            return child.communicate(timeout=min(LOOK, max(limit.left, 0.0)))
-        except TimeoutExpired:
-            limit.left -= watch.step()
-            if limit.left <= 0:
-                raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s") from None
 
 
 def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:

@@ -1,18 +1,17 @@
 """The only module that imports gmsh. Run as a process of its own: it can hang or crash without taking flexfem along.
 
-`main` reads a pickled list of `Job` and `Export` from standard input and writes the meshes as .npz to standard output;
-gmsh's own words go to standard error.
+`main` reads pickled lists of `Job` and `Export` from standard input and writes as many lists of meshes to standard
+output; gmsh's own words go to standard error.
 """
 
 from __future__ import annotations
 
 import ctypes
-import io
 import os
 import pickle
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,16 +122,17 @@ def write_msh(export: Export) -> dict[str, AnyArray]:
 
 
 def main() -> None:
-    """Serve a list of jobs."""
-    jobs = pickle.load(sys.stdin.buffer)
+    """Serve one list of jobs after the other until standard input ends, or one fails."""
     made = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no part of the mesh
+    with suppress(EOFError):
+        while True:
+            pickle.dump(_served(pickle.load(sys.stdin.buffer)), made)
+            made.flush()
+
+
+def _served(jobs: list[Job | Export]) -> list[dict[str, AnyArray]]:
     try:
-        results = [write_msh(job) if isinstance(job, Export) else mesh_faces(job) for job in jobs]
+        return [write_msh(job) if isinstance(job, Export) else mesh_faces(job) for job in jobs]
     except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
         sys.exit(f"gmsh: {' '.join(str(error).split())}")
-    buffer = io.BytesIO()
-    arrays = {f"{job} {name}": array for job, result in enumerate(results) for name, array in result.items()}
-    np.savez(buffer, allow_pickle=False, **arrays)
-    with made:
-        made.write(buffer.getvalue())

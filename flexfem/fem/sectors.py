@@ -18,6 +18,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Index
 from flexfem.clock import Limit
 from flexfem.fem.drawing import Cone, Job
+from flexfem.fem.gmsh_process import run_jobs
 from flexfem.fem.mesh import (
     COARSEST,
     RESOLUTION,
@@ -29,7 +30,6 @@ from flexfem.fem.mesh import (
     outwards,
     refuse_size,
     rim_of,
-    run_jobs,
 )
 from flexfem.fem.mesher import mesh_faces
 from flexfem.refused import ComputationFailed

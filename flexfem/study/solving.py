@@ -12,7 +12,7 @@ from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.mesh import MeshTimeout
+from flexfem.fem.gmsh_process import MeshTimeout
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.refused import BadInput, ComputationFailed

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from itertools import pairwise
+from subprocess import Popen
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ from scipy.spatial import KDTree
 
 import flexfem.fem.sectors
 from flexfem.clock import Limit
+from flexfem.fem import gmsh_process
 from flexfem.fem.drawing import Job
+from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import (
     StageMesh,
     check_mesh,
@@ -24,7 +27,6 @@ from flexfem.fem.mesh import (
     jacobians,
     least_scaled_jacobian,
     local_thickness,
-    run_mesher,
 )
 from flexfem.fem.sectors import build_mesh, sector_drawing
 from flexfem.refused import BadInput, ComputationFailed
@@ -257,7 +259,7 @@ def test_eight_triangles_cross_a_neck_unless_told_otherwise(
 
 def test_meshing_stops_at_its_time_limit(alike) -> None:
     with pytest.raises(ComputationFailed, match=r"^gmsh was stopped: .* within 0\.05 s$"):
-        build_mesh(alike.stage, COARSE, time_limit=0.05)
+        build_mesh(alike.stage, 25, time_limit=0.05)
 
 
 class Trap:
@@ -279,6 +281,22 @@ def test_a_child_that_dies_is_one_line() -> None:
     with pytest.raises(ComputationFailed) as failure:
         run_mesher(Job([Trap(os.abort)], [], 1.0, {}), 20.0)
     assert "\n" not in str(failure.value) and str(failure.value)
+
+
+def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch) -> None:
+    started: list[Any] = []
+    monkeypatch.setattr(
+        gmsh_process, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1]
+    )
+    gmsh_process.end_processes()
+    first, second = build_mesh(alike.stage, 2), build_mesh(alike.stage, 3)
+    assert len(started) == 1 and len(second.triangles) > len(first.triangles)
+    with pytest.raises(ComputationFailed):
+        run_mesher(Job([Trap(os.abort)], [], 1.0, {}), 20.0)
+    assert np.array_equal(build_mesh(alike.stage, 2).nodes, first.nodes) and len(started) == 2
+    monkeypatch.setattr(gmsh_process, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
+    build_mesh(alike.stage, 2)
+    assert all(each.poll() is not None for each in started)
 
 
 def test_an_error_of_gmsh_is_one_line(alike) -> None:

@@ -11,7 +11,7 @@ import pytest
 import flexfem.fem.sectors
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.fem.mesh import MeshTimeout
+from flexfem.fem.gmsh_process import MeshTimeout
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
