@@ -24,12 +24,12 @@ import numpy as np
 from random_stages import draw
 
 from flexfem.arrays import Array
-from flexfem.fem import cyclic
+from flexfem.fem import cyclic, sectors
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
-from flexfem.study import solving
+from flexfem.study.answer import solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study
 from flexfem.verify.convergence import grid_convergence
@@ -98,14 +98,14 @@ def study(resolution: int) -> LoadedStudy:
 def watched(stage: Stage, loaded: LoadedStudy) -> tuple[dict[str, float], Array]:
     """Seconds by part and the outputs of one design."""
     clock = Clock()
-    kept = solving.mesh_sectors, cyclic.tied_lower, cyclic.condense
-    solving.mesh_sectors = clock.watching("mesh", kept[0])
+    kept = sectors.mesh_sectors, cyclic.tied_lower, cyclic.condense
+    sectors.mesh_sectors = clock.watching("mesh", kept[0])
     cyclic.tied_lower, cyclic.condense = clock.watching("assembly", kept[1]), clock.watching("condense", kept[2])
     try:
         clock.watching("check", check_feasible)(stage)
-        values = clock.watching("solve", solving.solved_values)(stage, loaded, True)
+        values = clock.watching("solve", solved_values)(stage, loaded, True)
     finally:
-        solving.mesh_sectors, cyclic.tied_lower, cyclic.condense = kept
+        sectors.mesh_sectors, cyclic.tied_lower, cyclic.condense = kept
     s = clock.seconds
     parts = {
         "feasibility": s["check"],

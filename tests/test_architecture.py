@@ -96,7 +96,7 @@ REPORTS = [f"flexfem.plot.{path.stem}" for path in MODULES if path.parent.name =
 
 
 def test_what_is_drawn_was_answered_before():
-    answering = {"flexfem.study.answer", "flexfem.study.solving", "flexfem.study.analytic"}
+    answering = {"flexfem.study.answer", "flexfem.verify.questions"}
     assert [report for report in REPORTS if reached(report) & answering] == []
 
 
@@ -111,7 +111,7 @@ def test_from_a_module_that_may_solve_reports_take_records_and_no_function():
 
 def test_reach_goes_through_other_modules():
     assert "flexfem.fem.response" in reached("flexfem.commands.study")
-    assert "flexfem.study.answer" in reached("flexfem.study.nominal")
+    assert "flexfem.study.answer" in reached("flexfem.study.probes")
 
 
 def test_only_the_mesher_imports_gmsh():

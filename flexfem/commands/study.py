@@ -68,8 +68,8 @@ def run(
     from flexfem.commands.progress import print_status, watching
     from flexfem.files.writing import check_folder
     from flexfem.study.parts import shard_of
+    from flexfem.study.probes import unseen
     from flexfem.study.run import run_study
-    from flexfem.study.warned import unseen
 
     part = shard_of(shard)
     if scheduler is not None and workers is not None:
@@ -194,8 +194,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     from flexfem.study.collect import table_path
     from flexfem.study.collected import read_table
     from flexfem.study.findings import Refused, facts_of, findings
-    from flexfem.study.nominal import nominal
-    from flexfem.study.warned import unseen
+    from flexfem.study.probes import nominal, unseen
 
     parts = _parts(study, output)
     check_folder(parts.folder.parent)

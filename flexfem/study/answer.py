@@ -6,10 +6,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.analytic.links import body_compliance
+from flexfem.analytic.mobility import freedoms_of, stage_freedoms
+from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.arrays import AnyArray, Array
+from flexfem.clock import Limit
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
+from flexfem.stage.keys import keys
+from flexfem.stage.schema import Stage
+from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.rows import Rows
+from flexfem.study.outputs import Rows, values_of
 from flexfem.study.sampling import sample
+from flexfem.verify.questions import Clock, ask_elements, ask_formulas
 
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
 
@@ -24,30 +34,104 @@ def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> 
     """
     if loaded.study.model == "analytic":
         ends = [*range(start, stop, BATCH), stop]
-        batches = [_analytic(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
+        batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
-        batches = [_solved(loaded, values, inside) for values in sample(loaded, start, stop)]
+        batches = [_solved_row(loaded, values, inside) for values in sample(loaded, start, stop)]
     if not batches:
         nothing = np.array([], dtype=object)
         return Rows(nothing, nothing, np.empty((0, len(loaded.outputs))))
     return Rows(*(np.concatenate(parts) for parts in zip(*batches, strict=True)))
 
 
-def _analytic(loaded: LoadedStudy, values: Array) -> Rows:
-    from flexfem.study.analytic import answer_designs
-    from flexfem.study.warned import doubted
+def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
+    """Answer by the analytic model the designs whose factors take `values` (n, columns), file units."""
+    study = loaded.study
+    with np.errstate(all="ignore"):  # an impossible design computes nonsense, and is refused
+        designs = designs_of(loaded, values)
+        hinges = hinge_compliances(designs, study.formula)
+        refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges)]
+        reason = _first([*_off_limits(loaded, values), *refused])
+        reason = np.where(reason == "", refusals_of(loaded, values), reason)
+        freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
+        bodies = _drawn(loaded, values, reason) if study.draws or study.links else None
+        found = ask_formulas(designs, hinges, freedoms, bodies if study.links else None)
+        reason[np.isnan(found.stiffness[:, 0, 0]) & (reason == "")] = "chain: singular configuration at rest"
+        answers = values_of(found, study.rotation)
+    answers[reason != ""] = np.nan
+    return _doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
 
-    reason, answers = answer_designs(loaded, values)
-    status = np.where(reason == "", "ok", "refused").astype(object)
-    return doubted(loaded, values, Rows(status, reason, answers))
+
+def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
+    """Values (outputs,) of a feasible design, for model "fe" and "verify". Raises as `ask_elements`, or the formula."""
+    study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), inside)
+    predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
+    found = ask_elements(stage, study.resolution, clock, predicted, study.bands)
+    return np.asarray(values_of(found, study.rotation)[0])
 
 
-def _solved(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
-    from flexfem.study.derived import refusals_of
-    from flexfem.study.solving import solved_row
-    from flexfem.study.warned import doubted
+def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
+    """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
+    from flexfem.fem.gmsh_process import MeshTimeout
 
-    reason = refusals_of(loaded, values[None])
-    if reason[0]:
-        return Rows(np.array(["refused"], dtype=object), reason, np.full((1, len(loaded.outputs)), np.nan))
-    return doubted(loaded, values[None], solved_row(loaded, values, inside))
+    (reason,) = refusals_of(loaded, values[None])
+    try:
+        if reason:
+            raise BadInput(reason)
+        stage = stage_of(loaded, values)
+        check_feasible(stage)
+        found = solved_values(stage, loaded, inside)
+        return _doubted(loaded, values[None], _row("ok", "", found))
+    except BadInput as refusal:
+        status, reason = "refused", str(refusal)
+    except MeshTimeout as failure:
+        status, reason = "time limit", str(failure)
+    except (ComputationFailed, np.linalg.LinAlgError) as failure:
+        status, reason = "failed", str(failure)
+    return _row(status, reason, np.full(len(loaded.outputs), np.nan))
+
+
+def _row(status: str, reason: str, values: Array) -> Rows:
+    return Rows(np.array([status], dtype=object), np.array([reason], dtype=object), values[None])
+
+
+def _doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
+    """The rows of designs (n, columns), with a reason where an answer is from a formula outside its range."""
+    if loaded.study.model == "fe":
+        return rows
+    with np.errstate(all="ignore"):
+        inside = in_range(designs_of(loaded, values), loaded.study.formula).all(axis=(1, 2))
+    where = (rows.status == "ok") & ~inside
+    text = f"hinge formula {loaded.study.formula} outside its range of t/R"
+    return rows._replace(reason=np.where(where, text, rows.reason).astype(object))
+
+
+def _first(refused: list[Broken]) -> AnyArray:
+    """The first reason (n,) to refuse each design, "" for none."""
+    first = np.zeros(refused[0].where.shape, dtype=np.int64)
+    for place in reversed(range(len(refused))):
+        first[refused[place].where] = place + 1
+    return np.array(["", *(each.reason for each in refused)], dtype=object)[first]
+
+
+def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
+    """Values that no stage file can give."""
+    return [
+        Broken(f"{path}: a number no stage file can give", keys()[path].impossible(values[:, index]))
+        for index, column in enumerate(loaded.columns)
+        for path in column.keys
+    ]
+
+
+def _drawn(loaded: LoadedStudy, values: Array, reason: AnyArray) -> Array:
+    """Draw the designs not refused so far, one by one: reasons go to `reason`, bodies' compliances (n, 9, 9) back."""
+    bodies = np.zeros((len(values), 9, 9))
+    for index in np.flatnonzero(reason == ""):
+        try:
+            stage = stage_of(loaded, values[index])
+            if loaded.study.draws:
+                check_feasible(stage)
+            if loaded.study.links:
+                bodies[index] = body_compliance(stage)
+        except BadInput as refusal:
+            reason[index] = str(refusal)
+    return bodies

@@ -20,8 +20,8 @@ from flexfem.clock import Stopwatch
 from flexfem.files.refusals import one_line
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.pool import Answer, answered, deciding, deciding_sources, outcome_of
-from flexfem.study.rows import Rows
 from flexfem.study.worker import Died, Worker
 
 CONNECT = 10.0  # s, for a scheduler to answer

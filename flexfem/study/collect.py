@@ -20,7 +20,7 @@ from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.collected import FILE
 from flexfem.study.content import read_part
-from flexfem.study.derived import judge
+from flexfem.study.designs import judge
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.parts import PARQUET, Chunk, Parts, listed, sweep
 from flexfem.study.plan import FEASIBLE

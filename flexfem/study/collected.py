@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
-from flexfem.study.derived import Judged, judge
+from flexfem.study.designs import Judged, judge
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.parts import KEY
 from flexfem.study.plan import RESERVED

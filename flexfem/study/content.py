@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import KEY, PARQUET, Chunk, Parts
-from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
 
 COUNTS = b"flexfem.counts"  # of the metadata that count what is in a part

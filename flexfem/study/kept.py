@@ -18,8 +18,8 @@ import numpy as np
 
 from flexfem.refused import BadInput
 from flexfem.study.content import RETRIED, read_part, read_prefix, rows_of
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import Chunk, Parts
-from flexfem.study.rows import Rows
 
 NOTHING = Rows(np.empty(0, object), np.empty(0, object), np.empty((0, 0)))
 

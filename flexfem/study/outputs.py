@@ -1,11 +1,19 @@
-"""The columns a study answers, in their order; units as in files."""
+"""What a study can be asked for: its output columns, in their order and in file units, and a row for each design."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
+from flexfem.files.refusals import one_line
 from flexfem.units import unit_of
+
+if TYPE_CHECKING:
+    from flexfem.verify.questions import Answers
+
+LONGEST = 200  # characters of a reason
 
 STIFFNESSES = ("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad", "kxy_n_per_mm", "kxt_n", "kyt_n")
 COUPLINGS = ("coupling_xy", "coupling_xt", "coupling_yt")
@@ -33,21 +41,37 @@ def outputs_of(drive: bool, verify: bool, bands: bool) -> tuple[str, ...]:
     return (*COMMON, *travel, *errors)
 
 
-def common_columns(stiffness: Array, stress: Array, yield_strength: Array, envelope: Array) -> Array:
-    """Values (n, `COMMON`) of platform stiffnesses (n, 3, 3), stresses (n, 3) in MPa per mm and rad, and sizes (n,)."""
-    entries = stiffness[:, *_ENTRIES]
-    size = np.sqrt(np.abs(entries[:, :3]))
-    coupling = entries[:, 3:] / (size[:, [0, 0, 1]] * size[:, [1, 2, 2]])
-    reach = yield_strength[:, None] / stress
-    per_unit, reach = stress * _factors(STRESSES), reach * _factors(RANGES)
-    return np.concatenate([entries, coupling, per_unit, reach, envelope[:, None]], axis=1)
-
-
-def travel_columns(travel: Array) -> Array:
-    """Values (n, `TRAVELS`) of travels (n, 3), mm and rad."""
-    return travel * _factors(TRAVELS)
+def values_of(answers: Answers, rotation: float | None) -> Array:
+    """Values (n, outputs) of the columns, with the travels where a base hinge may turn by `rotation`, rad."""
+    asked = [answers.stiffness[:, *_ENTRIES], answers.coupling, answers.stress * _factors(STRESSES)]
+    asked += [answers.range_at_yield * _factors(RANGES), answers.envelope[:, None]]
+    if rotation is not None:
+        asked.append(answers.travel(rotation) * _factors(TRAVELS))
+    asked += [each for each in answers.errors or () if each is not None]
+    return np.concatenate(asked, axis=1)
 
 
 def _factors(columns: tuple[str, ...]) -> Array:
     """What turns numbers in N, mm, MPa, rad into those of the columns (k,)."""
     return np.array([unit_of(column).factor for column in columns])
+
+
+class Rows(NamedTuple):
+    """What a model answers for n designs.
+
+    Attributes
+    ----------
+    status : (n,) text: "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
+    reason : (n,) one line why not, or where ok what to know of the answer, mostly "".
+    values : (n, outputs) in the columns' units; nan where not ok.
+    """
+
+    status: AnyArray
+    reason: AnyArray
+    values: Array
+
+
+def failed_row(outputs: int, status: str, reason: str) -> Rows:
+    """The row of one design without an answer."""
+    text = one_line(reason, LONGEST)
+    return Rows(np.array([status], object), np.array([text], object), np.full((1, outputs), np.nan))

@@ -192,6 +192,11 @@ class Study(Sourced):
         return self.sampling.designs or 0
 
     @property
+    def rotation(self) -> float | None:
+        """How far a base hinge may turn, rad; None without a drive."""
+        return None if self.drive is None else self.drive.rotation
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the output columns, in their order."""
         return outputs_of(self.drive is not None, self.model == "verify", self.bands)

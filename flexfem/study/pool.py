@@ -14,7 +14,7 @@ from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import manifest
 from flexfem.study.folder import CURE
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.rows import Rows
+from flexfem.study.outputs import Rows
 from flexfem.study.versions import counts, libraries_of, versions_of
 from flexfem.study.worker import Died, Worker
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from flexfem.refused import BadInput
 from flexfem.study.content import RETRIED, Counts, counts_of_table, read_counts, read_part
 from flexfem.study.parts import PART, WHOLE, Parts, Shard, listed, names_in
+from flexfem.study.probes import unseen
 from flexfem.study.table import counted_doubts
-from flexfem.study.warned import unseen
 
 
 class Survey(NamedTuple):

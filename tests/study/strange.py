@@ -17,9 +17,9 @@ from flexfem.stage.outline import Face, Segment
 from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool
 from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import parts_of, shard_of
 from flexfem.study.pool import LocalPool
-from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
 
 PAUSE = 0.004  # s a design: time to be killed in

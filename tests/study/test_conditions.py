@@ -13,10 +13,10 @@ from flexfem.study.answer import answer
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
 from flexfem.study.content import write_part
-from flexfem.study.derived import judge
+from flexfem.study.designs import judge
 from flexfem.study.expression import names_in, value_of
-from flexfem.study.nominal import nominal
 from flexfem.study.parts import parts_of
+from flexfem.study.probes import nominal
 from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
@@ -87,14 +87,9 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
 def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solved(
     studies, monkeypatch: pytest.MonkeyPatch, head: str
 ) -> None:
-    import flexfem.study.solving
-    from flexfem.study.rows import Rows
-
     limit = '[[constraint]]\nlabel = "t/R"\nvalue = "slenderness / 1.0"\nleast = 0.12\nmost = 0.15\n'
     loaded = studies.of(FEW, NECK, RADIUS, head=head, tail=OUTPUTS + limit)
-    kept = np.zeros((1, len(loaded.outputs)))
-    solved = Rows(np.array(["ok"], dtype=object), np.array([""], dtype=object), kept)
-    monkeypatch.setattr(flexfem.study.solving, "solved_row", lambda *_: solved)
+    monkeypatch.setattr("flexfem.study.answer.solved_values", lambda *_: np.zeros(len(loaded.outputs)))
     rows, neck = answer(loaded, 0, 40), sample(loaded, 0, 40)[:, 0]
     outside = (neck / 3.9 < 0.12) | (neck / 3.9 > 0.15)
     assert 5 < outside.sum() < 35

@@ -13,8 +13,8 @@ import pytest
 
 from flexfem.study.collect import collect
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import Parts, Shard, parts_of
-from flexfem.study.rows import Rows
 from flexfem.study.run import run_study
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import flexfem.study.findings
-from flexfem.study.derived import judge
+from flexfem.study.designs import judge
 from flexfem.study.findings import Best, Marks, Refused, Shares, facts_of, findings, power_of
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.nominal import own_values
+from flexfem.study.probes import own_values
 from flexfem.study.reductions import cells_of
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Percentile

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flexfem.study.kept import forget_rows, journal_path, keep_row, kept_rows
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import parts_of
-from flexfem.study.rows import Rows
 
 
 def test_rows_come_back_exactly_and_torn_or_changed_lines_do_not(studies: Any, tmp_path: Path) -> None:

@@ -17,13 +17,13 @@ from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Override, Stage
-from flexfem.study.answer import answer
+from flexfem.study.answer import answer, solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
-from flexfem.study.solving import mesh_band, solved_values
 from flexfem.verify.comparison import compare
 from flexfem.verify.convergence import grid_convergence
 from flexfem.verify.protocol import solve_stage
+from flexfem.verify.questions import mesh_band
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
 STRESS = 1e-2  # averaged nodal stress at a notch on two coarse meshes
@@ -117,7 +117,7 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
             raise ComputationFailed("folded")
         return mesh_sectors(of, resolution, *others)
 
-    monkeypatch.setattr("flexfem.study.solving.mesh_sectors", folding)
+    monkeypatch.setattr("flexfem.fem.sectors.mesh_sectors", folding)
     without = columns(loaded, stage)
     assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points

@@ -13,8 +13,8 @@ from flexfem.study.collect import check_target, collect, table_path
 from flexfem.study.collected import read_table
 from flexfem.study.content import table_of, write_part
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import PARQUET, Parts, parts_of
-from flexfem.study.rows import Rows
 from flexfem.study.sampling import sample
 
 COUNT = 500

@@ -1,4 +1,4 @@
-"""What to know of the answers of a study: formulas out of their range, factors that nothing depends on."""
+"""What the model says beside a study's designs: of the base stage itself, and of factors that change nothing."""
 
 from __future__ import annotations
 
@@ -8,39 +8,60 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
+from flexfem.stage.keys import keys
+from flexfem.study.designs import judge
 from flexfem.study.expression import names_in
+from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import COUPLINGS, CROSS
 from flexfem.study.sampling import at_quantile, sample
+from flexfem.study.tables import Sampling
 
 if TYPE_CHECKING:
-    from flexfem.study.rows import Rows
+    pass
 
+FIXED = "thickness_mm"  # every stage gives it; the one factor of a study that varies nothing
 BASES, MOVED = (0.37, 0.61), (0.11, 0.89)  # quantiles of all factors, and of one that is moved
 LOOKED_AT = 1000  # rows of a table of designs
 ROUND_OFF = 1e-10  # of the size of an output
 
 
-def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
-    """The rows of designs (n, columns), with a reason where an answer is from a formula outside its range."""
-    where = (rows.status == "ok") & outside(loaded, values)
-    if not where.any():
-        return rows
-    text = f"hinge formula {loaded.study.formula} outside its range of t/R"
-    return rows._replace(reason=np.where(where, text, rows.reason).astype(object))
+def nominal(loaded: LoadedStudy) -> dict[str, float]:
+    """Outputs of the base stage by column, and the factors it has one value of; no outputs when it has no answer."""
+    from flexfem.study.answer import answer
+
+    factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(loaded.stage)]}),)
+    changes = {"factor": factors, "sampling": Sampling(method="grid"), "bands": False}
+    changes |= {"correlation": (), "constraint": ()}
+    study = loaded.study.model_copy(update=changes)
+    alone = replace(loaded, study=study, columns=columns_of(factors), given=None)
+    rows = answer(alone, 0, 1)
+    found = own_values(loaded)
+    if rows.status[0] == "ok":
+        found |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
+        found |= _derived(alone, found)
+    return found
 
 
-def outside(loaded: LoadedStudy, values: Array) -> AnyArray:
-    """Which designs (n,) have a hinge for which the study's formula is not meant."""
-    if loaded.study.model == "fe":
-        return np.zeros(len(values), dtype=bool)
-    from flexfem.analytic.model import in_range
-    from flexfem.study.designs import designs_of
+def _derived(alone: LoadedStudy, found: dict[str, float]) -> dict[str, float]:
+    """Derived outputs of the base stage, those that are finite."""
+    columns = {name: np.array([value]) for name, value in found.items()} | {
+        FIXED: np.array([keys()[FIXED].value_in(alone.stage)])
+    }
+    every = judge(alone, columns, np.array([True])).derived
+    return {name: float(value[0]) for name, value in every.items() if np.isfinite(value[0])}
 
-    with np.errstate(all="ignore"):
-        inside = in_range(designs_of(loaded, values), loaded.study.formula)
-    return np.asarray(~inside.all(axis=(1, 2)))
+
+def own_values(loaded: LoadedStudy) -> dict[str, float]:
+    """The base stage's values of the factors, in file units, by column; none where its keys differ."""
+    found = {}
+    for column in loaded.columns:
+        values = {keys()[path].value_in(loaded.stage) for path in column.keys}
+        value = values.pop()
+        if not values and value is not None:
+            found[column.name] = value
+    return found
 
 
 def unseen(loaded: LoadedStudy) -> list[str]:
@@ -78,7 +99,7 @@ def _all_names(loaded: LoadedStudy, expressions: Iterable[str]) -> set[str]:
 
 def _changes(loaded: LoadedStudy) -> dict[str, set[str] | None]:
     """Outputs that each factor changes, by column; None where it takes one value, or no pair of designs has answers."""
-    from flexfem.study.analytic import answer_designs
+    from flexfem.study.answer import answer_designs
 
     rows, pairs = _probes(loaded)
     free = loaded.study.model_copy(update={"check": "closed_form", "constraint": ()})
