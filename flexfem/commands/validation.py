@@ -46,12 +46,12 @@ def benchmark(
     if output is not None:
         from flexfem.plot.accuracy import elastica_figure, taylor_figure
         from flexfem.plot.write import write_beside
-        from flexfem.validate import elastica, taylor
+        from flexfem.validate import bending
 
         write_benchmarks(table, output)
         if "elastica" in table.seconds:
-            write_beside(output / "elastica.png", elastica_figure(elastica.bending()))
+            write_beside(output / "elastica.png", elastica_figure(bending.cantilever_bent()))
         if "tangent" in table.seconds:
-            write_beside(output / "tangent.png", taylor_figure(taylor.remainders()))
+            write_beside(output / "tangent.png", taylor_figure(bending.remainders()))
     console.show(answers.of_benchmarks(table), json, tables.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)

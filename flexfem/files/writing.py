@@ -1,20 +1,71 @@
-"""Files appear whole or not at all, and damaged ones are refused."""
+"""What is written: TOML that reads back bit for bit, tables in Markdown, and files that appear whole or not at all."""
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import secrets
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.refused import BadInput
+
+
+def toml_text(content: Mapping[str, Any]) -> str:
+    """The text of nested tables: numbers, texts, truths, arrays of them, tables, and arrays of tables."""
+    return "\n".join(_lines(content, "")).strip() + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
+    tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    arrays = {key: value for key, value in table.items() if _is_array_of_tables(value)}
+    for key, value in table.items():
+        if key not in tables and key not in arrays:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in tables.items():
+        if not all(isinstance(inner, Mapping) for inner in value.values()) or not value:
+            yield f"\n[{path}{_key(key)}]"
+        yield from _lines(value, f"{path}{_key(key)}.")
+    for key, values in arrays.items():
+        for value in values:
+            yield f"\n[[{path}{_key(key)}]]"
+            yield from _lines(value, f"{path}{_key(key)}.")
+
+
+def _is_array_of_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(item, Mapping) for item in value)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, bool | str):
+        return json.dumps(value, ensure_ascii=False)
+    return repr(value)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
+    """A table in Markdown, without a line end after it.
+
+    Parameters
+    ----------
+    align : a letter a column, l or r for numbers, flush right; columns beyond it are l.
+    """
+    rule = ["---:" if side == "r" else "---" for side in align.ljust(len(head), "l")]
+    lines = [head, rule, *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+    return "\n".join("|" + "".join(f" {cell} |" if cell else " |" for cell in line) for line in lines)
 
 
 def check_folder(folder: Path, written: bool = True) -> None:

@@ -15,8 +15,7 @@ from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, NAMES, curve_style
 from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
 from flexfem.plot.text import scientific
-from flexfem.validate.elastica import Elastica
-from flexfem.validate.taylor import SMALL, Remainders
+from flexfem.validate.bending import SMALL, Elastica, Remainders
 from flexfem.verify.budget import Budget
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.converge import MeshStudy

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexfem.files.markdown import markdown_table
+from flexfem.files.writing import markdown_table
 from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Model, Result

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from flexfem.arrays import Array
-from flexfem.files.dump import toml_text
 from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import toml_text, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.cache import KEPT, once
 from flexfem.stage.changes import merged_changes

@@ -1,6 +1,8 @@
-"""Straight beams: MacNeal and Harder's cantilever on regular and distorted meshes, and Timoshenko's exact one."""
+"""Straight and curved beams: MacNeal and Harder's, Timoshenko's exact cantilever, Golovin's exact quarter ring."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from flexfem.fem.grids import mapped, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve, traction_of, uniform
-from flexfem.validate.finding import Finding, finding, order
+from flexfem.validate.records import Finding, finding, order
 
 MACNEAL_HARDER = "R. H. MacNeal, R. L. Harder, Finite Elem. Anal. Des. 1, 3-20 (1985), straight beam; beam theory"
 TIMOSHENKO = (
@@ -109,3 +111,101 @@ def timoshenko() -> list[Finding]:
         ("deflection of the loaded end", target, ours, 5e-7 * target),
     ]
     return [finding("Timoshenko's cantilever", TIMOSHENKO, *row, unknowns=solution.unknowns) for row in rows_found]
+
+
+CURVED_BEAM = "MacNeal-Harder curved beam"
+GOLOVIN = (
+    "H. Golovin (1881); S. P. Timoshenko, J. N. Goodier, Theory of Elasticity (1970) art. 33: end displacement"
+    " pi P (a^2 + b^2) / (E b_z ((a^2 + b^2) ln(b/a) + a^2 - b^2)) of the beam of MacNeal and Harder (1985)"
+)
+CURVED, CURVED_INNER, CURVED_OUTER = Plate(1e7, 0.25, 0.1), 4.12, 4.32
+CURVED_CELLS = (48, 6)  # along, across; the coarse mesh has 6 by 1, as the source
+
+
+class Ring(NamedTuple):
+    """Coefficients of T. and G.'s stress function `(A r^3 + B/r + D r ln r) sin(theta)` for a unit force."""
+
+    A: float
+    B: float
+    D: float
+
+
+def ring() -> Ring:
+    """Of the force per thickness 1/b that moves the end theta = 0 outwards."""
+    a2, b2 = CURVED_INNER**2, CURVED_OUTER**2
+    N = a2 - b2 + (a2 + b2) * np.log(CURVED_OUTER / CURVED_INNER)
+    P = -1.0 / CURVED.thickness
+    return Ring(P / (2 * N), -P * a2 * b2 / (2 * N), -P * (a2 + b2) / N)
+
+
+def end_displacement() -> float:
+    """Radial displacement of the loaded end, the same over the whole section: pi D / E."""
+    return float(np.pi * ring().D / CURVED.youngs_modulus)
+
+
+def ring_displacement(points: Array) -> Array:
+    """(..., 2); the section theta = pi/2 neither turns nor moves along the ring and is held in its middle."""
+    (A, B, D), (e, nu, _) = ring(), CURVED
+    r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
+    c, s = np.cos(angle), np.sin(angle)
+
+    def profile(r: Array | float) -> Array:
+        return np.asarray((D * (1 - nu) * np.log(r) + A * (1 - 3 * nu) * r**2 + B * (1 + nu) / r**2) / e)
+
+    K, L = -float(profile((CURVED_INNER + CURVED_OUTER) / 2)), np.pi * D / e
+    radial = -2 * D / e * angle * c + s * profile(r) + K * s + L * c
+    inner = (A * (5 + nu) * r**2 + B * (1 + nu) / r**2 - D * (1 - nu) * np.log(r)) / e
+    around = 2 * D / e * angle * s - c * inner + D * (1 + nu) / e * c + K * c - L * s
+    return np.stack([radial * c - around * s, radial * s + around * c], axis=-1)
+
+
+def ring_stress(points: Array) -> Array:
+    """(..., 2, 2)."""
+    A, B, D = ring()
+    r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
+    c, s = np.cos(angle), np.sin(angle)
+    rr, tt = 2 * A * r - 2 * B / r**3 + D / r, 6 * A * r + 2 * B / r**3 + D / r
+    polar = np.stack([np.stack([rr * s, -rr * c], axis=-1), np.stack([-rr * c, tt * s], axis=-1)], axis=-2)
+    turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    return np.asarray(turn @ polar @ np.swapaxes(turn, -1, -2))
+
+
+def quarter_ring(along: int, across: int) -> StageMesh:
+    """`bottom` is the loaded end on the x axis, `top` the held one on the y axis."""
+
+    def place(u: Array, v: Array) -> Array:
+        r, angle = CURVED_INNER + (CURVED_OUTER - CURVED_INNER) * u, v * np.pi / 2
+        return np.stack([r * np.cos(angle), r * np.sin(angle)], axis=-1)
+
+    return mapped(across, along, place)
+
+
+def clamped_end(mesh: StageMesh) -> float:
+    """Mean radial displacement of the end under a unit force spread evenly over it, the other end clamped."""
+    pull = uniform(1.0 / ((CURVED_OUTER - CURVED_INNER) * CURVED.thickness), 0.0)
+    force = edge_force(mesh, CURVED, mesh.edges["bottom"], pull)
+    return float(np.sum(force * solve(mesh, CURVED, force, clamp(nodes_on(mesh, "top"))).field))
+
+
+def curved_beam() -> list[Finding]:
+    """The exact field under its own tractions, and the benchmark as it is set: clamped, with an even load."""
+    mesh, target = quarter_ring(*CURVED_CELLS), end_displacement()
+    force = edge_force(mesh, CURVED, mesh.edges["bottom"], traction_of(ring_stress))
+    held = nodes_on(mesh, "top")
+    solution = solve(mesh, CURVED, force, clamp(held, ring_displacement(mesh.nodes[held])))
+    error = errors(mesh, CURVED, solution.field, ring_displacement, None, ring_stress)
+    end = nodes_on(mesh, "bottom")
+    ours = float(solution.field[end, 0].mean())
+    clamped, coarse = clamped_end(mesh), clamped_end(quarter_ring(6, 1))
+    note = (
+        f"the printed 0.08734 is a beam value, {100 * (0.08734 / target - 1):.1f} % from plane stress;"
+        f" 6 x 1 cells: {coarse / target:.3f} of the target"
+    )
+    rows = [
+        ("end displacement, exact tractions", ours, 2e-4, f"stress in L2 within {100 * error.stress:.2g} %"),
+        ("end displacement, clamped, even load", clamped, 5e-3, note),
+    ]
+    return [
+        finding(CURVED_BEAM, GOLOVIN, quantity, target, value, share * target, unknowns=solution.unknowns, note=remark)
+        for quantity, value, share, remark in rows
+    ]

@@ -40,7 +40,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, stress_tensor
 from flexfem.fem.response import platform_response
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.validate.answer import Answer
+from flexfem.validate.records import Answer
 
 INTEGRATION = 2  # degree of the quadrature that has CalculiX's points
 THICKNESSES = (10.0, 1.0, 0.1, 0.01)  # mm

@@ -16,7 +16,7 @@ from flexfem.fem.sectors import build_mesh
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.validate import calculix, ngsolve
-from flexfem.validate.answer import Answer
+from flexfem.validate.records import Answer
 
 FULL = 8  # degree of our quadrature; measured with two triangles across a neck: 4 leaves 7e-7 of the pose, 8 2e-12
 NGSOLVE = 1e-8  # measured with two triangles across a neck: pose 1e-12, displacement 6e-12, stress 2e-10

@@ -1,19 +1,31 @@
-"""A hole in a plate under tension: Kirsch's exact field on a square cut out of it, and Howland's batches."""
+"""Holes in plates under tension, and a circular hinge whose neck grows thin.
+
+Kirsch's exact field on a square cut out of the infinite plate; Howland's strips; the hinge against (2) and (3).
+
+What is to be expected of the hinge. A slender body of half thickness c(x) bent by a moment M has, next to the beam's
+Airy function `M/4 (y^3/c^3 - 3 y/c)`, a complementary energy that exceeds the beam's by the energy of the shear stress
+that the taper makes, without Poisson's ratio: relatively `2 int int tau^2 / int int sigma^2 = 6/5 <c'^2>`, weighted by
+1/c^3. At the neck `c = t/2 + x^2/(2 R)`, so `<c'^2> = t/(3 R)` and the rotation is above (2) by 2/5 t/R, to first
+order. Axially the deep ends of the notch, where it is no beam, add a length that does not depend on t to one that grows
+with sqrt(R/t): the relative difference vanishes with the root of t/R.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.fem.grids import mapped, meshed, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import Support, edge_force, errors, nearest_node, nodes_on, pressure, solve, traction_of
+from flexfem.fem.response import platform_response
 from flexfem.stage.outline import Face, Segment
-from flexfem.validate.finding import Finding, finding, order
+from flexfem.validate.records import Finding, finding, order
 
 KIRSCH = "E. G. Kirsch, Z. Ver. Dtsch. Ing. 42, 797-807 (1898); Timoshenko and Goodier, Theory of Elasticity, art. 35"
-HOWLAND = "R. C. J. Howland, Phil. Trans. R. Soc. A 229, 49-86 (1930), long batch, gross stress"
+HOWLAND = "R. C. J. Howland, Phil. Trans. R. Soc. A 229, 49-86 (1930), long strip, gross stress"
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 TENSION = 7.3  # MPa, along x
 HOLE, SQUARE = 1.0, 3.0  # mm, radius and half the side of the square cut out of the infinite plate
@@ -21,7 +33,7 @@ CELLS = (28, 40, 56, 80)  # across and around the quarter: on coarser ones L2 st
 ORDER_ALLOWED = 0.1
 HOWLAND_TABLE = {0.1: 3.03, 0.2: 3.14, 0.3: 3.36, 0.5: 4.32}  # hole diameter over width: largest over gross stress
 ROUNDED = 0.005  # half the last digit of the table
-LENGTH = 2.0  # half length of a batch over its width: the hole is forgotten there
+STRIP_LENGTH = 2.0  # half length of a strip over its width: the hole is forgotten there
 AROUND = 240.0  # triangles per full turn of the hole
 
 
@@ -76,21 +88,20 @@ def kirsch() -> list[Finding]:
         ("order of stress in L2", 2.0, order(sizes, [e.stress for e in found]), ORDER_ALLOWED),
         ("stress at the hole over tension", 3.0, factors[-1], 4e-4),
     ]
-    note = "mesh by mesh: " + ", ".join(f"{factor:.5f}" for factor in factors)
-    notes = ("", "", note)
+    notes = ("", "", "mesh by mesh: " + ", ".join(f"{factor:.5f}" for factor in factors))
     return [
         finding("Kirsch's hole", KIRSCH, *row, unknowns=solution.unknowns, note=note)
         for row, note in zip(rows, notes, strict=True)
     ]
 
 
-def strip(ratio: float) -> StageMesh:
-    """A quarter of a batch one wide with a hole of diameter `ratio`, fine at the hole."""
+def quarter_strip(ratio: float) -> StageMesh:
+    """A quarter of a strip one wide with a hole of diameter `ratio`, fine at the hole."""
     radius = ratio / 2
-    corner = complex(LENGTH, 0.5)
+    corner = complex(STRIP_LENGTH, 0.5)
     loop = [
-        Segment(complex(radius), complex(LENGTH)),
-        Segment(complex(LENGTH), corner),
+        Segment(complex(radius), complex(STRIP_LENGTH)),
+        Segment(complex(STRIP_LENGTH), corner),
         Segment(corner, 0.5j),
         Segment(0.5j, 1j * radius),
         Segment(1j * radius, complex(radius), 0j),
@@ -101,10 +112,10 @@ def strip(ratio: float) -> StageMesh:
 
 
 def howland() -> list[Finding]:
-    """Largest stress at the hole over the stress of the full section, of four batches."""
+    """Largest stress at the hole over the stress of the full section, of four strips."""
     rows = []
     for ratio, target in HOWLAND_TABLE.items():
-        mesh = strip(ratio)
+        mesh = quarter_strip(ratio)
         force = edge_force(mesh, PLATE, mesh.edges["end"], pressure(TENSION))
         axes = [Support(nodes_on(mesh, "middle"), 0), Support(nodes_on(mesh, "bottom"), 1)]
         solution = solve(mesh, PLATE, force, axes)
@@ -112,7 +123,7 @@ def howland() -> list[Finding]:
         factor = float(nodal_stress(mesh, PLATE, solution.field)[at, 0]) / TENSION
         rows.append(
             finding(
-                "Howland's batches",
+                "Howland's strips",
                 HOWLAND,
                 f"gross stress concentration, d/W = {ratio:g}",
                 target,
@@ -124,3 +135,94 @@ def howland() -> list[Finding]:
             )
         )
     return rows
+
+
+NOTCH = "circular notch"
+PAROS_WEISBORD = "J. M. Paros, L. Weisbord, Machine Design 37, 151-156 (1965), (2) and (3) of the paper, t/R to 0"
+SLENDER = "slender-body expansion of the plane-stress Airy function, derived in flexfem/validate/holes.py"
+RADIUS = 1.0  # mm
+RATIOS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125, 0.00625)  # t/R
+ACROSS = 10  # triangles across the neck
+SLOPE = 1.4  # growth of the triangles with the thickness, as in the stage's own mesh
+BLUNT = np.deg2rad(85.0)  # the arc ends here: at 90 degrees it would meet the rigid body in a cusp without area
+
+
+def notch_outline(neck: float) -> Face:
+    """The notch about the origin, `ground` on its left and `hub` on its right, mm."""
+    centre, bottom = 1j * (neck / 2 + RADIUS), 1j * neck / 2
+    edge = centre + RADIUS * complex(np.sin(BLUNT), -np.cos(BLUNT))
+    corner = complex(RADIUS, edge.imag)
+    upper = [
+        Segment(corner.conjugate(), corner),
+        Segment(corner, edge),
+        Segment(edge, bottom, centre),
+        Segment(bottom, -edge.conjugate(), centre),
+        Segment(-edge.conjugate(), -corner.conjugate()),
+    ]
+    loop = upper + [Segment(-s.start, -s.end, None if s.centre is None else -s.centre) for s in upper]
+    return Face(loop, ["hub", *["free"] * 4, "ground", *["free"] * 4])
+
+
+def notch_mesh(neck: float, across: float = ACROSS) -> StageMesh:
+    """Mesh `notch_outline` with so many triangles across the neck."""
+    bend = SLOPE * RADIUS / 2
+    follow = f"({neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt(x^2+y^2+{bend**2!r}))/{float(across)!r}"
+    gap = float(RADIUS * (1 - np.sin(BLUNT)))
+    high = float(neck / 2 + RADIUS * (1 - np.cos(BLUNT)))
+    corners = f"{gap!r}+0.4*Sqrt((Sqrt(x^2)-{RADIUS!r})^2+(Sqrt(y^2)-{high!r})^2)"
+    return meshed(notch_outline(neck), [follow, corners], 3.0 * across)
+
+
+def differences(ratio: float) -> tuple[Array, int]:
+    """Relative differences (rotation, axial) of the finite elements from (2) and (3), and the unknowns."""
+    response = platform_response(notch_mesh(ratio * RADIUS), PLATE)
+    beam = FORMULAS["paros-weisbord"].compliance(
+        RADIUS, ratio * RADIUS, PLATE.thickness, PLATE.youngs_modulus, PLATE.poissons_ratio
+    )
+    ours = np.array([response.compliance[2, 2], response.compliance[0, 0]])
+    return ours / np.array([beam.rotation, beam.axial]) - 1, response.unknowns
+
+
+def limit_at_zero(steps: Array, values: Array) -> float:
+    """Value at step zero of the polynomial through the last four values (k,)."""
+    return float(np.polyfit(steps[-4:], values[-4:], 3)[-1])
+
+
+def notch() -> list[Finding]:
+    """Limits of the two ratios, the rates at which they are reached, and the first coefficient of the rotation."""
+    made = [differences(ratio) for ratio in RATIOS]
+    found, tau = np.array([difference for difference, _ in made]), np.array(RATIOS)
+    root = np.sqrt(tau)
+    with np.errstate(invalid="ignore"):  # a difference that changes sign has no rate, and nan does not pass
+        rates = np.log2(found[:-1] / found[1:])  # t/R is halved from one to the next
+    listed = [", ".join(f"{100 * value:.2f}" for value in column) for column in found.T]
+    notes = [f"differences (%): {values} at t/R = {', '.join(f'{r:g}' for r in RATIOS)}" for values in listed]
+    rows = [
+        (PAROS_WEISBORD, "rotation over (2), limit", 1.0, 1 + limit_at_zero(tau, found[:, 0]), 2e-5, notes[0]),
+        (PAROS_WEISBORD, "axial over (3), limit", 1.0, 1 + limit_at_zero(root, found[:, 1]), 5e-4, notes[1]),
+        (
+            SLENDER,
+            "rate of the rotation in t/R, limit",
+            1.0,
+            limit_at_zero(tau[1:], rates[:, 0]),
+            0.01,
+            _listed(rates[:, 0]),
+        ),
+        (
+            SLENDER,
+            "rate of the axial in t/R, limit",
+            0.5,
+            limit_at_zero(root[1:], rates[:, 1]),
+            0.01,
+            _listed(rates[:, 1]),
+        ),
+        (SLENDER, "rotation's difference over t/R, limit", 0.4, limit_at_zero(tau, found[:, 0] / tau), 0.001, ""),
+    ]
+    return [
+        finding(NOTCH, source, quantity, target, ours, allowed, unknowns=made[-1][1], note=note)
+        for source, quantity, target, ours, allowed, note in rows
+    ]
+
+
+def _listed(rates: Array) -> str:
+    return "from pair to pair: " + ", ".join(f"{rate:.2f}" for rate in rates)

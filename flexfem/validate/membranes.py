@@ -19,7 +19,7 @@ from flexfem.fem.problem import (
     solve,
     uniform,
 )
-from flexfem.validate.finding import Finding, extrapolated, finding
+from flexfem.validate.records import Finding, extrapolated, finding
 
 NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB rev. 3 (1990), test LE1"
 COOK = (

@@ -19,7 +19,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.validate.answer import Answer
+from flexfem.validate.records import Answer
 
 MORE_ORDERS = 4  # of integration; measured with two triangles across a neck: 2 leave 6e-11 of the pose, 4 leave 3e-13
 NODES = ((1, 0), (0, 1), (0, 0), (0.5, 0.5), (0, 0.5), (0.5, 0))  # our six, in its triangle

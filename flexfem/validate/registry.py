@@ -8,30 +8,29 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flexfem.files.markdown import markdown_table
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.validate import beams, curved, elastica, holes, invariants, manufactured, membranes, notches, taylor
-from flexfem.validate.finding import Finding
+from flexfem.validate import beams, bending, exact, holes, membranes
+from flexfem.validate.records import Finding
 
 FILE = "benchmarks.md"
 BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
     {
-        "manufactured-solution": manufactured.run,
-        "patch-test": invariants.patch,
-        "rigid-body-motions": invariants.rigid_motions,
-        "reciprocity": invariants.reciprocity,
-        "balances": invariants.balances,
+        "manufactured-solution": exact.manufactured,
+        "patch-test": exact.patch,
+        "rigid-body-motions": exact.rigid_motions,
+        "reciprocity": exact.reciprocity,
+        "balances": exact.balances,
         "kirsch-hole": holes.kirsch,
-        "howland-batches": holes.howland,
+        "howland-strips": holes.howland,
         "nafems-le1": membranes.nafems_le1,
         "cook-membrane": membranes.cook,
         "macneal-harder-straight-beam": beams.macneal_harder,
-        "macneal-harder-curved-beam": curved.run,
+        "macneal-harder-curved-beam": beams.curved_beam,
         "timoshenko-cantilever": beams.timoshenko,
-        "circular-notch": notches.run,
-        "elastica": elastica.run,
-        "tangent": taylor.run,
+        "circular-notch": holes.notch,
+        "elastica": bending.elastica,
+        "tangent": bending.tangent_order,
     }
 )
 

@@ -24,7 +24,7 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import uneven_sectors, welded
-from flexfem.files.markdown import markdown_table
+from flexfem.files.writing import markdown_table
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE

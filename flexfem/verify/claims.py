@@ -10,10 +10,10 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem.files.markdown import markdown_table
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Table, validate
+from flexfem.files.writing import markdown_table
 from flexfem.stage.schema import Label, Stage, load_feasible
 from flexfem.verify import warning
 from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives

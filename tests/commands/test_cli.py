@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexfem.validate import registry
-from flexfem.validate.finding import Finding
+from flexfem.validate.records import Finding
 from flexfem.verify import protocol
 
 ROOT = Path(__file__).parents[2]

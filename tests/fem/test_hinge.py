@@ -12,7 +12,7 @@ from flexfem.fem.grids import meshed
 from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_mesh, richardson, sample
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.stage.outline import Face, Segment, area
-from flexfem.validate.notches import differences
+from flexfem.validate.holes import differences
 from flexfem.verify.convergence import grid_convergence
 
 COARSE = (2, 3, 4)  # levels of the quick tests
@@ -65,7 +65,7 @@ def test_poissons_ratio_acts_on_shear_alone_and_there_as_in_a_beam_of_the_blocks
 
 
 def test_rotation_of_a_slender_neck_follows_the_slender_body_expansion() -> None:
-    """Above (2) by 2/5 t/R (derived in validate/notches.py): 0.800 % at t/R = 0.02, 0.8 % in the project's notes."""
+    """Above (2) by 2/5 t/R (derived in validate/holes.py): 0.800 % at t/R = 0.02, 0.8 % in the project's notes."""
     beta = 0.01
     q = 2 * beta + beta**2
     bend = 6 * (1 + beta) / q**1.5 * np.arctan(np.sqrt((2 + beta) / beta))

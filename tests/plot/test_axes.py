@@ -16,8 +16,7 @@ from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.study.statistics import Indices, Percentile
-from flexfem.validate.elastica import Elastica
-from flexfem.validate.taylor import Remainders
+from flexfem.validate.bending import Elastica, Remainders
 from flexfem.verify.hinges import hinge_review, thickness_review
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.plot.accuracy import elastica_figure, taylor_figure
-from flexfem.validate.elastica import Elastica
-from flexfem.validate.taylor import Remainders
+from flexfem.validate.bending import Elastica, Remainders
 
 LOADS = np.array([1.0, 3.0, 5.0, 10.0])
 FINE = np.linspace(0.1, 10.0, 30)

@@ -10,7 +10,7 @@ import pytest
 from flexfem.commands import tables
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
-from flexfem.validate.finding import Finding
+from flexfem.validate.records import Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.claims import Verdict, markdown_claims

@@ -9,8 +9,8 @@ import pytest
 from flexfem.fem.grids import on_chords
 from flexfem.fem.plane_stress import nodal_stress
 from flexfem.fem.problem import nearest_node
-from flexfem.validate import curved, elastica, holes, manufactured, membranes, taylor
-from flexfem.validate.finding import Finding
+from flexfem.validate import beams, bending, exact, holes, membranes
+from flexfem.validate.records import Finding
 from flexfem.validate.registry import BENCHMARKS
 
 
@@ -51,8 +51,8 @@ def test_roache_manufactured_solution_has_orders_three_and_two() -> None:
 
 def test_roache_manufactured_solution_sees_straight_geometry() -> None:
     """Middle nodes on chords cost the displacement a whole order: the arcs are part of what is verified."""
-    mesh = manufactured.plate_mesh(0.1)
-    assert manufactured.field_errors(on_chords(mesh)).displacement > 3 * manufactured.field_errors(mesh).displacement
+    mesh = exact.plate_mesh(0.1)
+    assert exact.field_errors(on_chords(mesh)).displacement > 3 * exact.field_errors(mesh).displacement
 
 
 def test_irons_patch_test() -> None:
@@ -76,7 +76,7 @@ def test_kirsch_1898_hole_in_an_infinite_plate() -> None:
 
 
 def test_howland_1930_table() -> None:
-    targets = {found.quantity.split()[-1]: found.target for found in passing("howland-batches").values()}
+    targets = {found.quantity.split()[-1]: found.target for found in passing("howland-strips").values()}
     assert targets == {"0.1": 3.03, "0.2": 3.14, "0.3": 3.36, "0.5": 4.32}
 
 
@@ -111,8 +111,8 @@ def test_macneal_harder_1985_straight_beam() -> None:
 def test_macneal_harder_1985_curved_beam_is_not_the_printed_beam_value() -> None:
     """0.08734 is printed; plane stress gives 0.0885, as Golovin's exact field says without any mesh."""
     passing("macneal-harder-curved-beam")
-    assert curved.end_displacement() == pytest.approx(0.0885, abs=1e-4)
-    assert abs(curved.clamped_end(curved.quarter_ring(*curved.CELLS)) / 0.08734 - 1) > 0.01
+    assert beams.end_displacement() == pytest.approx(0.0885, abs=1e-4)
+    assert abs(beams.clamped_end(beams.quarter_ring(*beams.CURVED_CELLS)) / 0.08734 - 1) > 0.01
 
 
 def test_timoshenko_goodier_cantilever() -> None:
@@ -128,13 +128,13 @@ def test_paros_weisbord_1965_notch_as_the_neck_grows_thin() -> None:
 def test_bisshopp_drucker_1945_elastica() -> None:
     """The elliptic integrals are those of the published table, to its five digits."""
     assert len(passing("elastica")) == 6
-    for load, printed in elastica.PRINTED.items():
-        assert elastica.tip(load) == pytest.approx(printed, abs=6e-6)
-    assert elastica.bending().across[-1] > 0.8  # and the displacements are large
+    for load, printed in bending.PRINTED.items():
+        assert bending.tip(load) == pytest.approx(printed, abs=6e-6)
+    assert bending.cantilever_bent().across[-1] > 0.8  # and the displacements are large
 
 
 def test_taylor_remainder_of_the_tangent_stiffness_is_of_second_order() -> None:
     passing("tangent")
-    found = taylor.remainders()
-    assert found.slope(found.material, taylor.SMALL) == pytest.approx(1.0, abs=0.01)  # the geometric part is needed
+    found = bending.remainders()
+    assert found.slope(found.material, bending.SMALL) == pytest.approx(1.0, abs=0.01)  # the geometric part is needed
     assert found.ours.min() < 1e-13  # down to round-off

@@ -12,8 +12,8 @@ from flexfem.fem.response import platform_response
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.validate import ngsolve
-from flexfem.validate.answer import Answer
 from flexfem.validate.compare import FULL, NGSOLVE, Check, cross_check, field_difference, pose_difference
+from flexfem.validate.records import Answer
 
 RESOLUTION = 2
 ROUND_OFF = 1e-11  # where both integrate finely; measured 4e-13 in displacement

@@ -28,11 +28,12 @@ from flexfem.fem.problem import (
     uniform,
 )
 from flexfem.refused import BadInput
-from flexfem.validate import beams, curved, holes, invariants, manufactured
-from flexfem.validate.finding import extrapolated, finding, order
+from flexfem.validate import beams, holes
+from flexfem.validate import exact as known
+from flexfem.validate.records import extrapolated, finding, order
 from flexfem.validate.registry import BenchmarkTable, markdown_page, run_benchmarks, write_benchmarks
 
-PLATE = manufactured.PLATE
+PLATE = known.PLATE
 STEP = 1e-5  # mm, of central differences
 DIFFERENCE = 1e-8  # relative: STEP squared times second derivatives, and round-off over STEP
 ROUND_OFF = 1e-11
@@ -52,15 +53,15 @@ def exact_fields() -> dict[str, Exact]:
     rng = np.random.default_rng(29)
     angle, share = rng.uniform(0.05, 1.5, 20), rng.uniform(0, 1, 20)
     around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    field = manufactured.Field(PLATE)
-    ring = (curved.INNER + share * (curved.OUTER - curved.INNER))[:, None] * around
+    field = known.Field(PLATE)
+    ring = (beams.CURVED_INNER + share * (beams.CURVED_OUTER - beams.CURVED_INNER))[:, None] * around
     bar = rng.uniform([0, -1], [3, 1], (20, 2))
     return {
         "manufactured": Exact(PLATE, field.displacement, field.stress, bar, field.body_force),
         "kirsch": Exact(
             holes.PLATE, holes.kirsch_displacement, holes.kirsch_stress, (1 + 2 * share)[:, None] * around, None
         ),
-        "golovin": Exact(curved.PLATE, curved.ring_displacement, curved.ring_stress, ring, None),
+        "golovin": Exact(beams.CURVED, beams.ring_displacement, beams.ring_stress, ring, None),
         "timoshenko": Exact(beams.CANTILEVER, beams.cantilever_displacement, beams.cantilever_stress, bar, None),
     }
 
@@ -78,11 +79,11 @@ def slopes(function: Callable[[Array], Array], points: Array) -> Array:
 
 @pytest.fixture(scope="module")
 def plate() -> StageMesh:
-    return manufactured.plate_mesh(0.25)
+    return known.plate_mesh(0.25)
 
 
 def test_exact_stress_is_that_of_the_exact_displacement(exact: Exact) -> None:
-    found = manufactured.hooke(exact.plate, slopes(exact.displacement, exact.points))
+    found = known.hooke(exact.plate, slopes(exact.displacement, exact.points))
     wanted = exact.stress(exact.points)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=10 * DIFFERENCE * np.abs(wanted).max())
 
@@ -95,7 +96,7 @@ def test_exact_fields_are_in_equilibrium(exact: Exact) -> None:
 
 
 def test_manufactured_derivatives_are_those_of_the_field() -> None:
-    field, points = manufactured.Field(PLATE), exact_fields()["manufactured"].points
+    field, points = known.Field(PLATE), exact_fields()["manufactured"].points
     for function, derivative in ((field.displacement, field.gradient), (field.gradient, field.second)):
         wanted = slopes(function, points)
         np.testing.assert_allclose(derivative(points), wanted, rtol=0, atol=10 * DIFFERENCE * np.abs(wanted).max())
@@ -104,7 +105,7 @@ def test_manufactured_derivatives_are_those_of_the_field() -> None:
 def test_hooke_is_a_thin_plates() -> None:
     """Strains back from the stresses by the compliances of plane stress."""
     gradient = np.array([[1.3e-3, -0.4e-3], [2.1e-3, 0.7e-3]])
-    (xx, xy), (_, yy) = manufactured.hooke(PLATE, gradient)
+    (xx, xy), (_, yy) = known.hooke(PLATE, gradient)
     e, nu, _ = PLATE
     assert (xx - nu * yy) / e == pytest.approx(gradient[0, 0], rel=ROUND_OFF)
     assert (yy - nu * xx) / e == pytest.approx(gradient[1, 1], rel=ROUND_OFF)
@@ -123,23 +124,23 @@ def test_kirsch_hole_is_free_and_forgotten_far_away() -> None:
 def test_golovin_ring_is_free_on_its_arcs_and_carries_a_unit_force() -> None:
     angle = np.linspace(0, np.pi / 2, 9)
     n = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    inside = np.abs(curved.ring_stress(4.2 * n)).max()
-    for radius in (curved.INNER, curved.OUTER):
-        pulled = (curved.ring_stress(radius * n) @ n[..., None])[..., 0]
+    inside = np.abs(beams.ring_stress(4.2 * n)).max()
+    for radius in (beams.CURVED_INNER, beams.CURVED_OUTER):
+        pulled = (beams.ring_stress(radius * n) @ n[..., None])[..., 0]
         np.testing.assert_allclose(pulled, 0.0, atol=1e-9 * inside)  # differences of large terms
-    mesh = curved.quarter_ring(12, 3)
+    mesh = beams.quarter_ring(12, 3)
     end = edge_force(
-        mesh, curved.PLATE, mesh.edges["bottom"], lambda x, m: (curved.ring_stress(x) @ m[..., None])[..., 0]
+        mesh, beams.CURVED, mesh.edges["bottom"], lambda x, m: (beams.ring_stress(x) @ m[..., None])[..., 0]
     )
     np.testing.assert_allclose(end.sum(axis=0), [1.0, 0.0], atol=1e-3)  # of three points on a smooth profile
 
 
 def test_golovin_held_section_does_not_move_along_the_ring() -> None:
-    radii = np.linspace(curved.INNER, curved.OUTER, 5)
-    held = curved.ring_displacement(np.stack([0 * radii, radii], axis=-1))
-    np.testing.assert_allclose(held[:, 0], 0.0, atol=1e-9 * curved.end_displacement())
-    loaded = curved.ring_displacement(np.stack([radii, 0 * radii], axis=-1))
-    np.testing.assert_allclose(loaded[:, 0], curved.end_displacement(), rtol=1e-9)
+    radii = np.linspace(beams.CURVED_INNER, beams.CURVED_OUTER, 5)
+    held = beams.ring_displacement(np.stack([0 * radii, radii], axis=-1))
+    np.testing.assert_allclose(held[:, 0], 0.0, atol=1e-9 * beams.end_displacement())
+    loaded = beams.ring_displacement(np.stack([radii, 0 * radii], axis=-1))
+    np.testing.assert_allclose(loaded[:, 0], beams.end_displacement(), rtol=1e-9)
 
 
 @pytest.mark.parametrize("power", [(0, 0), (1, 0), (0, 1), (2, 1), (3, 4), (0, 8)])
@@ -173,18 +174,18 @@ def test_pressure_all_around_has_no_resultant(plate: StageMesh) -> None:
 def test_pressure_on_an_arc_is_that_on_its_chord(plate: StageMesh) -> None:
     """Outwards of the plate, so into the notch: upwards."""
     force = edge_force(plate, PLATE, plate.edges["notch"], pressure(3.7)).sum(axis=0)
-    np.testing.assert_allclose(force, [0.0, 3.7 * PLATE.thickness * 2 * manufactured.NOTCH], atol=1e-9)
+    np.testing.assert_allclose(force, [0.0, 3.7 * PLATE.thickness * 2 * known.NOTCH], atol=1e-9)
 
 
 def test_traction_is_spread_over_the_length_of_an_arc(plate: StageMesh) -> None:
     force = edge_force(plate, PLATE, plate.edges["notch"], uniform(2.0, -1.0)).sum(axis=0)
-    length = np.pi * manufactured.NOTCH
+    length = np.pi * known.NOTCH
     np.testing.assert_allclose(force, PLATE.thickness * length * np.array([2.0, -1.0]), rtol=1e-4)  # of the mesh
 
 
 def test_body_force_adds_up_to_the_volume(plate: StageMesh) -> None:
     force = body_force(plate, PLATE, lambda x: np.broadcast_to([0.3, -0.2], x.shape)).sum(axis=0)
-    area = 6 - np.pi * manufactured.NOTCH**2 / 2 - (1 - np.pi / 4) * manufactured.CORNER**2
+    area = 6 - np.pi * known.NOTCH**2 / 2 - (1 - np.pi / 4) * known.CORNER**2
     np.testing.assert_allclose(force, PLATE.thickness * area * np.array([0.3, -0.2]), rtol=1e-5)  # of the mesh
 
 
@@ -213,11 +214,11 @@ def test_prescribed_displacements_are_taken_as_given(plate: StageMesh) -> None:
 
 
 def test_errors_of_the_exact_linear_field_are_round_off_and_of_half_of_it_one_half() -> None:
-    mesh, slope = invariants.distorted(), invariants.SLOPES
+    mesh, slope = known.distorted(), known.SLOPES
     exact = (
         lambda x: x @ slope.T,
         lambda x: np.broadcast_to(slope, (*x.shape[:-1], 2, 2)),
-        lambda x: np.broadcast_to(manufactured.hooke(PLATE, slope), (*x.shape[:-1], 2, 2)),
+        lambda x: np.broadcast_to(known.hooke(PLATE, slope), (*x.shape[:-1], 2, 2)),
     )
     field = mesh.nodes @ slope.T
     assert max(errors(mesh, PLATE, field, *exact)) < ROUND_OFF
@@ -225,10 +226,10 @@ def test_errors_of_the_exact_linear_field_are_round_off_and_of_half_of_it_one_ha
 
 
 def test_mapped_grid_is_counter_clockwise_with_middles_where_the_map_puts_them() -> None:
-    mesh = curved.quarter_ring(5, 2)
+    mesh = beams.quarter_ring(5, 2)
     a, b, c = (mesh.nodes[mesh.triangles[:, k]] for k in range(3))
     assert np.all((b - a)[:, 0] * (c - a)[:, 1] > (b - a)[:, 1] * (c - a)[:, 0])
-    for side, radius in (("left", curved.INNER), ("right", curved.OUTER)):
+    for side, radius in (("left", beams.CURVED_INNER), ("right", beams.CURVED_OUTER)):
         np.testing.assert_allclose(np.hypot(*mesh.nodes[nodes_on(mesh, side)].T), radius, rtol=ROUND_OFF)
     straight = on_chords(mesh)
     ends, middles = straight.triangles[:, [0, 1]], straight.triangles[:, 3]

@@ -1,4 +1,4 @@
-"""One line of the benchmark table, and what several meshes say about a limit."""
+"""What validation finds: lines of the benchmark table with their orders and limits, and answers of other solvers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from flexfem.arrays import Array
 
 
 class Finding(NamedTuple):
@@ -66,3 +68,21 @@ def extrapolated(sizes: Sequence[float], values: Sequence[float]) -> float:
         raise ValueError(f"sizes {sizes} do not shrink by one ratio")
     change = (second - first) / (third - second)
     return third + (third - second) / (change - 1) if change > 1 else third
+
+
+class Answer(NamedTuple):
+    """Another solver's answer to a unit force in x, in y and a unit moment on the platform, order x, y, theta.
+
+    version : of the solver.
+    compliance : (3, 3), mm and rad per N and N mm; column j is the pose under unit load j.
+    fields : (3, n, 2), mm, displacement of every node, in the order of the mesh.
+    stress : (3, n, 3), MPa, as xx, yy, xy at the nodes, averaged over the triangles around each, by the solver's own
+        means.
+    seconds : from the mesh to these arrays.
+    """
+
+    version: str
+    compliance: Array
+    fields: Array
+    stress: Array
+    seconds: float
