@@ -135,7 +135,7 @@ def installed() -> list[str]:
 
 
 def child(name: str, path: Path) -> None:
-    from flexfem.commands.baseline.meshes import read_mesh
+    from flexfem.commands.baseline.inputs import read_mesh
     from flexfem.fem.plane_stress import Plate
 
     with path.with_suffix(".pickle").open("rb") as file:
@@ -162,7 +162,7 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
-    from flexfem.commands.baseline.meshes import write_mesh
+    from flexfem.commands.baseline.inputs import write_mesh
     from flexfem.fem.response import tie_hub
     from flexfem.fem.sectors import mesh_sectors, welded
     from flexfem.stage.schema import load_feasible

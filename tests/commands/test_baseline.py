@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.commands.baseline import gates, store
-from flexfem.commands.baseline.leaves import at, leaves
-from flexfem.commands.baseline.meshes import committed_mesh, read_mesh, write_mesh
+from flexfem.commands.baseline import moves as gates
+from flexfem.commands.baseline import store
+from flexfem.commands.baseline.inputs import committed_mesh, read_mesh, write_mesh
+from flexfem.commands.baseline.moves import at, leaves
 from flexfem.commands.baseline.records import meshes, plain, sections
+from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput
 
@@ -25,6 +27,11 @@ INPUTS = [
     *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
     *sorted((ROOT / "flexfem/data").glob("*.json")),
 ]
+
+
+def allowed(record, path):
+    """What a number of a record may move by."""
+    return gates.allowed(record, path, rule_of(path))
 
 
 def nothing_is_solved(stage, resolution):
@@ -56,7 +63,7 @@ def test_what_takes_no_fresh_mesh_is_as_accepted(path):
     accepted = {name: baseline.record[name] for name in now} | {
         name: value for name, value in baseline.record.items() if name in ("result", "check")
     }
-    moved = gates.moves(path.stem, accepted, {**accepted, **now})
+    moved = gates.moves(path.stem, accepted, {**accepted, **now}, rule_of=rule_of)
     assert not moved, "\n".join([*map(str, moved), "when that is meant: make baselines REASON=..."])
 
 
@@ -67,7 +74,7 @@ def spoilt(record):
         if isinstance(value, bool) or value is None or isinstance(value, str):
             new = not value if isinstance(value, bool) else "other" if value is None else value + " or so"
         else:
-            limit, size = gates.allowed(record, path), gates.rule_of(path).kind.size(record, path)
+            limit, size = allowed(record, path), rule_of(path).dimension.size(record, path)
             new = 11 * value if limit < 10 * abs(value) else value + 2 * limit if limit else 1.0
             assert limit < 10 * abs(value) or limit <= 5e-9 * size, path
         at(changed, path[:-1])[path[-1]] = new
@@ -84,9 +91,9 @@ NEVER_COMPARED = {"result.written", "result.seconds"} | {
 @pytest.mark.parametrize("path", ACCEPTED, ids=lambda path: path.stem)
 def test_no_number_and_no_text_can_change_unseen(path):
     record = store.read_baseline(path).record
-    moved = {each.name for each in gates.moves(path.stem, record, spoilt(record))}
+    moved = {each.name for each in gates.moves(path.stem, record, spoilt(record), rule_of=rule_of)}
     assert {key_path(leaf) for leaf in leaves(record)} - moved <= NEVER_COMPARED
-    assert gates.moves(path.stem, record, record) == []
+    assert gates.moves(path.stem, record, record, rule_of=rule_of) == []
 
 
 def test_a_zero_to_round_off_has_no_more_room_than_round_off():
@@ -95,10 +102,10 @@ def test_a_zero_to_round_off_has_no_more_room_than_round_off():
         for axis in ("x", "theta"):
             path = ("result", "error_percent", label, axis)
             assert abs(at(record, path)) < 1e-10
-            assert gates.allowed(record, path) <= 1.0001e-10  # per cent
-        assert 1e-4 < gates.allowed(record, ("result", "error_percent", label, "y")) < 5e-3
+            assert allowed(record, path) <= 1.0001e-10  # per cent
+        assert 1e-4 < allowed(record, ("result", "error_percent", label, "y")) < 5e-3
     path = ("committed", "mobility six", "compliance", 0, 1)
-    assert gates.allowed(record, path) < 1e-13  # mm/N, of 0.026
+    assert allowed(record, path) < 1e-13  # mm/N, of 0.026
 
 
 LARGEST = {  # part of the number that each kind may move by
@@ -128,7 +135,7 @@ def test_no_gate_is_wider_than_its_kind_of_number_needs():
     paths = {stem: {key_path(path): path for path in leaves(record)} for stem, record in records.items()}
     for (stem, name), largest in LARGEST.items():
         path = paths[stem][name]
-        assert 0 < gates.allowed(records[stem], path) <= largest * abs(at(records[stem], path)), name
+        assert 0 < allowed(records[stem], path) <= largest * abs(at(records[stem], path)), name
 
 
 @pytest.mark.parametrize(
@@ -254,7 +261,10 @@ def test_a_baseline_that_was_tampered_with_fails(project):
 
 def test_a_deleted_or_added_value_is_new_or_gone():
     accepted = {"check": {"kept": 1.5, "gate": {"allowed": 1e6}}}
-    lines = [str(each) for each in gates.moves("s", accepted, {"check": {"kept": 1.5, "stress": [2.5, None]}})]
+    lines = [
+        str(each)
+        for each in gates.moves("s", accepted, {"check": {"kept": 1.5, "stress": [2.5, None]}}, rule_of=rule_of)
+    ]
     assert lines == [
         "s: check.gate.allowed is gone: 1000000",
         "s: check.stress[0] is new: 2.5",
@@ -265,18 +275,18 @@ def test_a_deleted_or_added_value_is_new_or_gone():
 def test_a_line_says_was_is_moved_allowed_and_the_unit():
     accepted = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.0}}]}}
     now = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.25}}]}}
-    (line,) = map(str, gates.moves("claims", accepted, now))
+    (line,) = map(str, gates.moves("claims", accepted, now, rule_of=rule_of))
     start, _, end = line.partition(", allowed ")
     assert start == "claims: claims.alternatives[0].along.x was 14, is 14.25, moved +0.25"
     assert end.endswith(" %") and 1e-4 < float(end.split()[0]) < 1e-2
     now["claims"]["alternatives"][0]["name"] = "other"
-    assert "alternatives[0].name was none, is other" in str(gates.moves("claims", accepted, now)[0])
+    assert "alternatives[0].name was none, is other" in str(gates.moves("claims", accepted, now, rule_of=rule_of)[0])
 
 
 def test_sentences_may_differ_in_last_places_only():
     def moved(was, now):
         wrap = [{"claims": {"verdicts": [{"found": text}]}} for text in (was, now)]
-        return bool(gates.moves("claims", *wrap))
+        return bool(gates.moves("claims", *wrap, rule_of=rule_of))
 
     assert not moved("errors of x 12.536 %, at most 4e-12 % across", "errors of x 12.537 %, at most 9e-13 % across")
     assert moved("errors of x 12.536 %", "errors of x 12.546 %")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands.baseline.sources import keys_of
+from flexfem.commands.baseline.inputs import keys_of
 from flexfem.files.keypath import key_path, path_of
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys

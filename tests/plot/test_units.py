@@ -95,7 +95,7 @@ def test_units_are_spelled_in_one_place() -> None:
         "verify/warning",
         "verify/measures",
         "verify/alternatives",
-        "commands/baseline/gates",
+        "commands/baseline/rules",
         "study/findings",
     )
     places = [*(ROOT / "flexfem/plot").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.commands.baseline.sources import keys_of
+from flexfem.commands.baseline.inputs import keys_of
 from flexfem.stage import materials
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study

@@ -16,9 +16,8 @@ import numpy as np
 
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.commands import answers
-from flexfem.commands.baseline.leaves import Leaf, leaves
-from flexfem.commands.baseline.meshes import COARSE, committed_mesh, mesh_name
-from flexfem.commands.baseline.sources import Kind, kind_of
+from flexfem.commands.baseline.inputs import COARSE, Kind, committed_mesh, kind_of, mesh_name
+from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.console import plain
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response

@@ -11,11 +11,20 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import Field, JsonValue, ValidationError
 
-from flexfem.commands.baseline.gates import MISSING, Move, moves
-from flexfem.commands.baseline.leaves import Leaf
-from flexfem.commands.baseline.meshes import committed_mesh, mesh_keys
+from flexfem.commands.baseline.inputs import (
+    DATA,
+    Change,
+    Keys,
+    Kind,
+    changes,
+    committed_mesh,
+    inputs_of,
+    kind_of,
+    mesh_keys,
+)
+from flexfem.commands.baseline.moves import MISSING, Leaf, Move, moves
 from flexfem.commands.baseline.records import meshes, record, settings
-from flexfem.commands.baseline.sources import DATA, Change, Keys, Kind, changes, inputs_of, kind_of
+from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify.alternatives import Solve
@@ -33,7 +42,7 @@ class Acceptance(Record):
     versions: dict[str, str]
 
 
-class Source(Record):
+class Made(Record):
     """What a record was made from, key by key: the input file and those it names, settings of the code, meshes."""
 
     inputs: dict[str, Keys]
@@ -47,7 +56,7 @@ class Baseline(Record):
     kind: Kind
     file: str
     history: list[Acceptance] = Field(min_length=1)
-    source: Source
+    source: Made
     record: dict[str, JsonValue]
 
 
@@ -95,10 +104,10 @@ def _owner(target: Path, path: Path) -> str:
     return read_baseline(target).file if target.exists() else _relative(path, target.parent)
 
 
-def source_of(path: Path, folder: Path) -> Source:
+def source_of(path: Path, folder: Path) -> Made:
     """What a record of an input file would be made from now. Raises BadInput."""
     found = {name: mesh_keys(folder / name) for name in meshes(path) if (folder / name).exists()}
-    return Source(inputs=inputs_of(path), settings=settings(kind_of(path)), meshes=found)
+    return Made(inputs=inputs_of(path), settings=settings(kind_of(path)), meshes=found)
 
 
 def changed(path: Path, folder: Path, baseline: Baseline) -> list[Change]:
@@ -122,7 +131,7 @@ def check(path: Path, folder: Path, solve: Solve, made: dict[str, Any] | None = 
     baseline = read_baseline(file_of(path, folder))
     if found := changed(path, folder, baseline):
         return list(found)
-    return list(moves(path.stem, baseline.record, record(path, folder, solve, made)))
+    return list(moves(path.stem, baseline.record, record(path, folder, solve, made), rule_of))
 
 
 def accept(path: Path, folder: Path, reason: str, solve: Solve) -> Path:

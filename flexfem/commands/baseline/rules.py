@@ -1,35 +1,19 @@
 """How far every number may move from its accepted value, and its unit: by where it is in what a command prints.
 
-A baseline stores values only; what they may move by is said here alone. Numbers that no rule names may not move but by
-`EXACT`, texts not at all; what is not compared is in `NOT_COMPARED`. A round-off zero is gated by its own size.
+A baseline stores values only; what they may move by is said here alone. Numbers that no other rule names may not move
+but by `EXACT`.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from flexfem import units
-from flexfem.commands.baseline.leaves import Leaf, Path, at, leaves, matches, printable
-from flexfem.files.keypath import key_path
-
-ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
-
-
-class Gate(NamedTuple):
-    """What a number may move by: a part of itself, and a part of the size of its neighbours.
-
-    zero : part of that size by which a number that is zero but for round-off may move.
-    """
-
-    own: float
-    size: float = 0.0
-    zero: float = 1e-12
-
+from flexfem.commands.baseline.moves import Dimension, Gate, Rule, Size, at, matches
+from flexfem.files.keypath import KeyPath
 
 # What was observed: gmsh 4.13 to 4.15 mesh the reference stages alike. Sizes that grow by 1.402 instead of 1.4 from a
 # neck, another mesh as good, move compliances by 1.4e-6 at resolution 8, by 4.4e-5 at resolution 4, stresses by 5e-4.
@@ -46,37 +30,21 @@ MESH_SIZE = Gate(0.05)  # triangles and unknowns
 BAND = Gate(1e-3)  # bands and orders: other meshes move them by 0.16 and 0.09, and are to be accepted again
 UNLIKE = Gate(1.5e-5, 1e-8, 5e-9)  # meshes bad by intent, and elements solved without iterative refinement
 
-Size: TypeAlias = Callable[[Any, Path], float]
 
-
-class Kind(NamedTuple):
-    """Units by place in a vector or matrix, and the size of a number's neighbours in the same unit."""
-
-    units: Any
-    size: Size
-
-    def unit(self, path: Path) -> str:
-        """The unit of the number at a path."""
-        found = self.units
-        for place in [part for part in path if isinstance(part, int)][-np.ndim(found) :] if np.ndim(found) else ():
-            found = found[place]
-        return str(found)
-
-
-def _own(record: Any, path: Path) -> float:
+def _own(record: Any, path: KeyPath) -> float:
     return abs(float(at(record, path)))
 
 
-def _largest(record: Any, path: Path) -> float:
+def _largest(record: Any, path: KeyPath) -> float:
     return max(abs(float(value)) for value in at(record, path[:-1]) if value is not None)
 
 
-def _matrix(record: Any, path: Path) -> float:
+def _matrix(record: Any, path: KeyPath) -> float:
     matrix = at(record, path[:-2])
     return float(np.sqrt(abs(matrix[path[-2]][path[-2]] * matrix[path[-1]][path[-1]])))
 
 
-def lever_of(record: Any, path: Path) -> float:
+def lever_of(record: Any, path: KeyPath) -> float:
     """l3, mm, of the stage that a path of a record belongs to."""
     if path[0] in ("result", "committed") and "result" in record:
         at_curve = path[2] if path[0] == "result" else path[1]
@@ -87,14 +55,14 @@ def lever_of(record: Any, path: Path) -> float:
 def _vector(power: int) -> Size:
     """Largest of a vector (3,) in the unit of its component: moments are forces times the lever, to a power."""
 
-    def size(record: Any, path: Path) -> float:
+    def size(record: Any, path: KeyPath) -> float:
         weights = np.array([1.0, 1.0, lever_of(record, path) ** power])
         return float(np.max(np.abs(at(record, path[:-1])) / weights) * weights[path[-1]])
 
     return size
 
 
-def _command(record: Any, path: Path) -> float:
+def _command(record: Any, path: KeyPath) -> float:
     """The command at which a point of a curve is, in the unit of the curve."""
     result, lever = record["result"], lever_of(record, path)
     own = lever if path[-2] == "theta" else 1.0
@@ -102,52 +70,44 @@ def _command(record: Any, path: Path) -> float:
     return float(abs(result["commanded"][path[-1]]) * commanded / own)
 
 
-def _coupled(record: Any, path: Path) -> float:
+def _coupled(record: Any, path: KeyPath) -> float:
     """For the columns `kxy_...` of a study: the root of the product of the two directions' own stiffnesses."""
     table, name = at(record, path[:-2]), str(path[-2])
     own = [next(column for key, column in table.items() if key.startswith(f"k{axis}{axis}_")) for axis in name[1:3]]
     return float(np.sqrt(abs(own[0][path[-1]] * own[1][path[-1]])))
 
 
-NUMBER = Kind("", _own)
-LENGTH = Kind(units.LENGTH.name, _largest)
-STIFFNESS = Kind([[unit.name for unit in row] for row in units.STIFFNESS], _matrix)
-COMPLIANCE = Kind([[unit.name for unit in row] for row in units.COMPLIANCE], _matrix)
-WRENCH = Kind([unit.name for unit in units.FORCES], _vector(1))
-POSE = Kind([unit.name for unit in units.POSES], _vector(-1))
-CURVE = Kind("mm or rad", _command)
-PERCENT = Kind("%", lambda record, path: 100.0)
-POINTS = Kind("percentage points", lambda record, path: 100.0)
-ENERGY = Kind(units.FORCES[2].name, _own)
-MPA = Kind(units.STRESS.name, _own)
-LIST = Kind("", _largest)
-RATIO = Kind("", lambda record, path: 1.0)
-COUPLED = Kind(f"{units.STIFFNESS[0][1]} or {units.STIFFNESS[0][2]}", _coupled)
+NUMBER = Dimension("", _own)
+LENGTH = Dimension(units.LENGTH.name, _largest)
+STIFFNESS = Dimension([[unit.name for unit in row] for row in units.STIFFNESS], _matrix)
+COMPLIANCE = Dimension([[unit.name for unit in row] for row in units.COMPLIANCE], _matrix)
+WRENCH = Dimension([unit.name for unit in units.FORCES], _vector(1))
+POSE = Dimension([unit.name for unit in units.POSES], _vector(-1))
+CURVE = Dimension("mm or rad", _command)
+PERCENT = Dimension("%", lambda record, path: 100.0)
+POINTS = Dimension("percentage points", lambda record, path: 100.0)
+ENERGY = Dimension(units.FORCES[2].name, _own)
+MPA = Dimension(units.STRESS.name, _own)
+LIST = Dimension("", _largest)
+RATIO = Dimension("", lambda record, path: 1.0)
+COUPLED = Dimension(f"{units.STIFFNESS[0][1]} or {units.STIFFNESS[0][2]}", _coupled)
 
 
-class Rule(NamedTuple):
-    """The gate of the numbers whose paths have a pattern."""
-
-    pattern: tuple[str, ...]
-    gate: Gate
-    kind: Kind
-
-
-def _rules(*lines: tuple[str, Gate, Kind]) -> tuple[Rule, ...]:
+def _rules(*lines: tuple[str, Gate, Dimension]) -> tuple[Rule, ...]:
     return tuple(Rule(tuple(pattern.split()), gate, kind) for pattern, gate, kind in lines)
 
 
-def _uncertainty(start: str, kind: Kind) -> tuple[tuple[str, Gate, Kind], ...]:
+def _uncertainty(start: str, dimension: Dimension) -> tuple[tuple[str, Gate, Dimension], ...]:
     return (
-        (f"{start} values #", COARSER, kind),
-        (f"{start} extrapolated", COARSER, kind),
-        (f"{start} band", BAND, Kind(kind.units, _own)),
+        (f"{start} values #", COARSER, dimension),
+        (f"{start} extrapolated", COARSER, dimension),
+        (f"{start} band", BAND, Dimension(dimension.units, _own)),
         (f"{start} observed", BAND, NUMBER),
         (f"{start} order", BAND, NUMBER),
     )
 
 
-def _solution(start: str, gate: Gate, stress: Gate, mesh: Gate) -> tuple[tuple[str, Gate, Kind], ...]:
+def _solution(start: str, gate: Gate, stress: Gate, mesh: Gate) -> tuple[tuple[str, Gate, Dimension], ...]:
     return (
         (f"{start} stiffness # #", gate, STIFFNESS),
         (f"{start} compliance # #", gate, COMPLIANCE),
@@ -230,107 +190,12 @@ RULES = _rules(
     ("verify table cross_* #", COARSER, PERCENT),
     ("verify table * #", COARSER, LIST),
     ("verify findings **", COARSER, PERCENT),
+    ("**", EXACT, NUMBER),
 )
-NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
-SENTENCES = (  # their numbers are rounded
-    ("claims", "verdicts", "#", "found"),
-    ("*", "warnings", "#"),
-    ("*", "*", "warnings", "#"),
-)
-DECIMAL = re.compile(r"-?\d+(?:\.(\d+))?(?:e([+-]?\d+))?")
-LAST_PLACES = 2  # units of the last place that a rounded number may move
-EMPTY = 1e-9  # of a rounded round-off zero only the size is said
-DEFAULT = Rule(("**",), EXACT, NUMBER)
-
-
-class Move(NamedTuple):
-    """A leaf that is not where the baseline has it; `MISSING` where there is none."""
-
-    file: str
-    name: str
-    was: Leaf
-    now: Leaf
-    allowed: float | None
-    unit: str
-
-    def __str__(self) -> str:
-        """One line for people: was, is, moved, allowed."""
-        if self.was == MISSING:
-            said = f"is new: {_said(self.now)}"
-        elif self.now == MISSING:
-            said = f"is gone: {_said(self.was)}"
-        else:
-            said = f"was {_said(self.was)}, is {_said(self.now)}{self._moved}"
-        return printable(f"{self.file}: {self.name} {said}")
-
-    @property
-    def _moved(self) -> str:
-        if self.allowed is None:
-            return ""
-        return f", moved {self.now - self.was:+.3g}, allowed {self.allowed:.2g} {self.unit}".rstrip()  # type: ignore[operator]
-
-
-MISSING = "\0missing"
-
-
-def _said(value: Leaf) -> str:
-    return f"{value:.15g}" if _number(value) else "none" if value is None else str(value)
-
-
-def _number(value: Leaf) -> bool:
-    return isinstance(value, float | int) and not isinstance(value, bool)
-
-
-def compared(path: Path) -> bool:
-    """Whether a leaf is compared at all."""
-    return not any(matches(pattern, path) for pattern in NOT_COMPARED)
 
 
 @cache
-def rule_of(path: Path) -> Rule:
-    """The first rule whose pattern a path has, else the default."""
-    likely = (rule for rule in RULES if rule.pattern[0] in ("*", path[0]))
-    return next((rule for rule in likely if matches(rule.pattern, path)), DEFAULT)
-
-
-def allowed(record: Any, path: Path) -> float:
-    """What the accepted number at a path may move by."""
-    rule, was = rule_of(path), abs(float(at(record, path)))
-    size = rule.kind.size(record, path)
-    if was <= max(ROUND_OFF, rule.gate.zero) * size:
-        return rule.gate.zero * size
-    return rule.gate.own * was + rule.gate.size * size
-
-
-def moves(file: str, accepted: Any, now: Any) -> list[Move]:
-    """Leaves that moved by more than allowed, came or went, in the order of the baseline."""
-    was, new = leaves(accepted), leaves(now)
-    found = []
-    for path in [*was, *(path for path in new if path not in was)]:
-        old, fresh = was.get(path, MISSING), new.get(path, MISSING)
-        limit = allowed(accepted, path) if _number(old) and _number(fresh) else None
-        if compared(path) and not _stands(path, old, fresh, limit):
-            found.append(Move(file, key_path(path), old, fresh, limit, rule_of(path).kind.unit(path)))
-    return found
-
-
-def _stands(path: Path, was: Leaf, now: Leaf, limit: float | None) -> bool:
-    if limit is not None:
-        return bool(abs(now - was) <= limit)  # type: ignore[operator]
-    if isinstance(was, str) and isinstance(now, str) and any(matches(pattern, path) for pattern in SENTENCES):
-        return _says_the_same(was, now)
-    return type(was) is type(now) and was == now
-
-
-def _says_the_same(was: str, now: str) -> bool:
-    """Whether two sentences have the same words, and the same numbers but for their last places."""
-    if DECIMAL.sub("#", was) != DECIMAL.sub("#", now):
-        return False
-    pairs = zip(DECIMAL.finditer(was), DECIMAL.finditer(now), strict=True)
-    return all(_rounded_alike(old, new) for old, new in pairs)
-
-
-def _rounded_alike(was: re.Match[str], now: re.Match[str]) -> bool:
-    old, new = float(was[0]), float(now[0])
-    place = 10.0 ** (int(was[2] or 0) - len(was[1] or ""))
-    return abs(new - old) <= LAST_PLACES * place or max(abs(old), abs(new)) <= EMPTY
+def rule_of(path: KeyPath) -> Rule:
+    """The first rule whose pattern a path has; the last has any."""
+    likely = (rule for rule in RULES if rule.pattern[0] in ("*", "**", path[0]))
+    return next(rule for rule in likely if matches(rule.pattern, path))
