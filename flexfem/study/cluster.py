@@ -32,6 +32,7 @@ PAUSED = 20.0  # s on a paused worker, after which a task is asked of another
 SLACK = 60.0  # s beyond the limits of the tasks before it and its own, after which a task is asked again
 PATIENCE = 600.0  # s without any worker, after which a run ends
 SHUTDOWN = 5.0  # s
+LOST = (OSError, RuntimeError, CancelledError)  # what Dask raises when the scheduler is gone, time limits among them
 
 _here = threading.local()
 
@@ -83,13 +84,13 @@ class DaskPool:
         def connect() -> None:
             try:
                 made.set_result(distributed.Client(self._address, timeout=CONNECT, set_as_default=False))
-            except Exception as error:
+            except Exception as error:  # whatever it is, the one who waits below tells it
                 made.set_exception(error)
 
         threading.Thread(target=connect, daemon=True).start()
         try:
             return made.result(CONNECT + POLL)
-        except Exception as error:
+        except (*LOST, ValueError) as error:
             reason = one_line(str(error), 200) or f"no word in {CONNECT:g} s"
             raise BadInput(f"--scheduler {self._address}: no scheduler answers there: {reason}") from None
 
@@ -102,9 +103,10 @@ class DaskPool:
         """Hand a task to the scheduler."""
         task, sources = (solve, loaded, start, stop, deciding(loaded)), dict(deciding_sources())
         future: Future[Any] = Future()
+        self._require_scheduler()
         try:
             asked = self._client.submit(supervised, task, limit, sources, pure=False)
-        except Exception:
+        except LOST:
             raise self._lost() from None
         self._asked.append(_Asked(asked, future, AHEAD * limit + SLACK))
         asked.add_done_callback(lambda done: _settle(future, done))
@@ -123,13 +125,12 @@ class DaskPool:
 
     def check(self) -> None:
         """Ask again what is lost. Raises ComputationFailed when the scheduler is gone, or no worker comes."""
-        if self._client.status not in ("running", "connecting"):
-            raise self._lost()
+        self._require_scheduler()
         passed = self._watch.step()
         self._counted -= passed
         if self._counted <= 0:
             self._counted = COUNTED
-            with suppress(OSError, CancelledError, RuntimeError):  # lost: told by `outcome`
+            with suppress(*LOST):  # told by `outcome`
                 self._count()
         self._wait_for_workers(passed)
         self._asked = [asked for asked in self._asked if not asked.future.done()]
@@ -175,10 +176,14 @@ class DaskPool:
 
     def close(self) -> None:
         """Cancel what is under way, and leave."""
-        with suppress(Exception):  # the scheduler may be gone
+        with suppress(*LOST):
             for asked in self._asked:
                 asked.dask.release()
             self._client.close(timeout=SHUTDOWN)
+
+    def _require_scheduler(self) -> None:
+        if self._client.status not in ("running", "connecting"):
+            raise self._lost()
 
     def _lost(self) -> ComputationFailed:
         return ComputationFailed(f"--scheduler {self._address}: lost; parts are kept, run again to go on")
@@ -189,7 +194,7 @@ def _settle(future: Future[Any], done: Any) -> None:
     with suppress(InvalidStateError):  # given up meanwhile
         try:
             found = done.result()
-        except BaseException as error:  # CancelledError is one
+        except BaseException as error:  # whatever the worker raised: `outcome` raises it where it is asked for
             future.set_exception(error)
             return
         future.set_exception(found) if isinstance(found, Exception) else future.set_result(found)

@@ -70,7 +70,7 @@ def answered(solve: Answer, loaded: LoadedStudy, start: int, stop: int, versions
         raise
     except (BadInput, ComputationFailed) as error:
         return str(error)
-    except Exception as error:
+    except Exception as error:  # a mistake of ours ends the design, not the run
         return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 

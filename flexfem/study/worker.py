@@ -173,5 +173,5 @@ def _answers(content: bytes) -> Iterator[bytes]:
         function, arguments = pickle.loads(content)
         yield pickle.dumps(BEGUN)
         yield pickle.dumps(function(*arguments))
-    except Exception as error:
+    except Exception as error:  # whatever it is, the parent raises it
         yield pickle.dumps(error)
