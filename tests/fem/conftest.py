@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,36 +15,10 @@ from flexfem.fem.response import Response, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
 from flexfem.stage.schema import Stage, load_stage
 
+from ..conftest import UNLIKE, with_changes
+
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 RESOLUTION = 3  # triangles across a neck: within 0.5 % of the converged compliance, and a mesh takes 0.3 s
-
-GENERIC: dict[str, Any] = {
-    "name": "generic stage",
-    "thickness_mm": 9.7,
-    "material": {
-        "name": "generic metal",
-        "youngs_modulus_gpa": 68.3,
-        "poissons_ratio": 0.29,
-        "density_kg_m3": 2739.0,
-        "yield_strength_mpa": 411.0,
-    },
-    "chain": {
-        "link_lengths_mm": [31.0, 33.5, 25.0],
-        "joint_angles_deg": [175.0, -85.0, 92.0],
-        "link_width_mm": 8.9,
-    },
-    "hinges": {
-        "base": {"radius_mm": 3.9, "neck_mm": 0.53, "prismatic": True},
-        "elbow": {"radius_mm": 1.6, "neck_mm": 0.47},
-        "platform": {"radius_mm": 1.4, "neck_mm": 0.61},
-    },
-    "platform": {"radius_mm": 16.3, "hub_radius_mm": 7.7},
-}
-UNLIKE: list[dict[str, Any]] = [
-    {"chain": 1, "hinge": "base", "radius_mm": 2.3, "axis_deg": 183.0},
-    {"chain": 2, "hinge": "elbow", "neck_mm": 0.83},
-    {"chain": 3, "hinge": "platform", "radius_mm": 1.9, "neck_mm": 0.41, "axis_deg": 101.0},
-]
 
 
 class Solved(NamedTuple):
@@ -55,18 +27,6 @@ class Solved(NamedTuple):
     stage: Stage
     mesh: StageMesh
     response: Response
-
-
-def with_changes(changes: Mapping[str, Any] = MappingProxyType({})) -> Stage:
-    """The generic stage with the values of some key paths, such as `hinges.base.neck_mm`, replaced."""
-    content = copy.deepcopy(GENERIC)
-    for path, value in changes.items():
-        *tables, key = path.split(".")
-        table = content
-        for name in tables:
-            table = table[name]
-        table[key] = value
-    return Stage.model_validate(content)
 
 
 def solved(stage: Stage, resolution: int = RESOLUTION) -> Solved:
@@ -78,12 +38,6 @@ def in_length(C: Array, lever: float) -> Array:
     """Compliance (3, 3) with rotations and moments made displacements and forces at `lever` mm."""
     scale = np.array([1.0, 1.0, lever])
     return C * np.outer(scale, scale)
-
-
-@pytest.fixture(scope="session")
-def make_stage() -> Callable[..., Stage]:
-    """`with_changes`."""
-    return with_changes
 
 
 @pytest.fixture(scope="session")

@@ -44,9 +44,11 @@ def test_each_curve_is_the_distance_from_its_own_limit(figure):
 
 
 def test_an_order_is_the_slope_of_the_line_it_names(figure):
-    for label, line in by_label(figure.axes[0]).items():
-        if found := re.search(r"\border ([\d.]+)", label):
-            assert slope(line) == pytest.approx(float(found[1]), abs=0.05), label
+    lines = by_label(figure.axes[0])
+    said = {label: found[1] for label in lines if (found := re.search(r"\border ([\d.]+)", label))}
+    assert len(said) == 3  # X, Y and the guide; theta has none
+    for label, order in said.items():
+        assert slope(lines[label]) == pytest.approx(float(order), abs=0.05), label
     (guide,) = [line for label, line in by_label(figure.axes[0]).items() if label.startswith("order")]
     assert np.all(guide.get_ydata()[0] > np.array([distance[0] for distance in DISTANCE.values()]))
 

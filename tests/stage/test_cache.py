@@ -14,7 +14,7 @@ from flexfem.stage.cache import once
 from flexfem.stage.designs import frames, stage_frames
 from flexfem.stage.schema import CHAINS, Stage
 
-from .conftest import UNLIKE, StageMaker
+from ..conftest import UNLIKE, StageMaker
 
 DRAWN: dict[str, Callable[[Stage], Any]] = {
     "frames": lambda stage: [part.tolist() for part in stage_frames(stage)],
