@@ -50,7 +50,7 @@ class Errors(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class PlatformModel:
     """What both models answer; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
 
     stiffness, compliance : (3, 3), of the platform at rest: N, mm, rad.
@@ -70,7 +70,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class AnalyticModel(Model):
+class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` gives it.
 
     mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are elastic.
@@ -107,7 +107,7 @@ class AnalyticModel(Model):
 
 
 @dataclass(frozen=True, eq=False)
-class ElementModel(Model):
+class ElementModel(PlatformModel):
     """Plane finite elements of a stage, as `solve` gives them.
 
     resolution : quadratic triangles across every neck.

@@ -62,27 +62,27 @@ class Alternative(Record):
 def alternatives(three: Stage, six: Stage, solve: Solve) -> list[Alternative]:
     """Every alternative for the stages modelled with mobility three and six. Raises BadInput, ComputationFailed."""
     found = []
-    for stage, model in ((three, 3), (six, 6)):
-        found += [*_finite_elements(stage, model, solve), *_stages(stage, model)]
+    for stage, mobility in ((three, 3), (six, 6)):
+        found += [*_finite_elements(stage, mobility, solve), *_stages(stage, mobility)]
     lever = six.chain.link_lengths[2]
     without = error_matrix(analyse(six, 3).stiffness, solve(six, RESOLUTION).response.compliance, lever)
     found.append(_row("axial freedom left out, on the mobility-six stage", 3, without))
     for ratio in STUBBY:
         stage = with_necks(six, ratio)
         real = analyse(stage, 21).compliance
-        for model in (3, 6):
+        for mobility in (3, 6):
             name = f"R/t = {ratio:g} in the mobility-six stage, all freedoms as metal"
-            found.append(_row(name, model, error_matrix(analyse(stage, model).stiffness, real, lever)))
-            found.append(_row(f"{name}, joints commanded", model, joint_command(stage, model, DEFAULT_FORMULA)))
+            found.append(_row(name, mobility, error_matrix(analyse(stage, mobility).stiffness, real, lever)))
+            found.append(_row(f"{name}, joints commanded", mobility, joint_command(stage, mobility, DEFAULT_FORMULA)))
     return found
 
 
-def _finite_elements(stage: Stage, model: int, solve: Solve) -> list[Alternative]:
+def _finite_elements(stage: Stage, mobility: int, solve: Solve) -> list[Alternative]:
     """The same stage and model against other finite elements."""
-    K, lever, plate = analyse(stage, model).stiffness, stage.chain.link_lengths[2], plate_of(stage)
+    K, lever, plate = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2], plate_of(stage)
 
     def row(name: str, compliance: Array) -> Alternative:
-        return _row(name, model, error_matrix(K, compliance, lever))
+        return _row(name, mobility, error_matrix(K, compliance, lever))
 
     fine, held = solve(stage, RESOLUTION), plate_of(stage.model_copy(update={"model": "plane_strain"}))
     found = [row("none: curved quadratic triangles, as verified", fine.response.compliance)]
@@ -101,15 +101,15 @@ def _finite_elements(stage: Stage, model: int, solve: Solve) -> list[Alternative
     return found
 
 
-def _stages(stage: Stage, model: int) -> list[Alternative]:
+def _stages(stage: Stage, mobility: int) -> list[Alternative]:
     """The same model against a stage that is made inexactly, or that is driven at its joints."""
-    percent = np.abs(scatter(stage, model))
+    percent = np.abs(scatter(stage, mobility))
     deviation = f"{MICROMETRE.factor * SCATTER:g} {MICROMETRE.plain}"
     found = []
     for name, share in QUANTILES.items():
         size = np.quantile(percent, share, axis=0)
-        found.append(_row(f"necks scattered by {deviation}, {name} of {DRAWS} stages", model, size))
-    return [*found, _row("joints commanded instead of the platform", model, joint_command(stage, model))]
+        found.append(_row(f"necks scattered by {deviation}, {name} of {DRAWS} stages", mobility, size))
+    return [*found, _row("joints commanded instead of the platform", mobility, joint_command(stage, mobility))]
 
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
@@ -162,7 +162,7 @@ def with_necks(stage: Stage, ratio: float) -> Stage:
     return stage.model_copy(update={"chain": chain, "hinges": stage.hinges.model_copy(update=changed), "override": ()})
 
 
-def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:
+def scatter(stage: Stage, mobility: int, deviation: float = SCATTER, draws: int = DRAWS, seed: int = SEED) -> Array:
     """Error percentages (draws, 3, 3) of stages whose nine necks are normally scattered, mm, about the drawn ones.
 
     The metal is the calibrated hinges with elastic pads, links and platform; the model knows the drawn dimensions.
@@ -172,11 +172,11 @@ def scatter(stage: Stage, model: int, deviation: float = SCATTER, draws: int = D
     designs.neck[:] += deviation * noise
     hinges = hinge_compliances(designs, CALIBRATED)
     real = inverse(at_rest(designs, hinges, freedoms_of(21), body_compliance(stage)).stiffness)
-    K = analyse(stage, model).stiffness
+    K = analyse(stage, mobility).stiffness
     return np.array([error_matrix(K, each, lever) for each in real])
 
 
-def joint_command(stage: Stage, model: int, real: str = CALIBRATED) -> Array:
+def joint_command(stage: Stage, mobility: int, real: str = CALIBRATED) -> Array:
     """Error percentages (3, 3) when the independent rotations of (30) are imposed on a stage with all 21 freedoms.
 
     Notes
@@ -185,7 +185,7 @@ def joint_command(stage: Stage, model: int, real: str = CALIBRATED) -> Array:
     stage takes the pose of least energy with these rotations R phi_a given:
     `phi_a = K_aa^-1 R^T (R K_aa^-1 R^T)^-1 phi_given`, links rigid, hinges by the formula `real`.
     """
-    of, metal = assemble(stage, model), assemble(stage, 21, real)
+    of, metal = assemble(stage, mobility), assemble(stage, 21, real)
     known, at = stiffness(of), stiffness(metal)
     given = known.C_aa @ known.influence.G_u.T @ known.K_uu  # (29), (30)
     R = at.influence.G_a[np.searchsorted(metal.joints.slot, of.joints.slot[of.choice.independent])]
@@ -193,11 +193,11 @@ def joint_command(stage: Stage, model: int, real: str = CALIBRATED) -> Array:
     return error_matrix(np.eye(3), at.influence.G_u @ phi, stage.chain.link_lengths[2])
 
 
-def _row(name: str, model: int, percent: Array) -> Alternative:
+def _row(name: str, mobility: int, percent: Array) -> Alternative:
     """`percent` (3, 3), column j for command j."""
     across = np.max(np.abs(percent - np.diag(np.diag(percent))), axis=0)
     along, largest = (dict(zip(DIRECTIONS, values.tolist(), strict=True)) for values in (np.diag(percent), across))
-    return Alternative(name=name, mobility=model, along=Triple(**along), across=Triple(**largest))
+    return Alternative(name=name, mobility=mobility, along=Triple(**along), across=Triple(**largest))
 
 
 def markdown_alternatives(found: list[Alternative]) -> str:

@@ -48,7 +48,7 @@ SHARES = (
 )
 
 
-class Share(Record):
+class BudgetShare(Record):
     """One share of an error, in percentage points: x, y, theta as error percentages are normalised."""
 
     name: str
@@ -64,7 +64,7 @@ class Split(Record):
     """
 
     amplitude: float
-    shares: list[Share]
+    shares: list[BudgetShare]
     total: Triple
     band: float
     out_of_plane: Triple | None
@@ -168,7 +168,7 @@ def _split(steps: _Steps, direction: Direction, amplitude: float) -> Split:
     rungs.append(np.array([each.extrapolated for each in found]))
     rungs.append(rungs[-1] + _bent(steps, direction, amplitude) - meshes[-1])  # on one mesh: its own error drops out
     shares = [
-        Share(name=name, points=Triple.of(after - before))
+        BudgetShare(name=name, points=Triple.of(after - before))
         for name, (before, after) in zip(SHARES, pairwise(rungs), strict=True)
     ]
     thick = None if steps.thick is None else steps.percent(direction, steps.thick) - rungs[len(steps.ladder) - 1]

@@ -54,11 +54,11 @@ class Measured(NamedTuple):
     dimensional: bool = True
 
 
-def errors_of_model(stage: Stage, model: int, solve: Solve) -> ModelErrors:
+def errors_of_model(stage: Stage, mobility: int, solve: Solve) -> ModelErrors:
     """Model and finite elements of one stage, with the mesh band of their errors."""
-    K, lever = analyse(stage, model).stiffness, stage.chain.link_lengths[2]
+    K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
     found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
-    return ModelErrors(stage, model, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
+    return ModelErrors(stage, mobility, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
 
 
 def error_bands(
