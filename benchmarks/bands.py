@@ -21,8 +21,7 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
-from flexfem.verify.comparison import error_matrix
-from flexfem.verify.convergence import ORDER, command_convergence
+from flexfem.verify.errors import ORDER, command_convergence, error_matrix
 from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from flexfem.analytic.chains import chain_compliance, chain_wrenches
-from flexfem.analytic.mobility import freedoms_of
-from flexfem.analytic.notch import FORMULAS
+from flexfem.analytic.formulas import FORMULAS
+from flexfem.analytic.kinematics import freedoms_of
 from flexfem.stage.designs import frames
 
 

@@ -18,7 +18,7 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.errors import grid_convergence
 from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)

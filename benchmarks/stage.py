@@ -46,7 +46,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.fem.sectors import build_mesh
     from flexfem.stage.schema import load_feasible
-    from flexfem.verify.comparison import compare
+    from flexfem.verify.errors import compare
 
     clock = Clock()
     clock("import", lambda: subprocess.run([sys.executable, "-c", IMPORTS], check=True))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from random_stages import drawn
 
-from flexfem.analytic.notch import FORMULAS
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.protocol import solve_stage

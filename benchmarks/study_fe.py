@@ -32,7 +32,7 @@ from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
 from flexfem.study.answer import solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study
-from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.errors import grid_convergence
 from flexfem.verify.protocol import solve_stage
 
 LEVELS = (6, 8, 11)

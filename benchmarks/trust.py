@@ -25,7 +25,7 @@ from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample
 from flexfem.verify.budget import CALIBRATED, thick_compliance
-from flexfem.verify.comparison import error_matrix
+from flexfem.verify.errors import error_matrix
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexfem.analytic.notch import formulas as formulas
-    from flexfem.analytic.notch import register_formula as register_formula
+    from flexfem.analytic.formulas import formulas as formulas
+    from flexfem.analytic.formulas import register_formula as register_formula
     from flexfem.api import AnalyticModel as AnalyticModel
     from flexfem.api import ElementModel as ElementModel
     from flexfem.api import Errors as Errors
@@ -42,7 +42,7 @@ _HOMES = {
     "refused": ("BadInput", "ComputationFailed"),
     "stage.materials": ("Material", "materials", "register_material"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
-    "analytic.notch": ("formulas", "register_formula"),
+    "analytic.formulas": ("formulas", "register_formula"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.analytic.chains import Wrench, neck_stress, range_at_yield
-from flexfem.analytic.inverse import inverse
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult
 from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.analytic.stiffness import apply
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import load_case
 from flexfem.files.toml import Path
@@ -25,7 +24,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import warning
-from flexfem.verify.convergence import compliance_bands, levels
+from flexfem.verify.errors import compliance_bands, levels
 from flexfem.verify.measures import error_bands
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Fields

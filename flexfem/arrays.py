@@ -1,4 +1,4 @@
-"""The array types of flexfem's signatures."""
+"""Types of arrays, and the inverse of small matrices that says when it cannot be trusted."""
 
 from __future__ import annotations
 
@@ -10,3 +10,52 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.int64]
 AnyArray: TypeAlias = NDArray[Any]
+
+
+SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
+
+
+def inverse(A: Array) -> Array:
+    """Inverse of the matrices A (..., n, n); nan where A is singular or its condition number exceeds `SINGULAR`.
+
+    Notes
+    -----
+    Rows and columns are scaled to unit largest entry first, so that the condition number (1-norm) does not depend on
+    units of mm and rad. One singular design in a batch leaves the others untouched.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        a = np.ascontiguousarray(np.moveaxis(A, (-2, -1), (0, 1)))  # entry by entry: many designs at full speed
+        rows = 1.0 / np.max(np.abs(a), axis=1, keepdims=True)
+        columns = 1.0 / np.max(np.abs(rows * a), axis=0, keepdims=True)
+        scaled = rows * a * columns
+        scaled = np.where(np.all(np.isfinite(scaled), axis=(0, 1)), scaled, 0.0)
+        inverted = _by_cofactors(scaled) if len(a) == 3 else _by_elimination(scaled)
+        trusted = _norm(scaled) * _norm(inverted) <= SINGULAR  # not for nan
+        inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
+        A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
+        return A_inverse
+
+
+def _by_cofactors(a: Array) -> Array:
+    """Inverse of (3, 3, ...), not finite where singular."""
+    x, y, z = a
+    adjugate: Array = np.stack([_cross(y, z), _cross(z, x), _cross(x, y)], axis=1)
+    inverted: Array = adjugate / np.sum(x * adjugate[:, 0], axis=0)
+    return inverted
+
+
+def _by_elimination(a: Array) -> Array:
+    """Inverse of (n, n, ...), nan where singular."""
+    matrices = np.moveaxis(a, (0, 1), (-2, -1))
+    regular = np.linalg.slogdet(matrices).sign[..., None, None] != 0.0
+    inverted = np.where(regular, np.linalg.inv(np.where(regular, matrices, np.eye(len(a)))), np.nan)
+    return np.moveaxis(inverted, (-2, -1), (0, 1))
+
+
+def _cross(v: Array, w: Array) -> Array:
+    return np.stack([v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]])
+
+
+def _norm(a: Array) -> Array:
+    largest: Array = np.max(np.sum(np.abs(a), axis=0), axis=0)
+    return largest

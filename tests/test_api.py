@@ -19,7 +19,7 @@ import pytest
 
 import flexfem
 from flexfem import own
-from flexfem.analytic.notch import FORMULAS
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.stage.materials import REGISTERED
 
 ROOT = Path(__file__).parent.parent

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexfem.analytic.chart import thickness_factors as factors
 from flexfem.analytic.model import analyse, hinge_compliance
-from flexfem.analytic.thick import factors
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.inverse import inverse
-from flexfem.analytic.mobility import KINDS, Freedoms, checked
+from flexfem.analytic.kinematics import KINDS, Freedoms, checked
 from flexfem.analytic.notch import Compliance
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.stage.designs import Frames
 
 

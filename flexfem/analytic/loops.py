@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.inverse import inverse
 from flexfem.analytic.kinematics import ROTATION, Joints, chain_poses, first_order, second_order
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, inverse
 from flexfem.stage.designs import Frames
 
 DEPENDENT = 6  # three equations in each of two loops

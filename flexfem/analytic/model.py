@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic import notch, thick
+from flexfem.analytic import chart, formulas
 from flexfem.analytic.chains import Wrench, chain_compliance, chain_wrenches, neck_stress, neck_wrenches
-from flexfem.analytic.inverse import inverse
+from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
+from flexfem.analytic.kinematics import mobility as mobility_of
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.loops import rank_revealing
-from flexfem.analytic.mobility import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.mobility import mobility as mobility_of
 from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.designs import Designs, lower, stage_frames
 from flexfem.stage.feasibility import Broken, check_closed_form
@@ -78,23 +77,23 @@ def hinge_compliances(designs: Designs, formula: str) -> Compliance:
     """
     b, H, nu = (each[:, None, None] for each in (designs.thickness, designs.link_width, designs.poissons_ratio))
     E, effective_nu = (each[:, None, None] for each in designs.elastic)
-    found = notch.formula(formula).compliance(designs.radius, designs.neck, b, E, effective_nu, H)
+    found = formulas.formula(formula).compliance(designs.radius, designs.neck, b, E, effective_nu, H)
     if designs.plane != "corrected":
         return found
-    factors = thick.factors(designs.radius, designs.neck, b, nu)
+    factors = chart.thickness_factors(designs.radius, designs.neck, b, nu)
     return Compliance(*(one * factor for one, factor in zip(found, factors, strict=True)))
 
 
 def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
     """Whether the formula is meant for each hinge (n, 3, 3). Raises BadInput for an unknown formula."""
-    return notch.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
+    return formulas.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
 
 
 def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
     """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
     found = {}
-    if isinstance(notch.formula(formula), ChartedFormula):
-        found[OFF_CHART] = notch.formula(formula).in_range(designs.radius, designs.neck)
+    if isinstance(formulas.formula(formula), ChartedFormula):
+        found[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
         found[OFF_THICKNESS] = on_thickness_chart(designs)
     found[NOT_POSITIVE] = np.minimum(np.minimum(hinges.rotation, hinges.axial), hinges.shear) > 0
@@ -104,7 +103,7 @@ def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, ND
 def on_thickness_chart(designs: Designs) -> NDArray[np.bool_]:
     """Whether each hinge (n, 3, 3) is on the chart of three-dimensional hinges."""
     b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
-    return thick.covers(designs.radius, designs.neck, b, nu)
+    return chart.on_thickness_chart(designs.radius, designs.neck, b, nu)
 
 
 def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
@@ -142,7 +141,7 @@ def analyse(
     Parameters
     ----------
     mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself, and 21 with `links`.
-    formula : a name in `notch.FORMULAS`.
+    formula : a name in `formulas.FORMULAS`.
     links : pads, links and platform elastic, with all freedoms of the hinges.
 
     Raises
@@ -196,11 +195,11 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
     tau = hinge.neck / hinge.radius
     said = f"{key_of(stage, chain, HINGE_NAMES[position], 'neck_mm')} = {hinge.neck:g}"
     if reason == OFF_CHART:
-        low, high = notch.formula(formula).valid
+        low, high = formulas.formula(formula).valid
         return f"{said}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
-        ends = ", ".join(f"{low:g} to {high:g}" for low, high in thick.thickness_chart()[:3])
+        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart()[:3])
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,14 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem import own
 from flexfem.analytic import beam
 from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.analytic.chart import hinge_chart
 from flexfem.arrays import Array
-from flexfem.refused import BadInput
-
-BEAM_RANGE = (1e-4, 2.0)
 
 
 class Compliance(NamedTuple):
@@ -146,177 +141,3 @@ def _shape_of_notch(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike 
     high = 2.0 * R + t
     tau, eta = np.broadcast_arrays(t / R, (high if block_height is None else np.asarray(block_height)) / high)
     return tau, eta
-
-
-_ENTRIES = (
-    Formula(
-        "paros-weisbord",
-        "J. M. Paros, L. Weisbord, How to design flexure hinges, Machine Design 37, 151-156 (1965)",
-        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam integral in our own"
-        " algebra. No published range: the range is where the algebra is tested. For t/R up to 1 beam theory itself is"
-        " up to 16 % too stiff against plane-stress finite elements",
-        BEAM_RANGE,
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
-    ),
-    Formula(
-        "paros-weisbord-short",
-        "J. M. Paros, L. Weisbord (1965), approximation for t << R as widely printed",
-        "found in several public sources; axial with 2.57 as printed, the limit of (3) being 1 + pi/2 = 2.5708."
-        " Range ours: rotation within 1.3 % and axial within 5 % of the full form",
-        (1e-4, 0.1),
-        beam.rotation_paros_weisbord_short,
-        beam.axial_paros_weisbord_short,
-    ),
-    Formula(
-        "wu-zhou",
-        "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 (2002)",
-        "recalled; the same beam integrals as Paros-Weisbord in other algebra, equal to quadrature. No published range",
-        BEAM_RANGE,
-        beam.rotation_wu_zhou,
-        beam.axial_wu_zhou,
-    ),
-    Formula(
-        "lobontiu",
-        "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
-        "rotation and transverse form found in public code under his name, the book itself not seen; axial recalled."
-        " The same beam integrals in other algebra, equal to quadrature; the transverse form holds for a force at the"
-        " hinge's end and is moved to the centre here. No published range",
-        BEAM_RANGE,
-        beam.rotation_lobontiu,
-        beam.axial_lobontiu,
-        beam.bending_lobontiu,
-    ),
-    Formula(
-        "smith-chetwynd",
-        "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and Breach (1992)",
-        "coefficients found in public code, attribution recalled; range t < R < 5 t recalled",
-        (0.2, 1.0),
-        beam.rotation_smith_chetwynd,
-    ),
-    Formula(
-        "koster",
-        "M. P. Koster, Constructieprincipes voor het nauwkeurig bewegen en positioneren, Twente Univ. Press (1998)",
-        "recalled; 2 to 7 % from plane-stress finite elements. Published range not known, the range is the one of"
-        " that comparison",
-        (0.02, 1.0),
-        beam.rotation_koster,
-    ),
-    Formula(
-        "schotborgh",
-        "W. O. Schotborgh et al., Dimensionless design graphs for flexure elements, Precis. Eng. 29, 41-47 (2005)",
-        "recalled; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % off at 1. Published range not"
-        " known, the range is where it is within 3 %",
-        (0.02, 0.3),
-        beam.rotation_schotborgh,
-    ),
-    Formula(
-        "quadrature",
-        "the Timoshenko beam integrals by Gauss quadrature, our own",
-        "the slow reference of the closed forms; same range",
-        BEAM_RANGE,
-        beam.rotation_by_quadrature,
-        beam.axial_by_quadrature,
-        beam.bending_by_quadrature,
-    ),
-    ChartedFormula(
-        "calibrated",
-        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
-        "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
-        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
-        " hinge_chart_high.json",
-        hinge_chart().ratios,
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
-        beam.bending_closed,
-        least_height=hinge_chart().least_height,
-    ),
-)
-
-FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
-
-
-def formulas() -> tuple[str, ...]:
-    """Names of the hinge formulas that are known, the user's own included."""
-    own.load()
-    return tuple(FORMULAS)
-
-
-def register_formula(
-    name: str,
-    function: Callable[[Array], Array],
-    *,
-    source: str,
-    valid: tuple[float, float],
-    axial: Callable[[Array], Array] | None = None,
-    bending: Callable[[Array], Array] | None = None,
-) -> Formula:
-    """Make a hinge formula of one's own known by a name, to every function that takes one.
-
-    Parameters
-    ----------
-    name : letters, digits and hyphens.
-    function : of t/R (...), gives `E b R^2 theta/M` (...), a pure number.
-    source : where it comes from, one line.
-    valid : smallest and largest t/R for which it is meant; outside, answers carry a warning.
-    axial, bending : as `function`, `E b dx/F_x` and the part `E b dy/F_y` of bending; None takes Paros-Weisbord's.
-
-    Raises
-    ------
-    BadInput
-        The name is taken by another formula, or a function does not give finite positive numbers over `valid`.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> own = flexfem.register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
-    >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
-    'plain'
-    """
-    made = Formula(name, source, "registered by the user", valid, function, axial, bending)
-    known = FORMULAS.get(name)
-    if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
-        raise BadInput(f"hinge formula {name!r} is known already, expected another name")
-    _check_own(made)
-    FORMULAS[name] = made
-    return made
-
-
-def _check_own(made: Formula) -> None:
-    """Refuse a formula of the user's that has no name, no source, no range, or no values."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", str(made.name)):
-        raise BadInput(f"hinge formula {made.name!r}: expected a name of letters, digits and hyphens")
-    if not isinstance(made.source, str) or not made.source.strip():
-        raise BadInput(f"hinge formula {made.name!r}: expected a source, one line of text")
-    ends = np.asarray(made.valid, dtype=float)
-    if ends.shape != (2,) or not 0 < ends[0] < ends[1] < np.inf:
-        raise BadInput(f"hinge formula {made.name!r}: valid = {made.valid!r}, expected 0 < smallest t/R < largest")
-    ratio = np.geomspace(ends[0], ends[1], 24).reshape(2, 3, 4)
-    for function in (each for each in (made.rotation, made.axial, made.bending) if each is not None):
-        found = np.asarray(function(ratio))
-        if found.shape != ratio.shape or not np.all(np.isfinite(found) & (found > 0)):
-            raise BadInput(
-                f"hinge formula {made.name!r}: expected finite positive numbers of the shape of t/R from "
-                f"{ends[0]:g} to {ends[1]:g}"
-            )
-
-
-def formula(name: str) -> Formula:
-    """The registered formula; raises BadInput with the list of names when there is none."""
-    own.load()
-    if name not in FORMULAS:
-        raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
-    return FORMULAS[name]
-
-
-def over_calibrated(ratio: Array, height: float, poissons_ratio: float) -> dict[str, Compliance]:
-    """Compliances of every formula, by name, over the calibrated ones of a full notch (H = h) at t/R (n,); fields (n,).
-
-    Those of the calibrated formula itself are at H/h = `height`: what the height of the blocks does. nan off the chart.
-    """
-    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)
-    found = {}
-    for name, entry in FORMULAS.items():
-        own = entry.compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
-        found[name] = Compliance(*(a / b for a, b in zip(own, full, strict=True)))
-    return found

@@ -19,9 +19,8 @@ from flexfem.analytic.boundary import Boundary, displacements, divided
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.bodies import body_sides, cut_angle, necks, notch_side
 from flexfem.stage.designs import CHAIN_TURN, Elastic
-from flexfem.stage.outline import Segment, polyline, reverse
+from flexfem.stage.outline import Pose, Segment, polyline, reverse
 from flexfem.stage.schema import CHAINS, Hinge, Stage
-from flexfem.stage.strip import Pose
 
 # Sizes of the elements. Half of them all moves the compliances of forty random stages by at most 0.013 %.
 ACROSS = 0.6  # in the neck, per neck

@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.inverse import inverse
-from flexfem.analytic.kinematics import Joints, joints_of
+from flexfem.analytic.kinematics import Freedoms, Joints, joints_of
 from flexfem.analytic.loops import Choice, Influence, choose, columns, in_joint_order, influence
-from flexfem.analytic.mobility import Freedoms
 from flexfem.analytic.notch import Compliance
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, inverse
 from flexfem.stage.designs import Frames
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.notch import FORMULAS
 from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage

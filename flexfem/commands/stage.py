@@ -36,12 +36,12 @@ def summary(
     json: Json = False,
 ) -> None:
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
-    from flexfem.analytic import notch
+    from flexfem.analytic import formulas
     from flexfem.stage.schema import load_feasible
     from flexfem.verify import summary as verify
 
     loaded = load_feasible(stage)
-    notch.formula(formula or "calibrated")
+    formulas.formula(formula or "calibrated")
     solved = None
     if elements or resolution is not None:
         from flexfem.fem.mesh import RESOLUTION
@@ -61,14 +61,14 @@ def stiffness(
     json: Json = False,
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
-    from flexfem.analytic import notch
-    from flexfem.analytic.mobility import freedoms_of
+    from flexfem.analytic import formulas
+    from flexfem.analytic.kinematics import freedoms_of
     from flexfem.analytic.model import analyse
     from flexfem.commands import answers
     from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
-    notch.formula(formula)
+    formulas.formula(formula)
     freedoms_of(mobility or 3)
     if links and mobility not in (None, 21):
         raise BadInput(

@@ -1,4 +1,4 @@
-"""The thickness chart: positions of `thick` on a grid of Chebyshev points, as the file that `analytic.thick` reads.
+"""The thickness chart: positions of `thick` on a grid of Chebyshev points, as the file that `analytic.chart` reads.
 
 `python -m flexfem.fem.thick_chart [FOLDER]` makes it anew, in the package itself when no folder is given.
 """

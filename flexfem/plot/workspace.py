@@ -14,7 +14,7 @@ from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.plot.text import scientific
 from flexfem.units import COMMANDS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.travel import Travel, Workspace
+from flexfem.verify.workspace import Travel, Workspace
 
 WIDTH, HEIGHT = 11.69, 8.5  # in
 COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")

@@ -24,8 +24,7 @@ import numpy as np
 from flexfem.refused import BadInput
 from flexfem.stage.cache import once
 from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
-from flexfem.stage.outline import Face, Segment, polyline, reverse
-from flexfem.stage.strip import Pose, offset, shortest_path
+from flexfem.stage.outline import Face, Pose, Segment, offset, polyline, reverse, shortest_path
 from flexfem.stage.tables import HINGE_NAMES, Hinge, key_of
 
 if TYPE_CHECKING:

@@ -23,7 +23,6 @@ from flexfem.files.toml import Path, validate
 from flexfem.files.writing import toml_text, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.cache import KEPT, once
-from flexfem.stage.changes import merged_changes
 from flexfem.stage.designs import Elastic, lower
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
@@ -40,6 +39,7 @@ from flexfem.stage.tables import Override as Override
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
 from flexfem.stage.tables import key_of as key_of
+from flexfem.stage.tables import merged_changes
 
 
 class Stage(Dimensioned, Sourced):

@@ -5,13 +5,16 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from flexfem.files.keypath import key_path
-from flexfem.files.refusals import refusal
-from flexfem.stage.inside import Angle, Dimensioned, Length
+from flexfem.files.refusals import refusal, shown
+from flexfem.refused import BadInput
+from flexfem.stage.inside import Angle, Dimensioned, Length, plain
+from flexfem.stage.materials import with_changes
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -87,3 +90,51 @@ def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
 
 
 assert get_args(HingeName) == HINGE_NAMES
+
+
+OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without naming the table
+
+
+def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a changed stage; `held` is its `model_dump`, changes are as `Stage.replace` takes them.
+
+    Raises BadInput for an override that names no hinge.
+    """
+    content, given = plain(held), {name: _plain(value) for name, value in changes.items()}
+    for name in [name for name in OF_HINGES if name in given]:
+        value = given.pop(name)
+        by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
+        content = _merge(content, {"hinges": {hinge: {name: each} for hinge, each in by_hinge.items()}})
+    if "material" in given:
+        value = given.pop("material")
+        named = {"name": value} if isinstance(value, str) else value
+        content["material"] = with_changes(content["material"], value) if isinstance(value, dict) else named
+    if isinstance(given.get("override"), dict):
+        content["override"] = _overridden(content.get("override", []), given.pop("override"))
+    return dict(_merge(content, given))
+
+
+def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
+    found = {(each["chain"], each["hinge"]): each for each in held}
+    for place, values in given.items():
+        chain, hinge = place if isinstance(place, tuple) and len(place) == 2 else (None, place)
+        if chain not in CHAINS or hinge not in HINGE_NAMES:
+            names = ", ".join(HINGE_NAMES)
+            raise BadInput(f"override: no hinge {shown(str(place))}, expected (1, 2 or 3, one of {names})")
+        found[chain, hinge] = found.get((chain, hinge), {"chain": chain, "hinge": hinge}) | dict(values)
+    return list(found.values())
+
+
+def _merge(old: Any, new: Any) -> Any:
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    return old | {key: _merge(old.get(key), value) for key, value in new.items()}
+
+
+def _plain(value: Any) -> Any:
+    """A table built in Python by its content, which replaces what is held as far as it says anything."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(exclude_unset=True)
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return {key: _plain(item) for key, item in value.items()} if isinstance(value, Mapping) else plain(value)

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.mobility import freedoms_of, stage_freedoms
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.notch import FORMULAS
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
 from flexfem.fem.grids import mapped, meshed, size_of
 from flexfem.fem.mesh import StageMesh

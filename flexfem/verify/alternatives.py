@@ -12,12 +12,11 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.analytic.inverse import inverse
+from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble, at_rest, hinge_compliances
 from flexfem.analytic.stiffness import stiffness
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, StageMesh
@@ -30,7 +29,7 @@ from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.comparison import error_matrix
+from flexfem.verify.errors import error_matrix
 from flexfem.verify.protocol import Solved
 from flexfem.verify.result import Record, Triple
 

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.inverse import inverse
+from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import (
     DEFAULT_FORMULA,
     AnalyticResult,
@@ -24,7 +23,7 @@ from flexfem.analytic.model import (
     hinge_compliances,
     on_thickness_chart,
 )
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import load_case, plate_of
@@ -32,8 +31,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.comparison import compare, percentages
-from flexfem.verify.convergence import command_convergence, levels
+from flexfem.verify.errors import command_convergence, compare, levels, percentages
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import OfStage, Record, Triple, about
 

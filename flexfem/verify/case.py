@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from flexfem.analytic.formulas import formula
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.analytic.notch import formula
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.provenance import Sourced

@@ -11,7 +11,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.convergence import COARSER, grid_convergence
+from flexfem.verify.errors import COARSER, grid_convergence
 from flexfem.verify.protocol import Solved, solve_stage, stored
 from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.notch import FORMULAS, over_calibrated
-from flexfem.analytic.thick import factors
+from flexfem.analytic.chart import thickness_factors
+from flexfem.analytic.formulas import FORMULAS, over_calibrated
 from flexfem.arrays import Array
 
 POINTS = 121  # of a curve
@@ -94,6 +94,6 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
 def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
     """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout."""
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
-    found = factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
+    found = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
     source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
     return ThicknessReview(width, ratio, poissons_ratio, found.rotation, found.axial, {}, source)

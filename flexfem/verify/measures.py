@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.mobility import freedoms_of, mobility
+from flexfem.analytic.equilibrium import missed
+from flexfem.analytic.kinematics import freedoms_of, mobility
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.second_order import missed
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
@@ -17,8 +17,7 @@ from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.comparison import error_matrix
-from flexfem.verify.convergence import command_convergence, levels
+from flexfem.verify.errors import command_convergence, error_matrix, levels
 
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)
 

@@ -23,8 +23,7 @@ from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
-from flexfem.verify.comparison import Comparison, compare, percentages
-from flexfem.verify.convergence import Convergence, command_convergence, levels
+from flexfem.verify.errors import Comparison, Convergence, command_convergence, compare, levels, percentages
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.analytic.chains import travel
-from flexfem.analytic.mobility import Freedoms
+from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import at_rest
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
@@ -15,8 +15,7 @@ from flexfem.clock import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.stage.designs import Designs, envelope
 from flexfem.stage.schema import Stage
-from flexfem.verify.comparison import error_matrix
-from flexfem.verify.convergence import CAUTIOUS, ORDER, grid_convergence, levels
+from flexfem.verify.errors import CAUTIOUS, ORDER, error_matrix, grid_convergence, levels
 
 if TYPE_CHECKING:
     from flexfem.fem.cyclic import CyclicResponse

@@ -20,7 +20,7 @@ from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction
-from flexfem.verify.convergence import Verdict
+from flexfem.verify.errors import Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 Matrix = list[list[float]]

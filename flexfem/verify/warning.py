@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult, analyse, in_range
-from flexfem.analytic.notch import FORMULAS
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.cache import once

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY, Freedoms
-from flexfem.analytic.notch import Compliance, formula
+from flexfem.analytic.formulas import formula
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, Freedoms
+from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
 from flexfem.stage.designs import Frames, frames
 

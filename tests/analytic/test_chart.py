@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.chart import beam_integrals, hinge_chart, read_patch
+from flexfem.analytic.formulas import FORMULAS, formula, over_calibrated
 from flexfem.analytic.model import analyse
-from flexfem.analytic.notch import FORMULAS, formula, over_calibrated
 from flexfem.fem.chart import LOW, RATIOS, chart_path
 from flexfem.fem.hinge import Hinge, sample
 from flexfem.refused import BadInput

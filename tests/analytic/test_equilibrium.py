@@ -8,8 +8,7 @@ from scipy.optimize import minimize
 
 from flexfem.analytic import equilibrium
 from flexfem.analytic.equilibrium import at_pose, close_loops, under_load
-from flexfem.analytic.kinematics import chain_poses
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses
 from flexfem.analytic.stiffness import mechanism, stiffness
 from flexfem.refused import ComputationFailed
 from flexfem.stage.designs import frames

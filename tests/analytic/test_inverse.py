@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.inverse import inverse
+from flexfem.arrays import inverse
 
 
 def conditioned(number: int, condition: float) -> np.ndarray:

@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexfem.analytic.kinematics import chain_poses, first_order, joints_of, second_order
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order, joints_of, second_order
 from flexfem.stage.designs import frames
 
 H = 1e-5  # step of the central differences, rad and mm: truncation and rounding are both near 1e-9 for 30 mm links

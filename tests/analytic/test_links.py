@@ -10,10 +10,10 @@ import pytest
 from scipy.linalg import block_diag
 
 from flexfem.analytic.chains import chain_compliance, chain_wrenches
-from flexfem.analytic.inverse import inverse
+from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import _bar, body_compliance
-from flexfem.analytic.mobility import freedoms_of
 from flexfem.analytic.model import analyse, hinge_compliance
+from flexfem.arrays import inverse
 from flexfem.stage.designs import CHAIN_TURN, stage_frames
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.outline import Segment

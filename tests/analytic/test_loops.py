@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.equilibrium import close_loops
-from flexfem.analytic.inverse import inverse
-from flexfem.analytic.kinematics import chain_poses, first_order, joints_of
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order, joints_of
 from flexfem.analytic.loops import choose, chosen, influence, rank_revealing
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.arrays import inverse
 from flexfem.stage.designs import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.kinematics import joints_of
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY, freedoms_of, gruebler_kutzbach, mobility, stage_freedoms
+from flexfem.analytic.kinematics import (
+    FREEDOMS_BY_MOBILITY,
+    freedoms_of,
+    gruebler_kutzbach,
+    joints_of,
+    mobility,
+    stage_freedoms,
+)
 from flexfem.refused import BadInput
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.analytic.formulas import FORMULAS, formula
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.notch import FORMULAS, formula
 from flexfem.analytic.stiffness import mechanism, stiffness
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.designs import stage_frames

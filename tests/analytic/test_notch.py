@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from flexfem.analytic.beam import quadrature
-from flexfem.analytic.notch import FORMULAS, ChartedFormula, formula
+from flexfem.analytic.formulas import FORMULAS, formula
+from flexfem.analytic.notch import ChartedFormula
 from flexfem.refused import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3

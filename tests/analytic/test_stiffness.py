@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from flexfem.analytic.chains import chain_compliance, chain_wrenches
 from flexfem.analytic.equilibrium import close_loops
-from flexfem.analytic.kinematics import chain_poses, first_order
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order
 from flexfem.analytic.loops import chosen, influence, rank_revealing
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.notch import Compliance
 from flexfem.analytic.stiffness import effective_load, inverse_kinematics, mechanism, platform_force, stiffness
 from flexfem.stage.designs import Frames, turned

@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.analytic.thick import covers, factors, read_chart, thickness_chart
+from flexfem.analytic.chart import on_thickness_chart, read_thickness_chart, thickness_chart
+from flexfem.analytic.chart import thickness_factors as factors
 from flexfem.fem.hinge import Hinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.thick import ThickHinge, sample
@@ -112,7 +113,7 @@ def test_shear_at_the_position_of_plane_strain_is_that_of_plane_strain_finite_el
 def test_beyond_the_chart_there_is_nothing(ratio: float, width: float, nu: float) -> None:
     t = np.array([0.3, ratio]) * R
     b, nus = np.array([9.0, width]) * t, np.array([NU, nu])
-    assert covers(R, t, b, nus).tolist() == [True, False]
+    assert on_thickness_chart(R, t, b, nus).tolist() == [True, False]
     found = np.array(factors(R, t, b, nus))
     assert np.isfinite(found[:, 0]).all() and np.isnan(found[:, 1]).all()
 
@@ -131,4 +132,4 @@ def test_designs_broadcast() -> None:
 
 def test_a_chart_is_read_with_the_range_it_states() -> None:
     text = thickness_chart_path().read_text()
-    assert read_chart(text.replace("[0.02, 1.2]", "[0.021, 1.19]")).ratios == (0.021, 1.19)
+    assert read_thickness_chart(text.replace("[0.02, 1.2]", "[0.021, 1.19]")).ratios == (0.021, 1.19)

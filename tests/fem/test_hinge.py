@@ -13,7 +13,7 @@ from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.stage.outline import Face, Segment, area
 from flexfem.validate.holes import differences
-from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.errors import grid_convergence
 
 COARSE = (2, 3, 4)  # levels of the quick tests
 MESH = 4e-5  # relative: what their extrapolation leaves, most in shear

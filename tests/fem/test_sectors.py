@@ -25,7 +25,7 @@ from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.designs import CHAIN_TURN, turned
 from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.verify.convergence import grid_convergence
+from flexfem.verify.errors import grid_convergence
 
 ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm, relative on weights
 CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.verify.budget import Budget, Share, Split
+from flexfem.verify.budget import Budget, BudgetShare, Split
 from flexfem.verify.converge import MeshStudy
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty
-from flexfem.verify.travel import Box, Elements, Point, Travel, Workspace
+from flexfem.verify.workspace import Box, Elements, Point, Travel, Workspace
 
 HINGES = ("base", "elbow", "platform")
 PLACES = ((52.0, -30.0), (25.0, -31.0), (21.0, 3.0))
@@ -110,7 +110,7 @@ def budget(**changes: Any) -> Budget:
     split = {
         axis: Split(
             amplitude=amplitudes[axis],
-            shares=[Share(name=name, points=triple(one)) for name, one in zip(NAMES, found, strict=True)],
+            shares=[BudgetShare(name=name, points=triple(one)) for name, one in zip(NAMES, found, strict=True)],
             total=triple(tuple(np.sum(found, axis=0))),
             band=bands[axis],
             out_of_plane=triple(outside[axis]),

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.chains import concentration, neck_stress
-from flexfem.analytic.inverse import inverse
-from flexfem.analytic.mobility import FREEDOMS_BY_MOBILITY
+from flexfem.analytic.formulas import FORMULAS
+from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.notch import FORMULAS
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.refused import BadInput
 from flexfem.stage.bodies import draw_sector
 from flexfem.stage.designs import stage_frames

@@ -14,7 +14,7 @@ import pytest
 
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.convergence import command_convergence, compliance_bands, grid_convergence
+from flexfem.verify.errors import command_convergence, compliance_bands, grid_convergence
 from flexfem.verify.measures import errors_of_model
 from flexfem.verify.protocol import _uncertainty, solve_stage
 

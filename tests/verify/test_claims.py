@@ -26,7 +26,7 @@ from flexfem.verify.claims import (
     measure_claims,
     report_claims,
 )
-from flexfem.verify.comparison import error_matrix
+from flexfem.verify.errors import error_matrix
 from flexfem.verify.measures import MEASURES
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexfem.refused import BadInput
 from flexfem.verify.converge import checked_resolutions
-from flexfem.verify.convergence import grid_convergence, levels
+from flexfem.verify.errors import grid_convergence, levels
 
 
 def power_law(limit, slope, order, resolutions):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.comparison import compare
+from flexfem.verify.errors import compare
 
 ROUND_OFF = 1e-9  # per cent; products of 3 x 3 matrices with entries of order one
 

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import analyse
-from flexfem.analytic.notch import FORMULAS
 from flexfem.commands import answers
 from flexfem.fem.response import LoadCase
 from flexfem.stage.schema import load_stage

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.equilibrium import at_pose, tangents
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.second_order import tangents
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
 from flexfem.refused import ComputationFailed

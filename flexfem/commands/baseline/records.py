@@ -28,9 +28,8 @@ from flexfem.verify import budget, hinges, workspace
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
-from flexfem.verify.comparison import compare
 from flexfem.verify.converge import converge
-from flexfem.verify.convergence import levels
+from flexfem.verify.errors import compare, levels
 from flexfem.verify.protocol import OnMesh, Solved, run_case
 
 Section: TypeAlias = Callable[[], Any]

@@ -1,8 +1,9 @@
-"""How far a number on one mesh may be from the number on no mesh at all: Richardson extrapolation and its band.
+"""Error percentages of Section V, and how far a number on one mesh may be from the number on no mesh at all.
 
-A number that does not vanish converges steadily, and three meshes show how. What a stage moves across a command does
-not: it is what nearly equal mesh errors of nine hinges leave of each other, it changes its sign from mesh to mesh, and
-two meshes may agree by chance. Its band is taken from the whole error of the compliance, `command_convergence`.
+The force that a stiffness predicts for a command is applied to a compliance. A number that does not vanish converges
+steadily, and three meshes show how. What a stage moves across a command does not: it is what nearly equal mesh errors
+of nine hinges leave of each other, it changes its sign from mesh to mesh, and two meshes may agree by chance. Its band
+is taken from the whole error of the compliance, `command_convergence`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,51 @@ import numpy as np
 from scipy.linalg import eigh
 
 from flexfem.arrays import Array
+from flexfem.verify.case import DIRECTIONS, Direction
+
+
+class Comparison(NamedTuple):
+    """Analytic forces and the finite elements' answer.
+
+    force : (points, 3), N, N, N mm, by (18), or of the exact equilibrium.
+    error : (points, 3), mm, mm, rad, finite-element pose minus commanded.
+    percent : (3,), at the largest command.
+    """
+
+    force: Array
+    error: Array
+    percent: Array
+
+
+def compare(stiffness: Array, compliance: Array, direction: Direction, commanded: Array, lever: float) -> Comparison:
+    """Apply the force that an analytic stiffness predicts to a finite-element compliance.
+
+    Parameters
+    ----------
+    stiffness, compliance : (3, 3), order x, y, theta.
+    commanded : (points,), mm or rad.
+    lever : l3, mm, by which rotations become comparable with translations.
+    """
+    axis = DIRECTIONS.index(direction)
+    command = np.zeros((len(commanded), 3))
+    command[:, axis] = commanded
+    force = command @ stiffness.T  # (18)
+    error = force @ compliance.T - command
+    largest = int(np.argmax(commanded))
+    return Comparison(force, error, percentages(error[largest], commanded[largest], direction, lever))
+
+
+def percentages(error: Array, commanded: float, direction: Direction, lever: float) -> Array:
+    """Error (3,), mm, mm, rad, in per cent of one command; the lever makes rotations and translations comparable."""
+    scale = np.array([1.0, 1.0, lever])
+    return np.asarray(100.0 * error * scale / (commanded * scale[DIRECTIONS.index(direction)]))
+
+
+def error_matrix(stiffness: Array, compliance: Array, lever: float) -> Array:
+    """Error percentages (3, 3) of `compare`; column j for command j, order x, y, theta."""
+    one = np.array([0.0, 1.0])
+    return np.array([compare(stiffness, compliance, axis, one, lever).percent for axis in DIRECTIONS]).T
+
 
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
 ORDER = 4.0  # theoretical order of the platform compliance with quadratic triangles: twice that of the strain
