@@ -141,7 +141,7 @@ def test_light_commands_load_no_heavy_library(command, heavy):
     subprocess.run([sys.executable, "-c", script, *command], cwd=ROOT, check=True, capture_output=True, timeout=60)
 
 
-ALSO = {"Curve", "Factor", "Hinge", "Model", "Rows", "Sample"}  # to be renamed
+ALSO = {"Curve", "Hinge", "Model", "Sample"}  # to be renamed
 
 
 def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():

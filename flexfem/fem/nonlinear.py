@@ -11,8 +11,8 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, slopes_of, stress_tensor
 from flexfem.fem.tangent import (
-    Factor,
     Factorise,
+    Factorization,
     Model,
     State,
     factoriser,
@@ -98,7 +98,7 @@ class _Step(NamedTuple):
     energy: float
     turn: float
     unit: Array
-    factor: Factor
+    factor: Factorization
 
 
 def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool, degree: int) -> Equilibria:

@@ -171,14 +171,14 @@ def tangent(model: Model, state: State) -> sp.coo_array:
     return sp.coo_array((np.append(K.data, swing), (rows, columns)), shape=K.shape)
 
 
-class Factor(NamedTuple):
+class Factorization(NamedTuple):
     """A factorised symmetric matrix: `solve`, and whether the matrix is positive definite."""
 
     solve: Solve
     definite: bool
 
 
-Factorise: TypeAlias = Callable[[sp.coo_array], Factor]
+Factorise: TypeAlias = Callable[[sp.coo_array], Factorization]
 
 
 def factoriser() -> Factorise:
@@ -195,7 +195,7 @@ def factoriser() -> Factorise:
     cholmod.options["supernodal"] = 2
     known: list[tuple[tuple[AnyArray, ...], object]] = []
 
-    def factorise(lower: sp.coo_array) -> Factor:
+    def factorise(lower: sp.coo_array) -> Factorization:
         values, rows, columns = (matrix(part) for part in (lower.data, *(c.astype(np.int64) for c in lower.coords)))
         matrix_in = spmatrix(values, rows, columns, lower.shape)
         if not known or not all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
@@ -211,12 +211,12 @@ def factoriser() -> Factorise:
             cholmod.solve(symbolic, x)
             return np.array(x)
 
-        return Factor(solve, True)
+        return Factorization(solve, True)
 
     return factorise
 
 
-def _by_superlu(lower: sp.coo_array) -> Factor:
+def _by_superlu(lower: sp.coo_array) -> Factorization:
     """Without CHOLMOD: LU without pivoting has a positive diagonal of U if and only if the matrix is definite."""
     from scipy.sparse.linalg import splu
 
@@ -231,10 +231,10 @@ def _by_superlu(lower: sp.coo_array) -> Factor:
     symmetric = np.array_equal(factor.perm_r, factor.perm_c)
     if not (symmetric and np.all(factor.U.diagonal() > 0)):
         return _pivoted(lower)
-    return Factor(lambda b: np.asarray(factor.solve(b)), True)
+    return Factorization(lambda b: np.asarray(factor.solve(b)), True)
 
 
-def _pivoted(lower: sp.coo_array) -> Factor:
+def _pivoted(lower: sp.coo_array) -> Factorization:
     from scipy.sparse.linalg import splu
 
     half = lower.tocsc()
@@ -244,4 +244,4 @@ def _pivoted(lower: sp.coo_array) -> Factor:
         raise ComputationFailed(
             "tangent stiffness singular to working precision: a limit or bifurcation load"
         ) from None
-    return Factor(lambda b: np.asarray(factor.solve(b)), False)
+    return Factorization(lambda b: np.asarray(factor.solve(b)), False)

@@ -60,7 +60,7 @@ class ParetoFront(NamedTuple):
     base: tuple[float, float] | None = None
 
 
-class Rows(NamedTuple):
+class RowLayout(NamedTuple):
     """How the drawings are laid out: `number` of rows `row` in high, of cells (in) that show `low` to `high` (mm)."""
 
     low: Array
@@ -104,17 +104,17 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     return ax
 
 
-def rows_for(designs: Sequence[Chosen]) -> Rows:
-    """Rows with room for the widest outline, all to one scale, and for the longest text."""
+def rows_for(designs: Sequence[Chosen]) -> RowLayout:
+    """RowLayout with room for the widest outline, all to one scale, and for the longest text."""
     if not designs:
-        return Rows(np.zeros(2), np.ones(2), (CELL, CELL), 0.0, 0)
+        return RowLayout(np.zeros(2), np.ones(2), (CELL, CELL), 0.0, 0)
     bodies = [body for chosen in designs for body in chosen.outline.bodies]
     low, high = np.min([b.min(axis=0) for b in bodies], axis=0), np.max([b.max(axis=0) for b in bodies], axis=0)
     room = 0.02 * float(high[0] - low[0])
     low, high = low - room, high + room
     height = CELL * float((high[1] - low[1]) / (high[0] - low[0]))
     lines = max(_text(chosen, "A").count("\n") + 1 for chosen in designs)
-    return Rows(low, high, (CELL, height), height + LINE * lines + 0.25, -(-len(designs) // ACROSS))
+    return RowLayout(low, high, (CELL, height), height + LINE * lines + 0.25, -(-len(designs) // ACROSS))
 
 
 def letter(index: int) -> str:
@@ -178,7 +178,7 @@ def _draw_legend(axes: Axes, shown: ParetoFront) -> None:
     axes.legend(**place, ncols=2, frameon=False)
 
 
-def _draw_design(figure: Figure, rows: Rows, index: int, chosen: Chosen) -> None:
+def _draw_design(figure: Figure, rows: RowLayout, index: int, chosen: Chosen) -> None:
     down, along = divmod(index, ACROSS)
     left, bottom = LEFT + along * (AXES_LEFT + AXES_WIDTH - LEFT) / ACROSS, rows.height - down * rows.row - rows.cell[1]
     axes = add_axes(figure, left, bottom, *rows.cell)

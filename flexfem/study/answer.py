@@ -15,9 +15,9 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage
+from flexfem.study.columns import Rows, values_of
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import Rows, values_of
 from flexfem.study.sampling import sample
 from flexfem.verify.questions import Clock, ask_elements, ask_formulas
 

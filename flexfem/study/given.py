@@ -18,7 +18,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 
 if TYPE_CHECKING:
-    from flexfem.study.factors import Column
+    from flexfem.study.columns import Column
 
 FORMATS = (".csv", ".parquet")
 MOST_CSV = 64 * 2**20  # bytes; a CSV file is held in memory, a Parquet file one row group at a time

@@ -15,8 +15,8 @@ from flexfem.files.toml import read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage, load_feasible
+from flexfem.study.columns import Column, acting, columns_of, with_mean
 from flexfem.study.expression import names_in
-from flexfem.study.factors import Column, acting, columns_of, with_mean
 from flexfem.study.given import Given, given_of
 from flexfem.study.plan import Study
 from flexfem.study.tables import (

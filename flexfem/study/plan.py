@@ -15,9 +15,8 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown, suggestion
 from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label
+from flexfem.study.columns import WAYS, Factor, columns_of, outputs_of
 from flexfem.study.expression import names_in
-from flexfem.study.factors import WAYS, Factor, columns_of
-from flexfem.study.outputs import outputs_of
 from flexfem.study.tables import (
     MOST,
     Constraint,

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.study.factors import Factor
+from flexfem.study.columns import Factor
 from flexfem.study.given import rows_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.tables import normal_correlation

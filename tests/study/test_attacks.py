@@ -16,7 +16,7 @@ import pytest
 
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
-from flexfem.study.kept import kept_rows
+from flexfem.study.content import kept_rows
 from flexfem.study.loaded import load_study
 from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool

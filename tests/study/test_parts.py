@@ -20,10 +20,10 @@ from flexfem.commands.study import status
 from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
+from flexfem.study.columns import Rows
 from flexfem.study.content import COUNTS, kind_of, read_part, write_part
 from flexfem.study.folder import clean_facts, remove, set_apart, stale_parts
 from flexfem.study.loaded import load_study
-from flexfem.study.outputs import Rows
 from flexfem.study.parts import KEY, Shard, parts_of, sweep
 from flexfem.study.status import facts_of as counted
 from flexfem.study.status import status_facts, survey
