@@ -32,7 +32,7 @@ _expected: dict[str, str] = {}  # of a child; empty in a process that nobody gua
 
 def hashes(package: Path = PACKAGE) -> dict[str, str]:
     """SHA-256 of every source and data file of a package as it is now, by its path below the package."""
-    paths = sorted((*package.rglob("*.py"), *package.rglob("data/*.json")))
+    paths = sorted((*package.rglob("*.py"), *(package / "data").glob("*.[jt]*")))
     return {path.relative_to(package).as_posix(): _hash(path.read_bytes()) for path in paths}
 
 

@@ -25,7 +25,7 @@ ABOVE = ("api.py", "commands/", "plot/")  # for people; a stage that can draw it
 NAME = re.compile(r"flexfem(\.\w+)+")  # of a module as a text, by which child processes are begun
 NUMERIC = ("flexfem", "numpy", "scipy", "shapely")
 MESHED = ("gmsh", "scikit-fem")
-DATA = "data/"
+CHARTS = re.compile(r"data/.*\.json")  # materials count by their numbers, in the hash of the stage
 ROOTS = ("study/answer.py", "study/parts.py")  # what answers designs, and what keeps the answers
 
 
@@ -134,7 +134,7 @@ def digest(package: Path = PACKAGE) -> str:
     Comments, docstrings and how lines are broken change nothing. Raises SourcesChanged as `require_unchanged`.
     """
     found = dict(_deciding(package))
-    found |= {path: content for path, content in hashes(package).items() if path.startswith(DATA)}
+    found |= {path: content for path, content in hashes(package).items() if CHARTS.fullmatch(path)}
     if package == PACKAGE:
         require_unchanged()
     return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()[:16]
@@ -142,7 +142,7 @@ def digest(package: Path = PACKAGE) -> str:
 
 def counts(name: str) -> bool:
     """Whether a file, by its path below the package, decides results."""
-    return name.startswith(DATA) or name in _deciding(PACKAGE)
+    return CHARTS.fullmatch(name) is not None or name in _deciding(PACKAGE)
 
 
 @lru_cache

@@ -123,7 +123,7 @@ CURVED_CELLS = (48, 6)  # along, across; the coarse mesh has 6 by 1, as the sour
 
 
 class Ring(NamedTuple):
-    """Coefficients of T. and G.'s stress function `(A r^3 + B/r + D r ln r) sin(theta)` for a unit force."""
+    """Coefficients of the stress function `(A r^3 + B/r + D r ln r) sin(theta)` of `GOLOVIN` for a unit force."""
 
     A: float
     B: float
@@ -144,7 +144,7 @@ def end_displacement() -> float:
 
 
 def ring_displacement(points: Array) -> Array:
-    """(..., 2); the section theta = pi/2 neither turns nor moves along the ring and is held in its middle."""
+    """Displacement (..., 2) by a unit force; the section theta = pi/2 does not turn and is held in its middle."""
     (A, B, D), (e, nu, _) = ring(), CURVED
     r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     c, s = np.cos(angle), np.sin(angle)
@@ -160,7 +160,7 @@ def ring_displacement(points: Array) -> Array:
 
 
 def ring_stress(points: Array) -> Array:
-    """(..., 2, 2)."""
+    """Stress (..., 2, 2), unit force."""
     A, B, D = ring()
     r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     c, s = np.cos(angle), np.sin(angle)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem import sources
 from flexfem.commands.baseline.inputs import keys_of
 from flexfem.stage import materials
 from flexfem.study.designs import stage_of
@@ -48,6 +49,7 @@ def named(tmp_path):
 
 def test_shipped_materials_have_the_numbers_that_their_sources_state():
     """Literally, and in the units of the source, which states every one of the four: ksi, g/cm^3, psi."""
+    assert "data/materials.toml" in sources.hashes()  # held while a command runs
     known = flexfem.materials().items()
     assert {name: (m.youngs_modulus, m.poissons_ratio, m.density, m.yield_strength) for name, m in known} == {
         "al-7075-t6": (71700.0, 0.33, 2810.0, 503.0),

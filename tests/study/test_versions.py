@@ -24,6 +24,7 @@ SOURCES = {
     "verify/alternatives.py": "ACROSS = 8\n",
     "plot/style.py": "INK = 1\n",
     "data/chart.json": "[1.0]\n",
+    "data/materials.toml": "[metal]\ndensity_kg_m3 = 1\n",
 }
 ALIKE = [
     ("study/answer.py", "Prose.", "Other prose, of\n\nother length."),
@@ -32,6 +33,7 @@ ALIKE = [
     ("study/answer.py", "    return", "\n    # why\n    return"),
     ("verify/alternatives.py", "8", "9"),
     ("plot/style.py", "1", "2"),
+    ("data/materials.toml", "1", "2"),  # counts in the hash of a stage
 ]
 OTHER = [
     ("study/answer.py", "mesh(x)", "mesh(-x)"),
