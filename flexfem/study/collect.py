@@ -24,7 +24,7 @@ from flexfem.study.designs import judge
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.parts import PARQUET, Chunk, Parts, listed, sweep
 from flexfem.study.plan import FEASIBLE
-from flexfem.study.table import OK
+from flexfem.study.study_table import OK
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet

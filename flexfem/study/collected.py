@@ -19,7 +19,7 @@ from flexfem.study.designs import Judged, judge
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.parts import KEY
 from flexfem.study.plan import RESERVED
-from flexfem.study.table import OK, StudyTable, Texts
+from flexfem.study.study_table import OK, StudyTable, Texts
 
 FILE = re.compile(r"designs-\d{10,}\.parquet")  # of a table in several files, by the number of its first design
 

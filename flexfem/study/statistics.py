@@ -14,7 +14,7 @@ from flexfem.study.columns import CROSS
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.table import StudyTable
+    from flexfem.study.study_table import StudyTable
 
 CONFIDENCE = 0.95
 LEAST = 100  # designs, for indices from one plain sample; of 60, an interval of 95 % held in 86 %

@@ -11,7 +11,7 @@ from flexfem.refused import BadInput
 from flexfem.study.content import RETRIED, Counts, counts_of_table, read_counts, read_part
 from flexfem.study.parts import PART, WHOLE, Parts, Shard, listed, names_in
 from flexfem.study.probes import unseen
-from flexfem.study.table import counted_doubts
+from flexfem.study.study_table import counted_doubts
 
 
 class Survey(NamedTuple):

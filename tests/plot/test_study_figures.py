@@ -37,7 +37,7 @@ from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.probes import nominal, own_values
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Indices, Percentile
-from flexfem.study.table import StudyTable
+from flexfem.study.study_table import StudyTable
 from flexfem.study.tables import Figure
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -15,7 +15,7 @@ from flexfem.study.probes import own_values
 from flexfem.study.reductions import cells_of
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Percentile
-from flexfem.study.table import StudyTable
+from flexfem.study.study_table import StudyTable
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'

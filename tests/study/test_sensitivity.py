@@ -9,7 +9,7 @@ from flexfem.refused import BadInput
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import first_order, sensitivity, sobol_indices
-from flexfem.study.table import StudyTable
+from flexfem.study.study_table import StudyTable
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
 UNIT = 'key = "{}"\ndistribution = "uniform"\nlower = 1.0\nupper = 2.0'
