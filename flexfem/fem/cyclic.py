@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.assembly import tied_lower
+from flexfem.fem.assembly import matrices_of, tied_lower
 from flexfem.fem.condensation import Condensed, condense
 from flexfem.fem.factor import Solve, dense
 from flexfem.fem.mesh import StageMesh
@@ -149,7 +149,7 @@ def _of_chains(parts: list[_Part]) -> list[_Part]:
 
 def _condensed(sector: Sector, plate: Plate) -> _Part:
     batches, tied = integration(sector.mesh), _tie(sector)
-    lower = tied_lower(batches, plate, tied.number, tied.rigid)
+    lower = tied_lower(sector.mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid)
     return _Part(batches, tied, condense(lower, 2 * (len(sector.behind) + len(sector.ahead)) + 3))
 
 

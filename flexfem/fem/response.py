@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.assembly import tied_lower
+from flexfem.fem.assembly import matrices_of, tied_lower
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
@@ -95,7 +94,7 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -
     compliance is the pose block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
     """
     batches, tied = integration(mesh, degree), tie_hub(mesh)
-    solve = factorise(tied_lower(batches, plate, tied.number, tied.rigid))
+    solve = factorise(tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid))
     loads = np.zeros((2 * len(tied.free) + 3, 3))
     loads[-3:] = np.eye(3)
     motion, residual, last = np.zeros_like(loads), loads, np.ones(3)
@@ -130,7 +129,7 @@ class Tied(NamedTuple):
     number: Index
     free: Index
     hub: Index
-    rigid: sp.csr_array
+    rigid: Array
 
     def fields(self, motion: Array) -> Array:
         """Displacements (k, n, 2) of all nodes from unknowns (2f + 3, k)."""
@@ -158,11 +157,11 @@ def tie_hub(mesh: StageMesh) -> Tied:
     return Tied(number, free, hub, rigid_motion(mesh.nodes[hub]))
 
 
-def rigid_motion(nodes: Array) -> sp.csr_array:
+def rigid_motion(nodes: Array) -> Array:
     """Displacements (2h, 3) of nodes (h, 2) per pose, `u = U + theta x r`."""
     x, y = nodes.T
     one, zero = np.ones(len(nodes)), np.zeros(len(nodes))
-    return sp.csr_array(np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3))
+    return np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3)
 
 
 def check_balance(response: UnitResponse, size: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.assembly import Pairing, pairing, summed, with_rigid_part
+from flexfem.fem.assembly import tied_lower
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import (
@@ -22,7 +22,7 @@ from flexfem.fem.plane_stress import (
     slopes_of,
     stress_tensor,
 )
-from flexfem.fem.response import Tied, tie_hub
+from flexfem.fem.response import Tied, rigid_motion, tie_hub
 from flexfem.refused import ComputationFailed
 
 
@@ -86,7 +86,7 @@ class Hub(NamedTuple):
     """
 
     motion: Array
-    rates: sp.csr_array
+    rates: Array
     curvature: Array
 
 
@@ -95,12 +95,7 @@ def hub_at(arms: Array, pose: Array) -> Hub:
     sine, less = np.sin(pose[2]), -2.0 * np.sin(pose[2] / 2) ** 2  # cos - 1 without cancellation
     turn = np.array([[less, -sine], [sine, less]])
     swung = arms @ turn.T
-    x, y = (arms + swung).T
-    one = np.ones(len(arms))
-    data = np.stack([one, -y, one, x], axis=-1).ravel()  # entries that happen to be zero stay: the pattern is fixed
-    indices = np.tile([0, 2, 1, 2], len(arms))
-    rates = sp.csr_array((data, indices, 2 * np.arange(2 * len(arms) + 1)), shape=(2 * len(arms), 3))
-    return Hub(pose[:2] + swung, rates, -(arms + swung))
+    return Hub(pose[:2] + swung, rigid_motion(arms + swung), -(arms + swung))
 
 
 class Model(NamedTuple):
@@ -109,7 +104,6 @@ class Model(NamedTuple):
     batches: list[ElementBatch]
     plate: Plate
     tied: Tied
-    pairs: Pairing
     arms: Array
 
 
@@ -135,7 +129,7 @@ class Held(NamedTuple):
 def model_of(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Model:
     """Triangles and unknowns of a mesh; `degree` is that of the quadrature."""
     batches, tied = integration(mesh, degree), tie_hub(mesh)
-    return Model(batches, plate, tied, pairing(batches, tied.number), mesh.nodes[tied.hub])
+    return Model(batches, plate, tied, mesh.nodes[tied.hub])
 
 
 def rest(model: Model) -> State:
@@ -165,7 +159,8 @@ def tangent(model: Model, state: State) -> sp.coo_array:
         slopes = slopes_of(batch, state.field[None])[0]
         add_nodal_forces(forces, batch, model.plate, first_piola(slopes, stress)[None])
         matrices.append(tangent_matrices(batch, model.plate, slopes, stress))
-    K = with_rigid_part(summed(model.pairs, matrices), len(model.tied.free), hub.rates)
+    triangles = np.concatenate([batch.triangles for batch in model.batches])
+    K = tied_lower(triangles, matrices, model.tied.number, hub.rates)
     swing = np.sum(forces[0, model.tied.hub] * hub.curvature)  # as the hub turns, its forces change their levers
     rows, columns = (np.append(place, K.shape[0] - 1) for place in K.coords)
     return sp.coo_array((np.append(K.data, swing), (rows, columns)), shape=K.shape)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.assembly import blocks, stiffness_matrix, with_rigid_part
+from flexfem.fem.assembly import matrices_of, stiffness_matrix, tied_lower
 from flexfem.fem.mesh import StageMesh, ordered
 from flexfem.fem.plane_stress import Plate, integration, internal_forces
 from flexfem.fem.response import (
@@ -200,7 +200,7 @@ def test_equations_are_the_stiffness_seen_from_the_unknowns(bar: Callable[..., S
     plate = Plate(68.3e3, 0.29, 9.7)
     T, tied, batches = rigid_hub(mesh), tie_hub(mesh), integration(mesh)
     expected = T.T @ stiffness_matrix(batches, plate, len(mesh.nodes)).toarray() @ T
-    lower = with_rigid_part(blocks(batches, plate, tied.number), len(tied.free), tied.rigid).toarray()
+    lower = tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid).toarray()
     scale = np.abs(expected).max()
     np.testing.assert_allclose(lower, np.tril(expected), rtol=0, atol=ROUND_OFF * scale)
     forces = np.random.default_rng(29).normal(size=(2, len(mesh.nodes), 2))
