@@ -7,13 +7,14 @@ gives the Schur complement `S = L_bb L_bb'`, so that no right-hand side is solve
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array
-from flexfem.fem.factor import SINGULAR, superlu
+from flexfem.fem.factor import SINGULAR, cholmod_factor, ordering, superlu, to_cvxopt
 from flexfem.refused import ComputationFailed
 
 FORWARD, BACKWARD, PERMUTE, RESTORE = 4, 5, 7, 8  # CHOLMOD's systems L x = b, L' x = b, x = P b, x = P' b
@@ -35,25 +36,23 @@ class Condensed(NamedTuple):
     expanded: Callable[[Array, Array], Array]
 
 
-def condense(lower: sp.csc_array, boundary: int) -> Condensed:
-    """Condense a matrix given by its lower triangle (m, m), sorted and without duplicates, onto its last unknowns.
+def condense(lower: sp.coo_array | sp.csc_array, boundary: int) -> Condensed:
+    """Condense a matrix given by its lower triangle (m, m) onto its last unknowns.
 
     By CHOLMOD from the cvxopt wheel when it is there, else by SuperLU. Raises ComputationFailed when it is singular.
     """
-    try:
-        import cvxopt  # noqa: F401
-    except ImportError:
-        return by_superlu(lower, boundary)
-    return by_cholmod(lower, boundary)
+    if find_spec("cvxopt") is None:
+        return by_superlu(lower.tocsc(), boundary)
+    K = to_cvxopt(lower)
+    del lower  # its memory is free for the factor, unless the caller keeps it
+    return by_cholmod(K, boundary)
 
 
-def by_cholmod(lower: sp.csc_array, boundary: int) -> Condensed:
-    """As `condense`."""
+def by_cholmod(K: Any, boundary: int) -> Condensed:
+    """As `condense`, of what `to_cvxopt` made."""
     from cvxopt import cholmod, matrix
 
-    from flexfem.fem.factor import cholmod_factor, ordering, to_cvxopt
-
-    size, K = lower.shape[0], to_cvxopt(lower)
+    size: int = K.size[0]
     inner, order = size - boundary, ordering(K)
     order = np.concatenate([order[order < inner], np.arange(inner, size)])
     factor = cholmod_factor(K, order)

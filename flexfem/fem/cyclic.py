@@ -1,13 +1,13 @@
-"""The stage by cyclic symmetry and static condensation: the answer to unit loads, sector by sector.
+"""The answer of the stage to unit loads, sector by sector: of three alike chains by cyclic symmetry, one is solved.
 
-With `b` the displacements of a sector's two cuts and the pose of its hub, and `i` all others,
+With `b` the displacements of its two cuts and the pose of its hub, and `i` all others,
 
-    S = K_bb - K_bi K_ii^-1 K_ib,    A = sum over the chains of T_c' S_c T_c,
+    S = K_bb - K_bi K_ii^-1 K_ib,    A = sum over the chains of T_c' S T_c,
 
-where `T_c` turns the common unknowns - three cuts and one pose - into the frame of chain 1, in which every sector is
-drawn. Of alike chains one sector is condensed and met three times. Steps of refinement with residuals from the
-elements, as in `response.platform_response`, go on until the balances of the whole stage hold far better than they
-must: energy and work then differ by the error of the compliance.
+where `T_c` turns the common unknowns - three cuts and one pose - into the frame of chain 1. Steps of refinement with
+residuals from the elements, as in `response.platform_response`, go on until the balances of the whole stage hold far
+better than they must. Chains that differ are welded and solved at once: condensing each takes longer, because its
+factor must be made a second time once the part that belongs to the boundary has been taken out of it.
 """
 
 from __future__ import annotations
@@ -26,18 +26,17 @@ from flexfem.fem.factor import Solve, dense
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import ElementBatch, Plate, integration, internal_forces
 from flexfem.fem.response import (
-    BALANCE,
     MOST_SOLVES,
+    SETTLED,
     Tied,
     check_balance,
     imbalance,
+    platform_response,
     resultants,
     rigid_motion,
 )
 from flexfem.fem.sectors import Sector, welded
 from flexfem.stage.designs import CHAIN_TURN, turned
-
-SETTLED = 0.1 * BALANCE  # refined no further
 
 
 @dataclass(frozen=True)
@@ -82,45 +81,44 @@ class CyclicResponse:
         return welded(self.sectors)
 
 
-class _Part(NamedTuple):
-    """A sector; `tied` counts the unknowns inside, those behind, those ahead, then the pose."""
-
-    batches: list[ElementBatch]
-    tied: Tied
-    condensed: Condensed
-
-    @property
-    def boundary(self) -> int:
-        """Unknowns on the cuts, and the pose."""
-        return len(self.condensed.schur)
-
-    @property
-    def inner(self) -> int:
-        """All other unknowns."""
-        return 2 * len(self.tied.free) + 3 - self.boundary
-
-
 def cyclic_response(sectors: tuple[Sector, ...], plate: Plate) -> CyclicResponse:
     """Solve for unit loads on the rigid hub with the ground clamped.
 
     Raises ComputationFailed as `response.platform_response`, whose answer on the welded mesh this is.
     """
-    parts = [_condensed(sector, plate) for sector in sectors]
-    turns = [_turn(len(sectors[0].ahead), chain) for chain in range(3)]
-    A = np.sum([T.T @ part.condensed.schur @ T for T, part in zip(turns, _of_chains(parts), strict=True)], axis=0)
-    loads, solve = np.pad(np.eye(3), [(len(A) - 3, 0), (0, 0)]), dense(A)
-    size = max(float(np.max(np.abs(sector.mesh.nodes))) for sector in sectors)
-    unknowns = sum(part.inner for part in _of_chains(parts)) + len(A)
-    motions, forces = [np.zeros((part.inner + part.boundary, 3)) for part in parts], list[Array]()
+    if len(sectors) == 1:
+        return _of_alike(sectors[0], plate)
+    mesh, places = welded(sectors)
+    found = platform_response(mesh, plate)
+    fields = (turned(found.fields[:, place], -chain * CHAIN_TURN) for chain, place in enumerate(places))
+    return CyclicResponse(found.compliance, sectors, tuple(fields), found.reactions, found.energy, found.unknowns)
+
+
+class _Condensed(NamedTuple):
+    """A sector whose unknowns are counted inside first, then behind, ahead, and the pose.
+
+    turns : T_c (4 cut + 3, 6 cut + 3) of the three chains.   solve : of A.
+    """
+
+    batches: list[ElementBatch]
+    tied: Tied
+    condensed: Condensed
+    turns: list[Array]
+    solve: Solve
+
+
+def _of_alike(sector: Sector, plate: Plate) -> CyclicResponse:
+    part = _condense(sector, plate)
+    size, boundary = float(np.max(np.abs(sector.mesh.nodes))), part.turns[0].shape[0]
+    unknowns = 3 * (2 * len(part.tied.free) + 3 - boundary) + part.turns[0].shape[1]
+    motion, force = _step(part, None), np.empty(0)
     for _ in range(MOST_SOLVES):
-        steps = _step(parts, turns, solve, loads, forces)
-        motions = [motion + step for motion, step in zip(motions, steps, strict=True)]
-        fields = [part.tied.fields(motion) for part, motion in zip(parts, motions, strict=True)]
-        forces = [internal_forces(part.batches, plate, field) for part, field in zip(parts, fields, strict=True)]
-        sums = _sums(sectors, fields, forces)
-        response = CyclicResponse(motions[0][-3:], sectors, tuple(fields), *sums, unknowns)
+        field = part.tied.fields(motion)
+        force = internal_forces(part.batches, plate, field)
+        response = CyclicResponse(motion[-3:], (sector,), (field,), *_sums(sector, field, force), unknowns)
         if max(imbalance(response, size).values()) <= SETTLED:
             break
+        motion = motion + _step(part, force)
     check_balance(response, size)
     return response
 
@@ -143,14 +141,14 @@ def rotation(chain: int) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _of_chains(parts: list[_Part]) -> list[_Part]:
-    return parts if len(parts) == 3 else parts * 3
-
-
-def _condensed(sector: Sector, plate: Plate) -> _Part:
-    batches, tied = integration(sector.mesh), _tie(sector)
-    lower = tied_lower(sector.mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid)
-    return _Part(batches, tied, condense(lower, 2 * (len(sector.behind) + len(sector.ahead)) + 3))
+def _condense(sector: Sector, plate: Plate) -> _Condensed:
+    batches, tied, cut = integration(sector.mesh), _tie(sector), len(sector.ahead)
+    condensed = condense(
+        tied_lower(sector.mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid), 4 * cut + 3
+    )
+    turns = [_turn(cut, chain) for chain in range(3)]
+    A = np.sum([T.T @ condensed.schur @ T for T in turns], axis=0)
+    return _Condensed(batches, tied, condensed, turns, dense(A))
 
 
 def _tie(sector: Sector) -> Tied:
@@ -175,20 +173,14 @@ def _turn(cut: int, chain: int) -> Array:
     return T
 
 
-def _step(parts: list[_Part], turns: list[Array], solve: Solve, loads: Array, forces: list[Array]) -> list[Array]:
-    """What the sectors must still move, (unknowns, 3 loads) each, to answer the loads; no forces: from rest."""
-    left, edge = [np.zeros((part.inner + part.boundary, 3)) for part in parts], loads
-    if forces:
-        residuals = [-part.tied.loads(force) for part, force in zip(parts, forces, strict=True)]
-        reduced = [part.condensed.reduced(residual) for part, residual in zip(parts, residuals, strict=True)]
-        left = [inside for inside, _ in reduced]
-        chains = under_loads([boundary.T for _, boundary in reduced])
-        edge = loads + np.sum([T.T @ each.T for T, each in zip(turns, chains, strict=True)], axis=0)
-    edge = solve(edge) if len(parts) == 3 else _alike(solve(edge))
-    return [
-        part.condensed.expanded(inside, T @ edge)
-        for part, T, inside in zip(parts, turns, left, strict=False)  # one sector, or three
-    ]
+def _step(part: _Condensed, force: Array | None) -> Array:
+    """What the first sector must still move (unknowns, 3 loads) to answer the loads; without forces, from rest."""
+    T, unknowns = part.turns, 2 * len(part.tied.free) + 3
+    edge, inside = np.pad(np.eye(3), [(T[0].shape[1] - 3, 0), (0, 0)]), np.zeros((unknowns, 3))
+    if force is not None:
+        inside, boundary = part.condensed.reduced(-part.tied.loads(force))
+        edge += np.sum([turn.T @ each.T for turn, each in zip(T, under_loads([boundary.T]), strict=True)], axis=0)
+    return part.condensed.expanded(inside, T[0] @ _alike(part.solve(edge)))
 
 
 def _alike(edge: Array) -> Array:
@@ -203,11 +195,8 @@ def _alike(edge: Array) -> Array:
     return np.concatenate([*(first @ turn.T for turn in turns), pose])
 
 
-def _sums(sectors: tuple[Sector, ...], fields: list[Array], forces: list[Array]) -> tuple[Array, Array]:
-    """Reactions and energy (3, 3) of the whole stage from what its sectors say."""
-    rows = under_loads([resultants(sector.mesh, force) for sector, force in zip(sectors, forces, strict=True)])
-    reactions = np.sum([row @ rotation(chain).T for chain, row in enumerate(rows)], axis=0)
-    works = [np.einsum("ind,jnd->ij", field, force) for field, force in zip(fields, forces, strict=True)]
-    if len(works) == 1:
-        works = [rotation(chain) @ works[0] @ rotation(chain).T for chain in range(3)]
-    return reactions, np.sum(works, axis=0)
+def _sums(sector: Sector, field: Array, force: Array) -> tuple[Array, Array]:
+    """Reactions and energy (3, 3) of the whole stage from those of its first sector."""
+    turns = [rotation(chain) for chain in range(3)]
+    rows, work = resultants(sector.mesh, force), np.einsum("ind,jnd->ij", field, force)
+    return tuple(np.sum([R @ each @ R.T for R in turns], axis=0) for each in (rows, work))

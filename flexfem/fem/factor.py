@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,18 +23,18 @@ def factorise(lower: sp.coo_array | sp.csc_array) -> Solve:
 
     Raises ComputationFailed when the matrix is singular.
     """
-    try:
-        import cvxopt  # noqa: F401
-    except ImportError:
+    if find_spec("cvxopt") is None:
         return superlu(lower)
-    return cholmod(lower)
+    K = to_cvxopt(lower)
+    del lower  # its memory is free for the factor, unless the caller keeps it
+    return cholmod(K)
 
 
-def cholmod(lower: sp.coo_array | sp.csc_array) -> Solve:
-    """As `factorise`, by CHOLMOD's supernodal Cholesky factorisation."""
+def cholmod(K: Any) -> Solve:
+    """As `factorise`, by CHOLMOD's supernodal Cholesky factorisation of what `to_cvxopt` made."""
     from cvxopt import cholmod, matrix
 
-    factor = cholmod_factor(to_cvxopt(lower))
+    factor = cholmod_factor(K)
 
     def solve(b: Array) -> Array:
         x = matrix(np.asfortranarray(b))
@@ -44,7 +45,7 @@ def cholmod(lower: sp.coo_array | sp.csc_array) -> Solve:
 
 
 def to_cvxopt(lower: sp.coo_array | sp.csc_array) -> Any:
-    """The matrix as cvxopt has it."""
+    """The matrix as cvxopt has it, entries in one place added up."""
     from cvxopt import matrix, spmatrix
 
     entries = lower.tocoo()

@@ -12,12 +12,12 @@ import scipy.sparse as sp
 
 import flexfem.fem.condensation
 from flexfem.fem.condensation import condense
-from flexfem.fem.factor import Solve, cholmod, dense, factorise, superlu
+from flexfem.fem.factor import Solve, cholmod, dense, factorise, superlu, to_cvxopt
 from flexfem.refused import ComputationFailed
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
 NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt is optional")
-BOTH = [pytest.param(cholmod, marks=NEEDS_CHOLMOD), superlu, factorise]
+BOTH = [pytest.param(lambda lower: cholmod(to_cvxopt(lower)), marks=NEEDS_CHOLMOD), superlu, factorise]
 
 
 def sample(stiffness_of_last: float = 1.0) -> sp.csc_array:
