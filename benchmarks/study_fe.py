@@ -24,7 +24,7 @@ import numpy as np
 from random_stages import draw
 
 from flexfem.arrays import Array
-from flexfem.fem import cyclic, sectors
+from flexfem.fem import cyclic, response, sectors
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
@@ -98,21 +98,24 @@ def study(resolution: int) -> LoadedStudy:
 def watched(stage: Stage, loaded: LoadedStudy) -> tuple[dict[str, float], Array]:
     """Seconds by part and the outputs of one design."""
     clock = Clock()
-    kept = sectors.mesh_sectors, cyclic.tied_lower, cyclic.condense
-    sectors.mesh_sectors = clock.watching("mesh", kept[0])
-    cyclic.tied_lower, cyclic.condense = clock.watching("assembly", kept[1]), clock.watching("condense", kept[2])
+    timed = [(sectors, "mesh_sectors", "mesh"), (cyclic, "condense", "factor"), (response, "factorise", "factor")]
+    timed += [(module, "tied_lower", "assembly") for module in (cyclic, response)]
+    kept = [getattr(module, name) for module, name, _ in timed]
+    for module, name, part in timed:
+        setattr(module, name, clock.watching(part, getattr(module, name)))
     try:
         clock.watching("check", check_feasible)(stage)
         values = clock.watching("solve", solved_values)(stage, loaded, True)
     finally:
-        sectors.mesh_sectors, cyclic.tied_lower, cyclic.condense = kept
+        for (module, name, _), was in zip(timed, kept, strict=True):
+            setattr(module, name, was)
     s = clock.seconds
     parts = {
         "feasibility": s["check"],
         "mesh": s["mesh"],
         "assembly": s["assembly"],
-        "condense": s["condense"],
-        "rest": s["solve"] - s["mesh"] - s["assembly"] - s["condense"],
+        "factor": s["factor"],
+        "rest": s["solve"] - s["mesh"] - s["assembly"] - s["factor"],
         "all": s["check"] + s["solve"],
     }
     return parts, values
