@@ -346,3 +346,17 @@ def test_every_acceptance_keeps_its_reason(tmp_path):
     for reason in (" first ", "second"):
         path = store.accept(ROOT / "flexfem/data/thickness_chart.json", tmp_path, reason, nothing_is_solved)
     assert [each.reason for each in store.read_baseline(path).history] == ["first", "second"]
+
+
+def test_patterns_name_places_by_keys_beginnings_and_numbers():
+    path = ("a", "band_x", 2, "c")
+    for pattern in ("a band_x 2 c", "a * # c", "a band_* # *", "a band_x **", "a **", "**"):
+        assert gates.matches(tuple(pattern.split()), path), pattern
+    for pattern in ("b band_x 2 c", "a cross_* # c", "a band_x 3 c", "a band_x #", "a x **", "a b **", "a band_x * c"):
+        assert not gates.matches(tuple(pattern.split()), path), pattern
+
+
+def test_a_file_of_numbers_elsewhere_is_no_chart_of_flexfem(tmp_path):
+    (tmp_path / "hinge_chart.json").write_text('{"a": 1.0}')
+    with pytest.raises(BadInput, match="this is JSON"):
+        store.kind_of(tmp_path / "hinge_chart.json")

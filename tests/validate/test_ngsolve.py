@@ -99,3 +99,17 @@ def test_unknown_solver_is_one_line_that_names_the_known(six) -> None:
 def test_a_difference_that_is_not_a_number_does_not_pass() -> None:
     assert not Check("pose", float("nan"), NGSOLVE).passed
     assert Check("pose", 1.0, None).passed
+
+
+def test_rotations_differ_by_their_way_at_the_lever() -> None:
+    """At a lever of 8 mm a rotation of 0.5 per N is 4 mm, and per N mm it counts 64 times."""
+    ours = np.diag([4.0, 2.0, 0.01])
+    for entry, change, expected in (
+        ((0, 0), 0.25, 0.0625),
+        ((2, 0), 0.5, 1.0),
+        ((1, 2), 0.5, 1.0),
+        ((2, 2), 0.01, 0.16),
+    ):
+        theirs = ours.copy()
+        theirs[entry] += change
+        assert pose_difference(ours, theirs, 8.0) == pytest.approx(expected)
