@@ -249,7 +249,9 @@ def test_longer_blocks_make_no_difference() -> None:
     np.testing.assert_allclose(sample(longer, COARSE).values, sample(hinge, COARSE).values, atol=LENGTH)
 
 
-@pytest.mark.parametrize("hinge", [ThickHinge(0.05, 9.0, NU), ThickHinge(1.0, 3.0, NU)])
+@pytest.mark.parametrize(
+    "hinge", [ThickHinge(0.05, 9.0, NU), pytest.param(ThickHinge(1.0, 3.0, NU), marks=pytest.mark.slow)]
+)
 def test_positions_converge_and_the_band_covers_a_finer_mesh(hinge: ThickHinge) -> None:
     coarse, fine = sample(hinge, COARSE), sample(hinge, (2, 3, 4))
     assert np.all(np.abs(fine.values - coarse.values) < coarse.bands + 2e-5)

@@ -69,8 +69,13 @@ def deviation(found: Array, expected: Array) -> float:
     return float(np.max(np.abs(found - expected) / np.outer(size, size)))
 
 
-@pytest.mark.parametrize("mobility", [*FREEDOMS_BY_MOBILITY, None])
-@pytest.mark.parametrize("formula", FORMULAS)
+PAIRS = [
+    *((formula, 21) for formula in FORMULAS),
+    *(("calibrated", m) for m in (*FREEDOMS_BY_MOBILITY, None) if m != 21),
+]
+
+
+@pytest.mark.parametrize(("formula", "mobility"), PAIRS)
 def test_the_kernel_is_the_scalar_model(formula: str, mobility: int | None, studies: Any) -> None:
     loaded = study(studies, GENTLE, formula, mobility, 6)
     rows = answer(loaded, 0, loaded.count)
