@@ -125,7 +125,7 @@ def _limits(side: Answer) -> Iterator[list[str]]:
         yield [
             direction,
             f"{side['stiffness'][axis][axis]:.5g} {stiff.plain}",
-            f"±{limit['reach'] * command.factor:.4g} {command.plain}",
+            f"±{limit['range_at_yield'] * command.factor:.4g} {command.plain}",
             f"{limit['force'][direction] * load.factor:.4g} {load.plain}",
             f"{limit['stress'] * per.factor:.4g} {per.plain}",
             f"{limit['hinge']} hinge, chain {limit['chain']}",

@@ -116,8 +116,8 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     verdict = _verdict(e21, e32, observed)
     order, safety = (observed, SAFETY) if verdict == "converging" else (ORDER, CAUTIOUS)
     correction = e21 / (r21**order - 1)
-    reach = max(abs(e21), abs(e32)) / (r21**order - 1) if verdict == "oscillatory" else abs(correction)
-    band = max(safety * reach, noise)
+    distance = max(abs(e21), abs(e32)) / (r21**order - 1) if verdict == "oscillatory" else abs(correction)
+    band = max(safety * distance, noise)
     return Convergence(resolutions, values, verdict, order, observed, float(f1 - correction), float(band))
 
 

@@ -34,7 +34,7 @@ class SafeRange(Record):
     force : there, N, N, N mm.   chain, hinge : the neck.   stress : there per displacement, MPa per mm or rad.
     """
 
-    reach: float
+    range_at_yield: float
     force: Triple
     chain: int
     hinge: str
@@ -85,7 +85,8 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
     warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
     analytic = _side(f"analytic, {formula}, elastic links", stage, analytic_limits(stage, formula, links=True))
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
-        warnings += warning.of_motion(stage, limit.reach * np.eye(3)[axis], f"end of the safe range in {direction}")
+        end = limit.range_at_yield * np.eye(3)[axis]
+        warnings += warning.of_motion(stage, end, f"end of the safe range in {direction}")
     return Summary(
         **about(stage),
         name=stage.name,
@@ -120,10 +121,10 @@ def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:
     for axis, direction in enumerate(DIRECTIONS):
         stress = limits.stress[..., axis]
         chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
-        reach = stage.material.yield_strength / float(np.max(stress))
+        far = stage.material.yield_strength / float(np.max(stress))
         found[direction] = SafeRange(
-            reach=reach,
-            force=Triple.of(limits.stiffness[:, axis] * reach),
+            range_at_yield=far,
+            force=Triple.of(limits.stiffness[:, axis] * far),
             chain=int(chain) + 1,
             hinge=HINGE_NAMES[int(position)],
             stress=float(np.max(stress)),

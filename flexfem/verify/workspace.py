@@ -124,29 +124,29 @@ def workspace(
     Raises BadInput for a stage whose model is not plane, ComputationFailed when a pose is out of reach.
     """
     model, of, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
-    reach = amplitude * np.array([1.0, 1.0, TURN])
+    largest = amplitude * np.array([1.0, 1.0, TURN])
     solved = solve(stage, resolution)
-    small, box = (missed(of, part * reach, lever) for part in (STATED[2] / STEPS, 1.0))
+    small, box = (missed(of, part * largest, lever) for part in (STATED[2] / STEPS, 1.0))
     return Workspace(
         **about(stage),
         stage=stage.name,
         plane=stage.model,
         mobility=model.mobility,
         formula=DEFAULT_FORMULA,
-        warnings=_warnings(stage, model, solved, reach),
-        amplitude=dict(zip(DIRECTIONS, reach.tolist(), strict=True)),
+        warnings=_warnings(stage, model, solved, largest),
+        amplitude=dict(zip(DIRECTIONS, largest.tolist(), strict=True)),
         resolution=resolution,
         unknowns=solved.response.unknowns,
-        travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, reach, strict=True)},
+        travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, largest, strict=True)},
         small=Box(position=100 * small.position, terms=100 * small.terms),
         box=Box(position=100 * box.position, terms=100 * box.terms),
     )
 
 
-def _warnings(stage: Stage, model: AnalyticResult, solved: Solved, reach: Array) -> warning.Warnings:
+def _warnings(stage: Stage, model: AnalyticResult, solved: Solved, largest: Array) -> warning.Warnings:
     """Warnings on the stage's own model, and on its stresses when held at the largest command in each direction."""
     found = [*warning.of_formula(stage, model.formula), *warning.of_model(stage, model)]
-    for direction, pose in zip(DIRECTIONS, np.diag(reach), strict=True):
+    for direction, pose in zip(DIRECTIONS, np.diag(largest), strict=True):
         force = np.linalg.solve(solved.response.compliance, pose)
         highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
         found += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")

@@ -70,10 +70,10 @@ def test_a_summary_is_what_finite_elements_say(flexfem):
     np.testing.assert_allclose(facts["analytic"]["stiffness"], linked, rtol=1e-12)
     for k, axis in enumerate(("x", "y", "theta")):
         analytic, elements = (facts[side]["limits"][axis] for side in ("analytic", "elements"))
-        assert analytic["reach"] == pytest.approx(elements["reach"], rel=0.02)
+        assert analytic["range_at_yield"] == pytest.approx(elements["range_at_yield"], rel=0.02)
         assert analytic["hinge"] == elements["hinge"] == ("platform" if axis == "theta" else "elbow")
-        assert analytic["force"][axis] == pytest.approx(linked[k][k] * analytic["reach"], rel=1e-12)
-        assert analytic["stress"] * analytic["reach"] == pytest.approx(503.0, rel=1e-12)
+        assert analytic["force"][axis] == pytest.approx(linked[k][k] * analytic["range_at_yield"], rel=1e-12)
+        assert analytic["stress"] * analytic["range_at_yield"] == pytest.approx(503.0, rel=1e-12)
     assert facts["warnings"] == [] and facts["not_stated"] == [] and len(facts["assumed"]) == 17
 
 

@@ -180,4 +180,4 @@ def test_the_force_at_the_end_of_the_safe_range_moves_the_platform_there_and_now
         force = [getattr(limit.force, name) for name in ("x", "y", "theta")]
         assert np.abs(force[(axis + 1) % 3]) > 1e-3 * np.abs(force[axis])
         moved = np.linalg.solve(np.array(side.stiffness), force)
-        np.testing.assert_allclose(moved, limit.reach * np.eye(3)[axis], atol=1e-12)
+        np.testing.assert_allclose(moved, limit.range_at_yield * np.eye(3)[axis], atol=1e-12)
