@@ -12,7 +12,8 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.refused import BadInput
 from flexfem.stage.designs import Designs, lower
 from flexfem.stage.keys import Key, keys
-from flexfem.stage.schema import Override, Stage
+from flexfem.stage.schema import Stage
+from flexfem.stage.tables import merged_changes
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.loaded import LoadedStudy
 
@@ -34,14 +35,15 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
     ------
     BadInput : a value that no stage file can give; one line that begins with its key.
     """
-    stage = loaded.stage
+    changes: dict[str, Any] = {}
     for key, column in _settings(loaded):
         value = float(values[column])
         expected = key.expected(value)
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
-        stage = _with(stage, key, key.check.validate_python(value))
-    return stage
+        _set(changes, loaded.stage, key, key.check.validate_python(value))
+    held = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
+    return Stage.from_names(merged_changes(held, changes))
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
@@ -50,29 +52,20 @@ def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
     return sorted(found, key=lambda setting: setting[0].table[:1] == ("override",))
 
 
-def _with(stage: Stage, key: Key, value: float) -> Stage:
-    """The stage with one number replaced; both are valid, so the result is."""
+def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
+    """Set a number in changes as `Stage.replace` takes them; of an array all, those not set from the stage."""
     if key.table[:1] == ("override",):
-        return _with_override(stage, int(key.table[1]), key.table[2], key.attribute, value)
-    replaced: Stage = _replaced(stage, (*key.table, key.attribute), key.element, value)
-    return replaced
-
-
-def _replaced(old: Any, path: tuple[str, ...], element: int | None, value: float) -> Any:
-    if path:
-        return old.model_copy(update={path[0]: _replaced(getattr(old, path[0]), path[1:], element, value)})
-    return value if element is None else (*old[:element], value, *old[element + 1 :])
-
-
-def _with_override(stage: Stage, chain: int, hinge: str, attribute: str, value: float) -> Stage:
-    overrides = list(stage.override)
-    for index, override in enumerate(overrides):
-        if (override.chain, override.hinge) == (chain, hinge):
-            overrides[index] = override.model_copy(update={attribute: value})
-            break
+        place = int(key.table[1]), key.table[2]
+        changes.setdefault("override", {}).setdefault(place, {})[key.attribute] = value
+        return
+    table, held = changes, stage
+    for name in key.table:
+        table, held = table.setdefault(name, {}), getattr(held, name)
+    if key.element is None:
+        table[key.attribute] = value
     else:
-        overrides.append(Override.from_names({"chain": chain, "hinge": hinge, attribute: value}))
-    return stage.model_copy(update={"override": tuple(overrides)})
+        table[key.attribute] = list(table.get(key.attribute, getattr(held, key.attribute)))
+        table[key.attribute][key.element] = value
 
 
 class Judged(NamedTuple):
