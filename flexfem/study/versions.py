@@ -26,7 +26,7 @@ NAME = re.compile(r"flexfem(\.\w+)+")  # of a module as a text, by which child p
 NUMERIC = ("flexfem", "numpy", "scipy", "shapely")
 MESHED = ("gmsh", "scikit-fem")
 CHARTS = re.compile(r"data/.*\.json")  # materials count by their numbers, in the hash of the stage
-ROOTS = ("study/answer.py", "study/parts.py")  # what answers designs, and what keeps the answers
+ROOTS = ("study/answer.py", "study/content.py")  # what answers designs, and what keeps the answers
 
 
 def closure(roots: tuple[str, ...], package: Path) -> dict[str, ast.Module]:

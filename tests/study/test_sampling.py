@@ -37,7 +37,7 @@ def of_method(studies: Any, name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", METHODS)
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(ends=st.lists(st.integers(0, 2500), min_size=3, max_size=3).map(sorted))
 def test_a_range_is_the_same_however_it_is_cut(name: str, ends: list[int], studies: Any) -> None:
     loaded = of_method(studies, name)

@@ -16,7 +16,7 @@ SOURCES = {
     """Prose of a function."""
     from flexfem.fem.mesh import mesh
     return mesh(x)  # a comment\n''',
-    "study/parts.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from flexfem.plot.style import INK\n",
+    "study/content.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from flexfem.plot.style import INK\n",
     "fem/mesh.py": "def mesh(x, size=4.0):\n    start('flexfem.fem.mesher')\n    return 2.5 * x + size\n",
     "fem/mesher.py": "LIMIT = 3\n",
     "stage/__init__.py": "",
@@ -78,3 +78,4 @@ def test_what_an_answer_loads_counts_and_what_shows_it_does_not() -> None:
     for path in ("commands/cli.py", "plot/style.py", "study/run.py", "validate/beams.py", "verify/alternatives.py"):
         assert (ROOT / "flexfem" / path).exists() and not counts(path), path
     assert counts("data/hinge_chart.json") and counts("fem/mesher.py") and counts("study/parts.py")
+    assert counts("study/content.py") and counts("verify/questions.py")
