@@ -24,8 +24,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import warning
-from flexfem.verify.errors import compliance_bands, levels
-from flexfem.verify.measures import error_bands
+from flexfem.verify.errors import compliance_bands, error_bands, levels
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Fields
 from flexfem.verify.summary import element_limits

@@ -96,11 +96,6 @@ def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
     return R_inverse @ inverse(np.eye(G_p.shape[-1]) - R_inverseT @ S @ R_inverse) @ R_inverseT
 
 
-def platform_force(K_uu: Array, du: Array) -> Array:
-    """Load F_u = K_uu du (18), (..., 3) in N and N mm, for a platform displacement du (..., 3) in mm and rad."""
-    return apply(K_uu, du)  # (18)
-
-
 def effective_load(of: Mechanism, first: Influence, displacement: Array, load: Array) -> Array:
     """T_a (..., M) on the independent joints (13): zero at equilibrium."""
     tau_a, tau_p = split(-of.springs * displacement, of.choice)

@@ -31,7 +31,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import command_convergence, compare, levels, percentages
+from flexfem.verify.errors import command_errors, error_matrix, levels, percentages
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import OfStage, Record, Triple, about
 
@@ -152,19 +152,18 @@ class _Steps(NamedTuple):
 
     def percent(self, direction: Direction, compliance: Array) -> Array:
         """Error percentages (3,) of one command on a compliance (3, 3)."""
-        lever, command = self.stage.chain.link_lengths[2], np.array([0.0, 1.0])
-        return compare(self.stiffness, compliance, direction, command, lever).percent
+        lever, axis = self.stage.chain.link_lengths[2], DIRECTIONS.index(direction)
+        return np.asarray(error_matrix(self.stiffness, compliance, lever)[:, axis])
 
 
 def _split(steps: _Steps, direction: Direction, amplitude: float) -> Split:
     """The shares of one command: differences of the error from rung to rung."""
     axis, lever = DIRECTIONS.index(direction), steps.stage.chain.link_lengths[2]
-    meshes = np.array([steps.percent(direction, each) for each in steps.compliances])
-    force = steps.stiffness[:, axis]  # (18), per unit of the command
-    found = command_convergence(steps.resolutions, meshes, axis, steps.compliances, force, lever)
+    found = command_errors(steps.resolutions, steps.compliances, steps.stiffness, direction, lever)
     rungs = [steps.percent(direction, each) for each in steps.ladder]
     rungs.append(np.array([each.extrapolated for each in found]))
-    rungs.append(rungs[-1] + _bent(steps, direction, amplitude) - meshes[-1])  # on one mesh: its own error drops out
+    on_mesh = np.array([each.values[-1] for each in found])
+    rungs.append(rungs[-1] + _bent(steps, direction, amplitude) - on_mesh)  # on one mesh: its own error drops out
     shares = [
         BudgetShare(name=name, points=Triple.of(after - before))
         for name, (before, after) in zip(SHARES, pairwise(rungs), strict=True)

@@ -12,7 +12,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import COARSER, grid_convergence
-from flexfem.verify.protocol import Solved, solve_stage, stored
+from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 
 RESOLUTIONS = (3, 4, 6, 8, 11, 15)
@@ -50,7 +50,7 @@ def converge(
     solved = [solve(stage, resolution) for resolution in checked_resolutions(resolutions)]
     compliance = np.array([each.response.compliance for each in solved])
     uncertainty = {
-        axis: stored(grid_convergence(np.array(resolutions), compliance[:, k, k], round_off=0.0))
+        axis: Uncertainty.of(grid_convergence(np.array(resolutions), compliance[:, k, k], round_off=0.0))
         for k, axis in enumerate(DIRECTIONS)
     }
     return MeshStudy(

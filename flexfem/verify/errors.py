@@ -150,6 +150,30 @@ def command_convergence(
     )
 
 
+def command_errors(
+    resolutions: Array, compliances: Array, stiffness: Array, direction: Direction, lever: float
+) -> tuple[Convergence, ...]:
+    """Grid convergence of the three error percentages of one command.
+
+    Parameters
+    ----------
+    compliances : (levels, 3, 3), of finite elements, coarse to fine.   stiffness : (3, 3), of the model, as `compare`.
+    """
+    axis = DIRECTIONS.index(direction)
+    percents = np.array([error_matrix(stiffness, each, lever)[:, axis] for each in compliances])
+    return command_convergence(resolutions, percents, axis, compliances, stiffness[:, axis], lever)
+
+
+def error_bands(
+    stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
+) -> tuple[Array, Array]:
+    """Error percentages (3, 3) on the finest mesh and their bands, column j for command j; as `command_errors`."""
+    steps = np.array(resolutions)
+    curves = [command_errors(steps, compliances, stiffness, direction, lever) for direction in DIRECTIONS]
+    found = np.array([[(each.values[-1], each.band) for each in curve] for curve in curves])
+    return found[..., 0].T, found[..., 1].T
+
+
 def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     """Half-widths (3, 3) of the mesh uncertainty of a compliance, of every entry in its own unit.
 

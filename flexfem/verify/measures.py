@@ -17,7 +17,7 @@ from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.errors import command_convergence, error_matrix, levels
+from flexfem.verify.errors import error_bands, error_matrix, levels
 
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)
 
@@ -58,19 +58,6 @@ def errors_of_model(stage: Stage, mobility: int, solve: Solve) -> ModelErrors:
     K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
     found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
     return ModelErrors(stage, mobility, K, found[-1], *error_bands(K, found, levels(RESOLUTION), lever))
-
-
-def error_bands(
-    stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
-) -> tuple[Array, Array]:
-    """Error percentages (3, 3) on the finest mesh and their bands, column j for command j.
-
-    stiffness : (3, 3), of the model.   compliances : (levels, 3, 3), on `resolutions`, coarse to fine.
-    """
-    percents = np.array([error_matrix(stiffness, compliance, lever) for compliance in compliances])
-    steps = np.array(resolutions)
-    curves = (command_convergence(steps, percents[:, :, j], j, compliances, stiffness[:, j], lever) for j in range(3))
-    return percents[-1], np.array([[each.band for each in curve] for curve in curves]).T
 
 
 def _along(of: ModelErrors) -> Array:

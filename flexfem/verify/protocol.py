@@ -23,7 +23,7 @@ from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
-from flexfem.verify.errors import Comparison, Convergence, command_convergence, compare, levels, percentages
+from flexfem.verify.errors import Comparison, command_errors, compare, levels, percentages
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
 
 
@@ -124,20 +124,15 @@ def run_case(
 
 def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], Solved]) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
-    lever = stage.chain.link_lengths[2]
     analytic = analyse(stage, curve.mobility, curve.formula, curve.links)
     plate_of(stage)
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]
-    found = compare(analytic.stiffness, solved.response.compliance, case.direction, case.commanded, lever)
-    if case.analysis == "nonlinear":
-        try:
-            found = compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
-        except ComputationFailed as failure:
-            raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
+    found = _compared(loaded, curve, analytic, solved)
     full = load_case(stage, solved.mesh, solved.response, found.force[-1])
-    percent = Triple(**dict(zip(DIRECTIONS, found.percent.tolist(), strict=True)))
-    uncertainty = _uncertainty(case, analytic.stiffness, [each.response.compliance for each in meshes], lever)
+    percent = Triple.of(found.percent)
+    compliances = np.array([each.response.compliance for each in meshes])
+    uncertainty = _uncertainty(case, analytic.stiffness, compliances, stage.chain.link_lengths[2])
     return CurveRun(
         series=Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True))),
         percent=percent,
@@ -147,6 +142,18 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], S
         warnings=_warnings(case, curve, stage, analytic, full)
         + warning.of_bands(uncertainty, percent, f"curve {curve.label!r}"),
     )
+
+
+def _compared(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solved: Solved) -> Comparison:
+    """Finite elements under the force of a curve, linear or exact as its case says."""
+    case, stage = loaded.case, loaded.stages[curve.label]
+    if case.analysis == "linear":
+        compliance, lever = solved.response.compliance, stage.chain.link_lengths[2]
+        return compare(analytic.stiffness, compliance, case.direction, case.commanded, lever)
+    try:
+        return compare_exact(stage, curve, solved.mesh, case.direction, case.commanded)
+    except ComputationFailed as failure:
+        raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
 def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, full: LoadCase) -> warning.Warnings:
@@ -159,26 +166,10 @@ def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, 
     return [f"curve {curve.label!r}: {text}" for text in of_curve] + found
 
 
-def _uncertainty(case: Case, stiffness: Array, compliances: list[Array], lever: float) -> dict[Direction, Uncertainty]:
-    """Mesh uncertainty of the three percentages from the compliances on all levels, coarse to fine."""
-    axis, resolutions = DIRECTIONS.index(case.direction), np.array(levels(case.resolution))
-    percents = [compare(stiffness, found, case.direction, case.commanded, lever).percent for found in compliances]
-    found = command_convergence(resolutions, np.array(percents), axis, np.array(compliances), stiffness[:, axis], lever)
-    return {name: stored(each) for name, each in zip(DIRECTIONS, found, strict=True)}
-
-
-def stored(found: Convergence) -> Uncertainty:
-    """A convergence as it is stored: without nan."""
-    observed = None if np.isnan(found.observed) else found.observed
-    return Uncertainty(
-        resolutions=[int(n) for n in found.resolutions],
-        values=found.values.tolist(),
-        verdict=found.verdict,
-        order=found.order,
-        observed=observed,
-        extrapolated=found.extrapolated,
-        band=found.band,
-    )
+def _uncertainty(case: Case, stiffness: Array, compliances: Array, lever: float) -> dict[Direction, Uncertainty]:
+    """Mesh uncertainty of the three percentages from the compliances (levels, 3, 3), coarse to fine."""
+    found = command_errors(np.array(levels(case.resolution)), compliances, stiffness, case.direction, lever)
+    return {name: Uncertainty.of(each) for name, each in zip(DIRECTIONS, found, strict=True)}
 
 
 def _model(

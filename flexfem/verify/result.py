@@ -20,7 +20,7 @@ from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction
-from flexfem.verify.errors import Verdict
+from flexfem.verify.errors import Convergence, Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 Matrix = list[list[float]]
@@ -75,7 +75,7 @@ class Series(Record):
 
 
 class Uncertainty(Record):
-    """Mesh uncertainty of one error percentage, see `convergence.Convergence`; percentages on every resolution."""
+    """Mesh uncertainty of a number, see `errors.Convergence`; its values on every resolution."""
 
     resolutions: list[int]
     values: list[float]
@@ -84,6 +84,13 @@ class Uncertainty(Record):
     observed: float | None
     extrapolated: float
     band: float
+
+    @classmethod
+    def of(cls, found: Convergence) -> Uncertainty:
+        """A convergence as it is stored: lists, and None for nan."""
+        data = found._asdict() | {"observed": None if np.isnan(found.observed) else found.observed}
+        resolutions = [int(n) for n in found.resolutions]
+        return cls(**(data | {"resolutions": resolutions, "values": found.values.tolist()}))
 
 
 class HingeDrawing(Record):

@@ -75,13 +75,10 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
     Raises BadInput as `model.hinge_compliance` for a formula that was asked for, ComputationFailed.
     """
     warnings = list(warning.of_stage(stage))
-    if formula is None:
-        formula = CALIBRATED
-        try:
-            hinge_compliance(stage, CALIBRATED)
-        except BadInput as refusal:
-            formula = DEFAULT_FORMULA
-            warnings.append(f"{refusal.reason}; this summary takes {DEFAULT_FORMULA} instead")
+    refused = None if formula else _off_chart(stage)
+    formula = formula or (DEFAULT_FORMULA if refused else CALIBRATED)
+    if refused:
+        warnings.append(f"{refused}; this summary takes {DEFAULT_FORMULA} instead")
     warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
     analytic = _side(f"analytic, {formula}, elastic links", stage, analytic_limits(stage, formula, links=True))
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
@@ -101,6 +98,15 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
         accuracy=warning.stress_accuracy(formula),
         warnings=warnings,
     )
+
+
+def _off_chart(stage: Stage) -> str | None:
+    """Why the calibrated hinges have no answer, None where they have."""
+    try:
+        hinge_compliance(stage, CALIBRATED)
+    except BadInput as refusal:
+        return refusal.reason
+    return None
 
 
 def analytic_limits(stage: Stage, formula: str, mobility: int | None = None, links: bool = False) -> Limits:

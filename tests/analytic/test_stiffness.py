@@ -14,7 +14,7 @@ from flexfem.analytic.equilibrium import close_loops
 from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order
 from flexfem.analytic.loops import chosen, influence, rank_revealing
 from flexfem.analytic.notch import Compliance
-from flexfem.analytic.stiffness import effective_load, inverse_kinematics, mechanism, platform_force, stiffness
+from flexfem.analytic.stiffness import effective_load, inverse_kinematics, mechanism, stiffness
 from flexfem.stage.designs import Frames, turned
 
 SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while G_p stays below LEVER
@@ -160,7 +160,7 @@ def test_inverse_kinematics_stores_the_least_energy(generic, table) -> None:
     at = stiffness(of)
     best = inverse_kinematics(of, at, du)
     energy = 0.5 * np.sum(of.springs * best.joints**2)
-    assert energy == pytest.approx(0.5 * du @ platform_force(at.K_uu, du), rel=1e-8)
+    assert energy == pytest.approx(0.5 * du @ (at.K_uu @ du), rel=1e-8)
     free = np.linalg.svd(at.influence.G_u)[2][3:]  # motions of the independent joints that keep the pose
     for other in np.concatenate([free, -free]):
         size = 0.1 * np.linalg.norm(best.independent)

@@ -34,3 +34,12 @@ def test_each_direction_has_its_own_values_order_limit_and_band():
     assert made.resolutions == [4, 6, 8]
     assert made.triangles == [160, 240, 320] and made.unknowns == [400, 600, 800]
     np.testing.assert_array_equal(made.compliance, [solve(None, n).response.compliance for n in (4, 6, 8)])
+
+
+def test_an_answer_names_the_file_of_its_stage():
+    """As it was read; said when it was changed since; empty when no file was read."""
+    stage = load_stage(PATH)
+    changed, free = stage.replace(thickness=9.0), stage.model_copy()
+    found = [converge(each, (4, 6, 8), solve) for each in (stage, changed, free)]
+    assert [each.file for each in found] == [str(PATH), f"{PATH}, changed", ""]
+    assert found[0].hash == found[2].hash != found[1].hash
