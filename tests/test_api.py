@@ -318,6 +318,17 @@ def test_what_is_wrong_in_a_users_file_is_said_with_its_line(tmp_path, monkeypat
         assert str(refused.value).startswith(f"{path}, line 3: {said}") and "\n" not in str(refused.value)
 
 
+def test_a_users_file_that_changes_under_a_command_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "own.py"
+    path.write_text("x = 1\n")
+    monkeypatch.setenv(own.VARIABLE, "")
+    own.use(path)
+    path.write_text("x = 2\n")
+    monkeypatch.setattr(own, "_begun", set())  # as in a child process
+    with pytest.raises(flexfem.BadInput, match=r"own\.py: changed since this command began"):
+        own.load()
+
+
 def test_stage_and_displacement_draw_on_given_axes(stage, fe):
     from matplotlib.figure import Figure
 

@@ -246,6 +246,7 @@ def test_order_and_limit_of_a_power_law() -> None:
     sizes = (0.4, 0.2, 0.1)
     assert order(sizes, [3 * h**2.3 for h in sizes]) == pytest.approx(2.3)
     assert extrapolated(sizes, [5.1 - 3 * h**1.7 for h in sizes]) == pytest.approx(5.1)
+    assert extrapolated(sizes, [1.0, 1.6, 2.0]) == pytest.approx(2.8)  # slow: 0.6, 0.4, and 0.8 to come
     assert extrapolated(sizes, [1.0, 2.0, 1.5]) == 1.5  # no monotonic convergence, no extrapolation
     with pytest.raises(ValueError, match="one ratio"):
         extrapolated((0.4, 0.2, 0.15), (1.0, 2.0, 3.0))
@@ -265,6 +266,7 @@ def test_table_counts_what_failed_and_is_written_as_it_is_shown(tmp_path: Path) 
     table = BenchmarkTable([good, bad], {"one": 0.1, "two": 0.2})
     text = markdown_page(table)
     assert not table.passed and "1 of 2 failed" in text and "**FAILED**" in text and "- two, what: why." in text
+    assert "| one | what | 3 | exact | 3.1 | +1.0e-01 (+3.33 %) | 0.2 | 0 | passed |" in text
     assert write_benchmarks(table, tmp_path / "new").read_text() == text
     assert "all 1 passed" in markdown_page(BenchmarkTable([good], {"one": 0.1}))
 
