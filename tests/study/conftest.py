@@ -7,41 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from flexfem.files.writing import toml_text
 from flexfem.study.loaded import LoadedStudy, load_study
 
-STAGE = """
-name = "generic stage"
-thickness_mm = 9.7
-[material]
-name = "generic metal"
-youngs_modulus_gpa = 68.3
-poissons_ratio = 0.29
-density_kg_m3 = 2739.0
-yield_strength_mpa = 411.0
-[chain]
-link_lengths_mm = [31.0, 33.5, 25.0]
-joint_angles_deg = [175.0, -85.0, 92.0]
-link_width_mm = 8.9
-[hinges.base]
-radius_mm = 3.9
-neck_mm = 0.53
-prismatic = true
-[hinges.elbow]
-radius_mm = 1.6
-neck_mm = 0.47
-[hinges.platform]
-radius_mm = 1.5
-neck_mm = 0.61
-[platform]
-radius_mm = 16.3
-hub_radius_mm = 7.7
-[[override]]
-chain = 2
-hinge = "elbow"
-neck_mm = 0.71
-[provenance]
-"thickness_mm" = "assumed: a test"
-"""
+from ..conftest import GENERIC
+
+STAGE = toml_text(
+    GENERIC
+    | {"override": [{"chain": 2, "hinge": "elbow", "neck_mm": 0.71}], "provenance": {"thickness_mm": "assumed: a test"}}
+)
 
 STUDY = """name = "generic study"
 stage = "stage.toml"

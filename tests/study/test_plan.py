@@ -272,7 +272,7 @@ def test_every_key_has_its_own_value_and_unit(studies: Any) -> None:
     assert found["chain.link_lengths_mm[1]"] == 33.5
     assert found["chain.joint_angles_deg[1]"] == pytest.approx(-85.0, rel=1e-15)
     assert found["hinges.base.axis_deg"] is None
-    assert found["override.3.platform.radius_mm"] == 1.5
+    assert found["override.3.platform.radius_mm"] == 1.4
     assert len(found) == 23 + 27
 
 
