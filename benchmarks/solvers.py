@@ -35,17 +35,10 @@ def flexfem(sectors: Any, plate: Any) -> Any:
 
 
 def flexfem_unlike(sectors: Any, plate: Any) -> Any:
-    """As for chains that differ: three sectors are solved, here of the same triangles."""
+    """As for chains that differ: the welded stage is solved, here of the same triangles."""
     from flexfem.fem.cyclic import cyclic_response
 
     return cyclic_response(sectors * 3, plate).compliance
-
-
-def flexfem_whole(mesh: Any, plate: Any) -> Any:
-    """The welded stage, as other shapes than stages are solved."""
-    from flexfem.fem.response import platform_response
-
-    return platform_response(mesh, plate).compliance
 
 
 def flexfem_superlu(mesh: Any, plate: Any) -> Any:
@@ -119,7 +112,6 @@ not_counted: list[float] = []  # seconds of this process that are not the solver
 SOLVERS: dict[str, Callable[[Any, Any], Any]] = {
     "flexfem": flexfem,
     "flexfem-unlike": flexfem_unlike,
-    "flexfem-whole": flexfem_whole,
     "flexfem-superlu": flexfem_superlu,
     "scikit-fem": scikit_fem,
     "ngsolve": ngsolve,
