@@ -39,10 +39,9 @@ def run() -> dict[str, float]:
     import numpy as np
 
     from flexfem.analytic.model import analyse
-    from flexfem.fem.assembly import tied_lower
     from flexfem.fem.factor import factorise
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.plane_stress import integration
+    from flexfem.fem.plane_stress import integration, tied_lower
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.fem.sectors import build_mesh
     from flexfem.stage.schema import load_feasible

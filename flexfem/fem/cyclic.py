@@ -20,11 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.assembly import matrices_of, tied_lower
-from flexfem.fem.condensation import Condensed, condense
-from flexfem.fem.factor import Solve, dense
+from flexfem.fem.factor import Condensed, Solve, condense, dense
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import ElementBatch, Plate, integration, internal_forces
+from flexfem.fem.plane_stress import ElementBatch, Plate, integration, internal_forces, matrices_of, tied_lower
 from flexfem.fem.response import (
     MOST_SOLVES,
     SETTLED,
@@ -35,7 +33,7 @@ from flexfem.fem.response import (
     resultants,
     rigid_motion,
 )
-from flexfem.fem.sectors import Sector, welded
+from flexfem.fem.sectors import Sector, joined, welded
 from flexfem.stage.designs import CHAIN_TURN, turned
 
 
@@ -88,7 +86,7 @@ def cyclic_response(sectors: tuple[Sector, ...], plate: Plate) -> CyclicResponse
     """
     if len(sectors) == 1:
         return _of_alike(sectors[0], plate)
-    mesh, places = welded(sectors)
+    mesh, places = joined(sectors)
     found = platform_response(mesh, plate)
     fields = (turned(found.fields[:, place], -chain * CHAIN_TURN) for chain, place in enumerate(places))
     return CyclicResponse(found.compliance, sectors, tuple(fields), found.reactions, found.energy, found.unknowns)

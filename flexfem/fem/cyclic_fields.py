@@ -8,10 +8,10 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.cyclic import CyclicResponse, rotation, under_loads
+from flexfem.fem.mesh import NODES, gradients
 from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
 from flexfem.fem.response import out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import Sector
-from flexfem.fem.triangle import NODES, gradients
 from flexfem.stage.bodies import BODIES, necks
 from flexfem.stage.schema import HINGE_NAMES, Stage
 

@@ -2,18 +2,107 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from flexfem.arrays import Array
-from flexfem.fem.deck import write_deck
+from flexfem.arrays import Array, Index
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Export
 from flexfem.fem.plane_stress import Plate
-from flexfem.files.writing import replacing
+from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
+
+PER_LINE = 8  # members of a set; CalculiX takes at most 16 entries a line
+UNIT_LOADS = np.eye(3)
+
+
+def write_deck(
+    mesh: StageMesh,
+    plate: Plate,
+    path: Path,
+    loads: Array = UNIT_LOADS,
+    thickness: float | None = None,
+    uncoupled: bool = False,
+) -> None:
+    """Write the stage as an Abaqus/CalculiX input deck, in N, mm, MPa and rad.
+
+    Parameters
+    ----------
+    loads : (k, 3), N, N and N mm, on the platform's centre; each is a linear static step of its own.
+    thickness : mm, of the elements instead of the plate's own; loads are written as they are given.
+    uncoupled : write a material whose thickness does not answer to stresses in the plane (see Notes).
+
+    Raises BadInput when the file cannot be written.
+
+    Notes
+    -----
+    Sets `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh is number k + 1; two
+    more at the platform's centre carry the pose: the first has x and y in its degrees of freedom 1 and 2, the second
+    has theta, in rad, in its degree of freedom 1, where a moment in N mm acts as a force.
+
+    The hub follows them by `u = X - theta y`, `v = Y + theta x`, written as linear equations: that is the rigid hub
+    of small rotations in any linear step. `*RIGID BODY` would be the shorter way to say it, but states a large
+    rotation, which each program linearises by its own rules; in CalculiX 2.20 both give the same digits.
+
+    In plane stress only E1, E2, nu12 and G12 of an orthotropic sheet matter. The uncoupled material keeps these and
+    sets `nu13 = nu23 = 0`: the same sheet for a program that knows plane stress, and for one that makes wedges of the
+    triangles, as CalculiX does, the way to plane stress at any thickness (see `flexfem.validate.calculix`).
+    """
+    text = "\n".join(_lines(mesh, plate, loads, plate.thickness if thickness is None else thickness, uncoupled))
+    write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+
+
+def _lines(mesh: StageMesh, plate: Plate, loads: Array, thickness: float, uncoupled: bool) -> Iterator[str]:
+    centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
+    hub = np.unique(mesh.edges["hub"])
+    yield "*HEADING"
+    yield "flexure-hinge stage by flexfem; N, mm, MPa, rad"
+    yield "*NODE, NSET=all"
+    yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
+    yield "*NODE, NSET=platform"
+    yield from (f"{node}, 0, 0, 0" for node in (centre, rotation))
+    yield "*ELEMENT, TYPE=CPS6, ELSET=stage"  # corners, then middles of the sides 12, 23, 31: the mesh's own order
+    yield from (", ".join(map(str, (k, *row))) for k, row in enumerate((mesh.triangles + 1).tolist(), start=1))
+    yield from _node_set("ground", np.unique(mesh.edges["ground"]))
+    yield from _node_set("hub", hub)
+    yield from _material(plate, uncoupled)
+    yield "*SOLID SECTION, ELSET=stage, MATERIAL=sheet"
+    yield _field(thickness)
+    for node, (x, y) in zip((hub + 1).tolist(), mesh.nodes[hub], strict=True):
+        yield from ("*EQUATION", "3", f"{node}, 1, 1, {centre}, 1, -1, {rotation}, 1, {_field(y)}")
+        yield from ("*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}")
+    yield from ("*BOUNDARY", "ground, 1, 2")
+    for fx, fy, moment in loads:
+        yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW")
+        yield from (f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{rotation}, 1, {_field(moment)}")
+        yield from ("*NODE PRINT, NSET=all", "U", "*NODE PRINT, NSET=platform", "U")
+        yield from ("*NODE PRINT, NSET=ground, TOTALS=YES", "RF", "*EL FILE", "S", "*END STEP")
+
+
+def _material(plate: Plate, uncoupled: bool) -> Iterator[str]:
+    E, nu = _field(plate.youngs_modulus), _field(plate.poissons_ratio)
+    G = _field(plate.youngs_modulus / (2 * (1 + plate.poissons_ratio)))
+    yield "*MATERIAL, NAME=sheet"
+    if uncoupled:
+        yield from ("*ELASTIC, TYPE=ENGINEERING CONSTANTS", f"{E}, {E}, {E}, {nu}, 0, 0, {G}, {G}", G)
+    else:
+        yield from ("*ELASTIC", f"{E}, {nu}")
+
+
+def _node_set(name: str, nodes: Index) -> Iterator[str]:
+    yield f"*NSET, NSET={name}"
+    numbers = (nodes + 1).tolist()
+    for start in range(0, len(numbers), PER_LINE):
+        yield ", ".join(map(str, numbers[start : start + PER_LINE])) + ","
+
+
+def _field(value: float) -> str:
+    """A number for CalculiX, which reads no more than 20 characters of a field."""
+    return f"{value:.12g}"
+
 
 FORMATS = (".msh", ".vtu", ".inp")
 

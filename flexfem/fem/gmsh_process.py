@@ -17,8 +17,7 @@ from typing import TypeAlias
 
 from flexfem.arrays import AnyArray
 from flexfem.clock import Limit, Stopwatch
-from flexfem.fem.drawing import Job
-from flexfem.fem.mesher import Export
+from flexfem.fem.mesher import Export, Job
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 

@@ -26,10 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, internal_forces
-from flexfem.fem.problem import Support, Traction, edge_force, nodes_on, solve
+from flexfem.fem.problem import Support, Traction, edge_force, mapped, nodes_on, solve
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine

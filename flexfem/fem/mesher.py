@@ -17,7 +17,153 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.fem.drawing import LINEAR, QUADRATIC, Curve, Job, collect, draw, set_cones, set_sizes
+from flexfem.stage.outline import Face, Segment
+
+QUICK_OPTIONS: dict[str, float] = {
+    "General.Terminal": 0,  # in a worker that shares its terminal
+    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
+    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
+    "Mesh.MeshSizeFromCurvature": 0,
+}
+SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
+
+
+class Cone(NamedTuple):
+    """Triangle size, mm: `least` within `radius` of a point, `most` from `reach` further on, linear between."""
+
+    centre: complex
+    radius: float
+    least: float
+    most: float
+    reach: float
+
+
+class Job(NamedTuple):
+    """Faces that share curves, and how finely to mesh them.
+
+    sizes : expressions in x and y, mm, whose least is the size of a triangle.
+    curvature : triangles per full turn of an arc.
+    divisions : for the labels named, the number of equal edges along each segment.
+    cones : when there are any, these alone are the sizes, and the mesh is made in a quarter of the time: drawn by
+        gmsh's own kernel instead of OpenCASCADE, not smoothed, no expression parsed. It is another mesh.
+    """
+
+    faces: list[Face]
+    sizes: list[str]
+    curvature: float
+    divisions: dict[str, int]
+    cones: tuple[Cone, ...] = ()
+
+
+class Kind(NamedTuple):
+    """gmsh's numbers of a triangle and of its edge, and how many nodes these have."""
+
+    triangle: int
+    nodes: int
+    edge: int
+    ends: int
+
+
+QUADRATIC, LINEAR = Kind(9, 6, 8, 3), Kind(2, 3, 1, 2)
+STRAIGHT = complex(np.nan)  # for a centre
+
+
+class Curve(NamedTuple):
+    """A drawn curve: its label, and for an arc the centre."""
+
+    label: str
+    centre: complex | None
+
+
+def draw(kernel: Any, faces: list[Face]) -> tuple[dict[int, Curve], list[int]]:
+    """Draw every point and curve once; returns the curves and the surfaces."""
+    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
+    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1).reshape(ends.shape)
+    drawn, surfaces, places = _Drawn(kernel), [], iter(first.tolist())
+    for face in faces:
+        pieces = zip(face.loop, face.labels, strict=True)
+        tags = [drawn.curve(segment, label, *next(places)) for segment, label in pieces]
+        surfaces.append(kernel.addPlaneSurface([kernel.addCurveLoop([tag for tag in tags if tag])]))
+    return drawn.curves, surfaces
+
+
+class _Drawn:
+    """Points and curves that the kernel has, by the places of their ends among all ends."""
+
+    def __init__(self, kernel: Any) -> None:
+        self.kernel = kernel
+        self.curves: dict[int, Curve] = {}
+        self._points: dict[int, int] = {}
+        self._between: dict[tuple[int, int], int] = {}
+
+    def curve(self, segment: Segment, label: str, start: int, end: int) -> int:
+        """Tag of a curve, negative where its face meets it backwards; 0 for an arc of a bend too slight to draw."""
+        one, other = self._point(start, segment.start), self._point(end, segment.end)
+        if one == other:
+            return 0
+        if (other, one) in self._between:
+            return -self._between[other, one]
+        if segment.centre is None:
+            tag = int(self.kernel.addLine(one, other))
+        else:
+            middle = self.kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
+            tag = int(self.kernel.addCircleArc(one, middle, other))
+        self._between[one, other], self.curves[tag] = tag, Curve(label, segment.centre)
+        return tag
+
+    def _point(self, place: int, at: complex) -> int:
+        if place not in self._points:
+            self._points[place] = self.kernel.addPoint(at.real, at.imag, 0.0)
+        return self._points[place]
+
+
+def set_sizes(gmsh: Any, job: Job) -> None:
+    field = gmsh.model.mesh.field
+    tags = []
+    for expression in job.sizes:
+        tags.append(field.add("MathEval"))
+        field.setString(tags[-1], "F", expression)
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", tags)
+    field.setAsBackgroundMesh(smallest)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", job.curvature)
+
+
+def set_cones(gmsh: Any, job: Job) -> None:
+    for option, value in QUICK_OPTIONS.items():
+        gmsh.option.setNumber(option, value)
+    field, tags = gmsh.model.mesh.field, []
+    for cone in job.cones:
+        tags.append(field.add("Ball"))
+        values = (cone.centre.real, cone.centre.imag, cone.radius, cone.least, cone.most, cone.reach)
+        for name, value in zip(("XCenter", "YCenter", "Radius", "VIn", "VOut", "Thickness"), values, strict=True):
+            field.setNumber(tags[-1], name, value)
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", tags)
+    field.setAsBackgroundMesh(smallest)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+
+
+def collect(mesh: Any, surfaces: list[int], curves: dict[int, Curve], kind: Kind) -> dict[str, AnyArray]:
+    tags, xyz, _ = mesh.getNodes()
+    place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    place[tags] = np.arange(len(tags))
+    triangles = [place[mesh.getElementsByType(kind.triangle, face)[1].reshape(-1, kind.nodes)] for face in surfaces]
+    edges = [place[mesh.getElementsByType(kind.edge, tag)[1].reshape(-1, kind.ends)] for tag in curves]
+    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
+    back = np.full(len(tags), -1)
+    back[used] = np.arange(len(used))
+    per_curve = [len(e) for e in edges]
+    return {
+        "nodes": xyz.reshape(-1, 3)[used, :2],
+        "triangles": renumbered.reshape(-1, kind.nodes),
+        "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
+        "edges": back[np.concatenate(edges)],
+        "edge_labels": np.repeat([curve.label for curve in curves.values()], per_curve),
+        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in curves.values()], per_curve),
+    }
+
 
 OPTIONS = {
     "General.NumThreads": 1,  # more make the order of the nodes vary from run to run

@@ -1,18 +1,19 @@
-"""Plane stress on curved quadratic triangles: stiffness, nodal forces and stresses."""
+"""Plane stress on curved quadratic triangles: element and assembled stiffness, nodal forces and stresses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.triangle import NODES, gradients, quadrature
+from flexfem.fem.mesh import NODES, StageMesh, gradients, quadrature
 
 if TYPE_CHECKING:
     import skfem
+
 
 QUADRATURE = 2  # three points: exact on straight triangles; on the default mesh 2e-6 from many points, mesh error 6e-5
 CHUNK = 20_000  # triangles assembled at once
@@ -152,3 +153,78 @@ def von_mises(stress: Array, pull: float = 0.0) -> Array:
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     zz = pull * (xx + yy)
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2))
+
+
+CACHED = 400  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
+FREE = np.tril_indices(12)  # the 78 pairs of a triangle's degrees of freedom
+TIED = np.tril_indices(15)  # the 120 pairs of these and of the pose
+
+
+def matrices_of(batches: list[ElementBatch], plate: Plate) -> Iterator[Array]:
+    """Element stiffness matrices (e, 6, 2, 6, 2), N/mm, some triangles at a time."""
+    return (element_matrices(piece, plate) for batch in batches for piece in batch.pieces(CACHED))
+
+
+def tied_lower(triangles: Index, matrices: Iterable[Array], number: Index, rigid: Array) -> sp.coo_array:
+    """Lower triangle (2 free + 3, 2 free + 3), entries in one place to be added up, of T' K T.
+
+    Parameters
+    ----------
+    triangles : (m, 6) nodes.   matrices : (e, 6, 2, 6, 2), symmetric, of the triangles in their order.
+    number : (n,), free nodes counted first, then those tied to the pose; -1 for a node left out (held at zero).
+    rigid : (2 tied, 3), displacement of the tied nodes per pose, so that u = T q. With none, the pose is left out.
+    """
+    free = int(number.max()) + 1 - len(rigid) // 2
+    nodes = number[triangles].astype(np.int32)
+    beside = np.flatnonzero(np.any(nodes >= free, axis=1))
+    plain = len(FREE[0]) * len(nodes)
+    values = np.empty(plain + len(TIED[0]) * len(beside))
+    tied = _gather(matrices, values[:plain].reshape(len(nodes), -1), beside)
+    values[plain:] = _tied_values(tied, nodes[beside], free, rigid)
+    rows, columns = _rows_and_columns(nodes, beside, free)
+    out = columns < 0
+    values[out] = rows[out] = columns[out] = 0
+    size = 2 * free + (3 if len(rigid) else 0)
+    return sp.coo_array((values, (rows, columns)), shape=(size, size))
+
+
+def _gather(matrices: Iterable[Array], values: Array, beside: Index) -> Array:
+    """Put the lower triangles of all matrices into values (m, 78); those of the triangles beside a tied node, whole."""
+    whole, first = np.empty((len(beside), 6, 2, 6, 2)), 0
+    for part in matrices:
+        last = first + len(part)
+        np.take(part.reshape(-1, 144), 12 * FREE[0] + FREE[1], axis=1, out=values[first:last], mode="clip")
+        here = slice(*np.searchsorted(beside, [first, last]))
+        whole[here], first = part[beside[here] - first], last
+    return whole
+
+
+def _tied_values(matrices: Array, nodes: AnyArray, free: int, rigid: Array) -> Array:
+    """Values (120 e,) of triangles (e, 6) with tied nodes, by the lower triangle of their unknowns and the pose."""
+    T, tied = np.zeros((len(nodes), 6, 2, 15)), nodes >= free
+    T.reshape(-1, 12, 15)[:, np.arange(12), np.arange(12)] = np.repeat(~tied, 2, axis=1)
+    T[tied, :, 12:] = rigid.reshape(-1, 2, 3)[nodes[tied] - free]
+    found = np.einsum("eiap,eiajb,ejbq->epq", T, matrices, T, optimize=True)
+    return np.asarray(found[:, TIED[0], TIED[1]].ravel())
+
+
+def _rows_and_columns(nodes: AnyArray, beside: Index, free: int) -> tuple[AnyArray, AnyArray]:
+    """Places of all entries, rows >= columns; a negative column of those left out, and of those that are tied."""
+    tied = nodes[beside]
+    pose = np.broadcast_to(2 * free + np.arange(3, dtype=np.int32), (len(tied), 3))
+    nodes[beside] = -1
+    kinds = [(_dofs(nodes), FREE), (np.hstack([_dofs(np.where(tied < free, tied, -1)), pose]), TIED)]
+    one, other = (np.concatenate([dofs[:, pairs[k]].ravel() for dofs, pairs in kinds]) for k in (0, 1))
+    return np.maximum(one, other), np.minimum(one, other, out=other)
+
+
+def _dofs(nodes: AnyArray) -> AnyArray:
+    """Degrees of freedom (e, 12) of triangles (e, 6)."""
+    return (2 * nodes[:, :, None] + np.arange(2, dtype=np.int32)).reshape(-1, 12)
+
+
+def stiffness_matrix(batches: list[ElementBatch], plate: Plate, nodes: int) -> sp.csc_array:
+    """Stiffness matrix (2n, 2n), N/mm, of all nodes, degrees of freedom x, y node by node."""
+    triangles = np.concatenate([batch.triangles for batch in batches])
+    lower = tied_lower(triangles, matrices_of(batches, plate), np.arange(nodes), np.empty((0, 3))).tocsc()
+    return (lower + sp.tril(lower, -1).T).tocsc()

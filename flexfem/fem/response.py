@@ -7,10 +7,18 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.assembly import matrices_of, tied_lower
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import QUADRATURE, Plate, integration, internal_forces, nodal_stress, von_mises
+from flexfem.fem.plane_stress import (
+    QUADRATURE,
+    Plate,
+    integration,
+    internal_forces,
+    matrices_of,
+    nodal_stress,
+    tied_lower,
+    von_mises,
+)
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.designs import out_of_plane, stage_frames
 from flexfem.stage.origin import located

@@ -17,7 +17,6 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Index
 from flexfem.clock import Limit
-from flexfem.fem.drawing import Cone, Job
 from flexfem.fem.gmsh_process import run_jobs
 from flexfem.fem.mesh import (
     COARSEST,
@@ -31,7 +30,7 @@ from flexfem.fem.mesh import (
     refuse_size,
     rim_of,
 )
-from flexfem.fem.mesher import mesh_faces
+from flexfem.fem.mesher import Cone, Job, mesh_faces
 from flexfem.refused import ComputationFailed
 from flexfem.stage.bodies import draw_sector, necks
 from flexfem.stage.designs import CHAIN_TURN, turned
@@ -109,7 +108,14 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float | L
 
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """The whole stage from one or three sectors, and for each chain where the nodes of its sector are in it.
+    """The whole stage from one or three sectors, and for each chain where the nodes of its sector are in it."""
+    mesh, places = joined(sectors)
+    mesh, back = ordered(mesh)
+    return mesh, [back[place] for place in places]
+
+
+def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
+    """As `welded`, with the nodes in no order.
 
     Notes
     -----
@@ -131,8 +137,7 @@ def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
                 edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(place[found])
     triangles = np.concatenate([place[part.triangles] for part, place in zip(parts, places, strict=True)])
     bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
-    mesh, back = ordered(StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}))
-    return mesh, [back[place] for place in places]
+    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), places
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:

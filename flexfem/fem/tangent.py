@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.assembly import tied_lower
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import (
@@ -21,6 +20,7 @@ from flexfem.fem.plane_stress import (
     integration,
     slopes_of,
     stress_tensor,
+    tied_lower,
 )
 from flexfem.fem.response import Tied, rigid_motion, tie_hub
 from flexfem.refused import ComputationFailed

@@ -35,11 +35,10 @@ from flexfem.fem.extrusion import (
     section_integrals,
     solid_stiffness,
 )
-from flexfem.fem.grids import mapped
 from flexfem.fem.hinge import richardson
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.problem import edge_force, nodes_on
+from flexfem.fem.problem import edge_force, mapped, nodes_on
 
 FREEDOMS = ("rotation", "axial")
 LEVELS = (2, 3, 4)  # refinements, coarse to fine

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.charting import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
+from flexfem.fem.chart import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
 from flexfem.fem.thick import FREEDOMS, LEVELS, Sample, ThickHinge, sample
 
 RATIOS, WIDTHS, POISSONS = (0.02, 1.2), (0.5, 50.0), (0.1, 0.45)  # t/R, b/t, nu

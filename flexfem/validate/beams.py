@@ -7,10 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.problem import clamp, edge_force, errors, nearest_node, nodes_on, solve, traction_of, uniform
+from flexfem.fem.problem import (
+    clamp,
+    edge_force,
+    errors,
+    mapped,
+    nearest_node,
+    nodes_on,
+    on_chords,
+    size_of,
+    solve,
+    traction_of,
+    uniform,
+)
 from flexfem.validate.records import Finding, finding, order
 
 MACNEAL_HARDER = "R. H. MacNeal, R. L. Harder, Finite Elem. Anal. Des. 1, 3-20 (1985), straight beam; beam theory"

@@ -15,10 +15,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
+from flexfem.fem.problem import mapped
 from flexfem.fem.tangent import Model, State, green_lagrange, held_by, hub_at, model_of, tangent
 from flexfem.validate.records import Finding, finding, order
 

@@ -35,7 +35,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.deck import UNIT_LOADS, write_deck
+from flexfem.fem.export import UNIT_LOADS, write_deck
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, stress_tensor
 from flexfem.fem.response import platform_response

@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.assembly import stiffness_matrix
-from flexfem.fem.grids import mapped, meshed, on_chords, size_of
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress
+from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress, stiffness_matrix
 from flexfem.fem.problem import (
     FieldErrors,
     Solution,
@@ -22,7 +20,11 @@ from flexfem.fem.problem import (
     clamp,
     edge_force,
     errors,
+    mapped,
+    meshed,
     nodes_on,
+    on_chords,
+    size_of,
     solve,
     traction_of,
     uniform,

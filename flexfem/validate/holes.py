@@ -16,10 +16,21 @@ import numpy as np
 
 from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped, meshed, size_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
-from flexfem.fem.problem import Support, edge_force, errors, nearest_node, nodes_on, pressure, solve, traction_of
+from flexfem.fem.problem import (
+    Support,
+    edge_force,
+    errors,
+    mapped,
+    meshed,
+    nearest_node,
+    nodes_on,
+    pressure,
+    size_of,
+    solve,
+    traction_of,
+)
 from flexfem.fem.response import platform_response
 from flexfem.stage.outline import Face, Segment
 from flexfem.validate.records import Finding, finding, order

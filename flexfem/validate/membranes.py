@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import (
@@ -13,6 +12,7 @@ from flexfem.fem.problem import (
     Support,
     clamp,
     edge_force,
+    mapped,
     nearest_node,
     nodes_on,
     pressure,

@@ -29,10 +29,10 @@ PITFALLS = [
 
 
 def test_a_child_refuses_sources_that_its_parent_did_not_hash():
-    told = pickle.dumps(hashes() | {"fem/drawing.py": "0" * 64})
+    told = pickle.dumps(hashes() | {"fem/mesher.py": "0" * 64})
     child = subprocess.run(child_command("flexfem.fem.mesher"), input=told, capture_output=True)
     assert child.returncode == 3
-    assert child.stderr.decode().startswith("flexfem/fem/drawing.py is not what it was")
+    assert child.stderr.decode().startswith("flexfem/fem/mesher.py is not what it was")
 
 
 def test_children_import_nothing_from_the_current_folder(tmp_path, monkeypatch):

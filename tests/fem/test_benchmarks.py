@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from flexfem.fem.drawing import Cone, Job
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import StageMesh, ordered
+from flexfem.fem.mesher import Cone, Job
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
 from flexfem.fem.sectors import curved

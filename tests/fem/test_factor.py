@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-import flexfem.fem.condensation
-from flexfem.fem.condensation import condense
-from flexfem.fem.factor import Solve, cholmod, dense, factorise, superlu, to_cvxopt
+import flexfem.fem.factor
+from flexfem.fem.factor import Solve, cholmod, condense, dense, factorise, superlu, to_cvxopt
 from flexfem.refused import ComputationFailed
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
@@ -53,7 +52,7 @@ def test_condensed_equations_are_those_of_the_whole(installed: bool, monkeypatch
     K = A @ A.T + np.diag(rng.uniform(1.0, 2.0, 41)) + 0.1  # every unknown meets the boundary, none in its order
     inner, b = 34, rng.normal(size=(41, 3))
     for apart in (0, 1000):  # the factor taken apart, and solved for every unknown of the boundary
-        monkeypatch.setattr(flexfem.fem.condensation, "TAKEN_APART", apart)
+        monkeypatch.setattr(flexfem.fem.factor, "TAKEN_APART", apart)
         found = condense(sp.csc_array(np.tril(K)), 7)
         schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], K[:inner, inner:])
         np.testing.assert_allclose(found.schur, schur, rtol=0, atol=ROUND_OFF)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flexfem.fem.chart import HIGH, LOW, chart_path, chart_points, main, make_chart
-from flexfem.fem.grids import meshed
 from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_mesh, richardson, sample
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
+from flexfem.fem.problem import meshed
 from flexfem.stage.outline import Face, Segment, area
 from flexfem.validate.holes import differences
 from flexfem.verify.errors import grid_convergence

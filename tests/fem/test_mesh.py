@@ -17,7 +17,6 @@ from scipy.spatial import KDTree
 import flexfem.fem.sectors
 from flexfem.clock import Limit
 from flexfem.fem import gmsh_process
-from flexfem.fem.drawing import Job
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import (
     StageMesh,
@@ -28,6 +27,7 @@ from flexfem.fem.mesh import (
     least_scaled_jacobian,
     local_thickness,
 )
+from flexfem.fem.mesher import Job
 from flexfem.fem.sectors import build_mesh, sector_drawing
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import BODIES, draw_sector

@@ -9,7 +9,6 @@ import pytest
 
 import flexfem.fem.plane_stress
 from flexfem.arrays import Array
-from flexfem.fem.assembly import stiffness_matrix
 from flexfem.fem.mesh import StageMesh, jacobians
 from flexfem.fem.plane_stress import (
     QUADRATURE,
@@ -18,6 +17,7 @@ from flexfem.fem.plane_stress import (
     internal_forces,
     nodal_stress,
     skfem_mesh,
+    stiffness_matrix,
     stress_tensor,
     von_mises,
 )

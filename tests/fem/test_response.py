@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.assembly import matrices_of, stiffness_matrix, tied_lower
 from flexfem.fem.mesh import StageMesh, ordered
-from flexfem.fem.plane_stress import Plate, integration, internal_forces
+from flexfem.fem.plane_stress import Plate, integration, internal_forces, matrices_of, stiffness_matrix, tied_lower
 from flexfem.fem.response import (
     check_balance,
     load_case,

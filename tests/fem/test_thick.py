@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from flexfem.fem.extrusion import displacement, line_integrals, section_integrals, solid_stiffness
-from flexfem.fem.grids import mapped
 from flexfem.fem.hinge import Hinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.mesh import StageMesh, least_scaled_jacobian, ordered
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.problem import edge_force, nodes_on
+from flexfem.fem.problem import edge_force, mapped, nodes_on
 from flexfem.fem.thick import (
     FREEDOMS,
     ThickHinge,

@@ -6,9 +6,8 @@ from functools import cache
 
 import pytest
 
-from flexfem.fem.grids import on_chords
 from flexfem.fem.plane_stress import nodal_stress
-from flexfem.fem.problem import nearest_node
+from flexfem.fem.problem import nearest_node, on_chords
 from flexfem.validate import beams, bending, exact, holes, membranes
 from flexfem.validate.records import Finding
 from flexfem.validate.registry import BENCHMARKS

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.fem.deck import write_deck
+from flexfem.fem.export import write_deck
 from flexfem.refused import BadInput
 
 FIELD = 20  # characters that CalculiX reads of a field

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.grids import mapped, on_chords
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration
 from flexfem.fem.problem import (
@@ -19,8 +18,10 @@ from flexfem.fem.problem import (
     clamp,
     edge_force,
     errors,
+    mapped,
     nearest_node,
     nodes_on,
+    on_chords,
     outward,
     pressure,
     shape_values,
