@@ -95,7 +95,7 @@ MUTATIONS = [
     ),
     Mutation(
         "one chain unclamped",
-        "welded",
+        "joined",
         "not label.startswith(_a)",
         "not label.startswith(_a) and (chain < 2 or label != 'ground')",
         "test_ground_is_the_straight_back_of_three_pads",
