@@ -66,8 +66,8 @@ def run(
     from flexfem.commands import console
     from flexfem.commands.processes import processors
     from flexfem.commands.progress import print_status, watching
+    from flexfem.commands.study_answers import shard_of
     from flexfem.files.writing import check_folder
-    from flexfem.study.parts import shard_of
     from flexfem.study.probes import unseen
     from flexfem.study.run import run_study
 
@@ -127,8 +127,8 @@ def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> No
     """Count the designs of a study that are done, refused, failed with reasons, and open."""
     from flexfem.commands import console
     from flexfem.commands.progress import print_status
+    from flexfem.commands.study_answers import status_facts
     from flexfem.files.writing import check_folder
-    from flexfem.study.status import status_facts
 
     parts = _parts(study, output)
     check_folder(parts.folder, written=False)
@@ -145,8 +145,9 @@ def clean(
     """Remove parts of other inputs or versions than the study has now; nothing else."""
     from flexfem.commands import console
     from flexfem.commands.progress import print_cleaned
+    from flexfem.commands.study_answers import clean_facts
     from flexfem.files.writing import check_folder
-    from flexfem.study.folder import clean_facts, release_folder, remove, stale_parts
+    from flexfem.study.folder import release_folder, remove, stale_parts
 
     parts = _parts(study, output)
     check_folder(parts.folder)
@@ -188,12 +189,13 @@ def collect(
 def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
     """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
     from flexfem.commands import console
+    from flexfem.commands.study_answers import facts_of
     from flexfem.files.writing import check_folder
     from flexfem.plot.study import Source, named, write_study_figures
     from flexfem.study.collect import collect as join
     from flexfem.study.collect import table_path
     from flexfem.study.collected import read_table
-    from flexfem.study.findings import Refused, facts_of, findings
+    from flexfem.study.findings import Refused, findings
     from flexfem.study.probes import nominal, unseen
 
     parts = _parts(study, output)
@@ -216,7 +218,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
 
 
 def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
-    from flexfem.study.status import status_facts
+    from flexfem.commands.study_answers import status_facts
 
     facts = status_facts(parts, shard)
     file, folder = facts["file"], parts.folder.parent.parent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import ValidationError
@@ -208,29 +208,3 @@ def _gain(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], 
     found = (place for place in ordered[:ATTEMPTS].tolist() if drawable(loaded, values_at(place)) is not None)
     best = next(found, None)
     return None if best is None else float(gained[best] / nominal[y])
-
-
-def facts_of(finding: Shown) -> dict[str, Any]:
-    """A finding as plain numbers by name; an open end of an interval is None."""
-    match finding:
-        case Extremes(least, most):
-            names = ("value", "x", "y")
-            return {"least": dict(zip(names, least, strict=True)), "most": dict(zip(names, most, strict=True))}
-        case Marks(found):
-            return {name: [_percentile(one) for one in marks] for name, marks in found.items()}
-        case Shares(factors, indices):
-            return {
-                name: {
-                    key: None if part is None else dict(zip(factors, part.tolist(), strict=True))
-                    for key, part in one._asdict().items()
-                }
-                for name, one in indices.items()
-            }
-        case Refused(reason):
-            return {"refused": reason}
-        case Best():
-            return {"front": len(finding.front.places), "power": finding.power, "gain": finding.gain}
-
-
-def _percentile(one: Percentile) -> dict[str, float | None]:
-    return {name: float(value) if np.isfinite(value) else None for name, value in one._asdict().items()}

@@ -1,7 +1,8 @@
-"""What else lies in the folder of a study: parts of other inputs or versions, and which arithmetic its rows are of.
+"""What lies in the folder of a study: its parts and how far it is, parts of other inputs or versions, and a claim.
 
-Processors round differently, and neither are their rows mixed nor set each other's apart: the first runner of a study
-says in the folder which arithmetic its rows are of; a runner of another one is refused.
+Footers of parts count what is in them; nothing else is kept. Processors round differently, and neither are their rows
+mixed nor set each other's apart: the first runner of a study says in the folder which arithmetic its rows are of; a
+runner of another one is refused.
 """
 
 from __future__ import annotations
@@ -10,18 +11,61 @@ import hashlib
 import json
 import re
 import stat
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flexfem.refused import BadInput
-from flexfem.study.parts import KEY, PART, Parts, chunk_of, names_in
+from flexfem.study.content import RETRIED, Counts, counts_of_table, read_counts, read_part
+from flexfem.study.parts import KEY, PART, WHOLE, Parts, Shard, chunk_of, listed, names_in
 
 CURE = "processors differ: OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES, set alike everywhere, make them one"
+
+
+class Survey(NamedTuple):
+    """What lies in the folder of a study.
+
+    done : numbers of the chunks whose parts are sound.    counts : designs in them by status and kind of reason.
+    unsure : of those that hold designs which another run may answer, what they hold.
+    damaged : by chunk, one line on the part that is there but cannot be used.
+    foreign : other Parquet files: of other inputs or versions, or not of flexfem.
+    elsewhere : how many designs other shards have parts of, by the names of these alone.
+    """
+
+    done: frozenset[int]
+    counts: Counts
+    unsure: dict[int, Counts]
+    damaged: dict[int, str]
+    foreign: tuple[Path, ...]
+    elsewhere: int
+
+
+def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
+    """Look at the parts of a shard: at their footers, or, where `whole`, at every byte."""
+    done, unsure, damaged, elsewhere = set(), {}, {}, 0
+    total: Counts = Counter()
+    chunks, foreign = listed(parts)
+    for chunk in chunks:
+        if chunk.number % shard.step != shard.first:
+            elsewhere += chunk.stop - chunk.start
+            continue
+        try:
+            counts = counts_of_table(read_part(parts, chunk)) if whole else read_counts(parts, chunk)
+        except FileNotFoundError:
+            continue
+        except BadInput as error:
+            damaged[chunk.number] = str(error)
+            continue
+        done.add(chunk.number)
+        total.update(counts)
+        if any(status in RETRIED for status, _ in counts):
+            unsure[chunk.number] = counts
+    return Survey(frozenset(done), total, unsure, damaged, foreign, elsewhere)
 
 
 class Moved(NamedTuple):
@@ -87,18 +131,6 @@ def stale_parts(parts: Parts) -> list[Stale]:
     kept_apart = [parts.stale / name for name in _regular(parts.stale)]
     beside = [parts.folder / name for name in _regular(parts.folder) if chunk_of(parts, name) is None]
     return [found for path in sorted((*beside, *kept_apart)) if (found := _said(path)) is not None]
-
-
-def clean_facts(found: list[Stale]) -> dict[str, Any]:
-    """What `study clean` says: how many parts and bytes of which study."""
-    sizes: dict[tuple[str, str], list[int]] = {}
-    for part in found:
-        sizes.setdefault((part.stem, part.hash), []).append(part.size)
-    listed = [
-        {"study": stem, "hash": digits, "parts": len(each), "bytes": sum(each)}
-        for (stem, digits), each in sorted(sizes.items())
-    ]
-    return {"stale": listed}
 
 
 def remove(found: list[Stale], folder: Path) -> None:

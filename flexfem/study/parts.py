@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 import pyarrow as pa
 
-from flexfem.refused import BadInput
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.versions import versions_of
 
@@ -182,14 +181,6 @@ class Shard(NamedTuple):
 
 
 WHOLE = Shard(0, 1)
-
-
-def shard_of(text: str) -> Shard:
-    """The shard that --shard I/N says, I from 1. Raises BadInput."""
-    found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
-    if not found or not 1 <= int(found[1]) <= int(found[2]):
-        raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
-    return Shard(int(found[1]) - 1, int(found[2]))
 
 
 def shuffled(numbers: range, seed: int | None = None) -> Iterator[int]:

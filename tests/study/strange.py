@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfem.commands.study_answers import shard_of
 from flexfem.fem.mesher import Job, mesh_faces
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.outline import Face, Segment
@@ -18,7 +19,7 @@ from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool
 from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.parts import parts_of, shard_of
+from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
 

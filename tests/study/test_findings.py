@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import flexfem.study.findings
+from flexfem.commands.study_answers import facts_of
 from flexfem.study.designs import judge
-from flexfem.study.findings import Best, Marks, Refused, Shares, facts_of, findings, power_of
+from flexfem.study.findings import Best, Marks, Refused, Shares, findings, power_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.probes import own_values
 from flexfem.study.reductions import cells_of

@@ -16,14 +16,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from flexfem.commands.study_answers import status_facts
 from flexfem.refused import ComputationFailed
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
+from flexfem.study.folder import survey
 from flexfem.study.loaded import load_study
 from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
-from flexfem.study.status import status_facts, survey
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 

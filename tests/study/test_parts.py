@@ -17,16 +17,16 @@ import pytest
 
 from flexfem.commands.study import collect as collect_command
 from flexfem.commands.study import status
+from flexfem.commands.study_answers import clean_facts, status_facts
+from flexfem.commands.study_answers import counts_facts as counted
 from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
 from flexfem.study.columns import Rows
 from flexfem.study.content import COUNTS, kind_of, read_part, write_part
-from flexfem.study.folder import clean_facts, remove, set_apart, stale_parts
+from flexfem.study.folder import remove, set_apart, stale_parts, survey
 from flexfem.study.loaded import load_study
 from flexfem.study.parts import KEY, Shard, parts_of, sweep
-from flexfem.study.status import facts_of as counted
-from flexfem.study.status import status_facts, survey
 
 ROOT = Path(__file__).parent.parent.parent
 STUDY = f"""
@@ -324,7 +324,7 @@ def test_a_linked_folder_of_stale_parts_is_refused(written, tmp_path):
 
 def test_footers_alone_say_what_is_in_a_part(written, monkeypatch):
     """`status` reads no rows: a part whose pages are gone is still counted, and found out by who reads it whole."""
-    monkeypatch.setattr("flexfem.study.status.read_part", None)
+    monkeypatch.setattr("flexfem.study.folder.read_part", None)
     assert survey(written).counts == survey_of(written)
     path = written.path(written.chunk(1))
     sound = path.read_bytes()
@@ -352,7 +352,7 @@ def test_a_part_whose_counts_are_not_of_its_rows_is_damaged(written):
 
 def test_a_share_counts_its_own_parts_and_only_names_those_of_others(written, monkeypatch):
     asked = []
-    monkeypatch.setattr("flexfem.study.status.read_counts", lambda parts, chunk: asked.append(chunk) or Counter())
+    monkeypatch.setattr("flexfem.study.folder.read_counts", lambda parts, chunk: asked.append(chunk) or Counter())
     written.path(written.chunk(2)).unlink()
     facts = status_facts(written, Shard(1, 2))
     assert [chunk.number for chunk in asked] == [1]

@@ -19,15 +19,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexfem.commands.progress import said
+from flexfem.commands.study_answers import shard_of, status_facts
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.collect import collect
 from flexfem.study.content import read_part
 from flexfem.study.folder import release_folder
 from flexfem.study.loaded import load_study
-from flexfem.study.parts import Shard, parts_of, shard_of, shuffled
+from flexfem.study.parts import Shard, parts_of, shuffled
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import Progress, run_study
-from flexfem.study.status import status_facts
 from flexfem.study.worker import Died, Worker, _is_stopped
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
