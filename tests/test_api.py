@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import doctest
+import hashlib
 import itertools
 import os
 import pickle
@@ -316,6 +317,9 @@ def test_what_is_wrong_in_a_users_file_is_said_with_its_line(tmp_path, monkeypat
         with pytest.raises(flexfem.BadInput) as refused:
             own.use(path)
         assert str(refused.value).startswith(f"{path}, line 3: {said}") and "\n" not in str(refused.value)
+    path.write_text("\0")
+    with pytest.raises(flexfem.BadInput, match=r"own\.py: \w+Error: source code"):
+        own.use(path)
 
 
 def test_a_users_file_that_changes_under_a_command_is_refused(tmp_path, monkeypatch):
@@ -323,6 +327,7 @@ def test_a_users_file_that_changes_under_a_command_is_refused(tmp_path, monkeypa
     path.write_text("x = 1\n")
     monkeypatch.setenv(own.VARIABLE, "")
     own.use(path)
+    assert own.own_hash() == hashlib.sha256(b"x = 1\n").hexdigest()  # among the versions of the answers of a study
     path.write_text("x = 2\n")
     monkeypatch.setattr(own, "_begun", set())  # as in a child process
     with pytest.raises(flexfem.BadInput, match=r"own\.py: changed since this command began"):

@@ -44,6 +44,10 @@ def check_agreement(stage: Stage) -> None:
     )
 
 
+def test_the_thin_sheet_is_held_closer_on_finer_meshes() -> None:
+    assert [thin_tolerance(resolution) for resolution in (2, 4, 8, 16)] == pytest.approx([32e-5, 8e-5, 2e-5, 2e-5])
+
+
 @pytest.mark.usefixtures("ccx", "solved_once")
 def test_calculix_agrees(stage_named: Callable[[str], Stage]) -> None:
     check_agreement(stage_named("mobility6"))

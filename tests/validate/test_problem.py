@@ -248,6 +248,7 @@ def test_order_and_limit_of_a_power_law() -> None:
     assert order(sizes, [3 * h**2.3 for h in sizes]) == pytest.approx(2.3)
     assert extrapolated(sizes, [5.1 - 3 * h**1.7 for h in sizes]) == pytest.approx(5.1)
     assert extrapolated(sizes, [1.0, 1.6, 2.0]) == pytest.approx(2.8)  # slow: 0.6, 0.4, and 0.8 to come
+    assert extrapolated(sizes, [1.0, 2.0, 3.0]) == 3.0
     assert extrapolated(sizes, [1.0, 2.0, 1.5]) == 1.5  # no monotonic convergence, no extrapolation
     with pytest.raises(ValueError, match="one ratio"):
         extrapolated((0.4, 0.2, 0.15), (1.0, 2.0, 3.0))
