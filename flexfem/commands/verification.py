@@ -129,13 +129,13 @@ def claims(
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
     from flexfem.files.writing import write_atomically
-    from flexfem.verify.claims import markdown_report, report_claims
+    from flexfem.verify.claims import claims_page, report_claims
     from flexfem.verify.result import write_record
 
     report = report_claims(path)
     if output is not None:
         write_record(report, output / "claims.json")
-        write_atomically(output / "claims.md", lambda file: file.write(markdown_report(report).encode()))
+        write_atomically(output / "claims.md", lambda file: file.write(claims_page(report).encode()))
     console.show(report, json, tables.print_claims)
 
 

@@ -202,37 +202,31 @@ def limit_at_zero(steps: Array, values: Array) -> float:
 def notch() -> list[Finding]:
     """Limits of the two ratios, the rates at which they are reached, and the first coefficient of the rotation."""
     made = [differences(ratio) for ratio in RATIOS]
-    found, tau = np.array([difference for difference, _ in made]), np.array(RATIOS)
-    root = np.sqrt(tau)
-    with np.errstate(invalid="ignore"):  # a difference that changes sign has no rate, and nan does not pass
-        rates = np.log2(found[:-1] / found[1:])  # t/R is halved from one to the next
-    listed = [", ".join(f"{100 * value:.2f}" for value in column) for column in found.T]
-    notes = [f"differences (%): {values} at t/R = {', '.join(f'{r:g}' for r in RATIOS)}" for values in listed]
+    rotation, axial = np.array([difference for difference, _ in made]).T
+    tau = np.array(RATIOS)
+    root, about, along = np.sqrt(tau), _rates(rotation), _rates(axial)
     rows = [
-        (PAROS_WEISBORD, "rotation over (2), limit", 1.0, 1 + limit_at_zero(tau, found[:, 0]), 2e-5, notes[0]),
-        (PAROS_WEISBORD, "axial over (3), limit", 1.0, 1 + limit_at_zero(root, found[:, 1]), 5e-4, notes[1]),
-        (
-            SLENDER,
-            "rate of the rotation in t/R, limit",
-            1.0,
-            limit_at_zero(tau[1:], rates[:, 0]),
-            0.01,
-            _listed(rates[:, 0]),
-        ),
-        (
-            SLENDER,
-            "rate of the axial in t/R, limit",
-            0.5,
-            limit_at_zero(root[1:], rates[:, 1]),
-            0.01,
-            _listed(rates[:, 1]),
-        ),
-        (SLENDER, "rotation's difference over t/R, limit", 0.4, limit_at_zero(tau, found[:, 0] / tau), 0.001, ""),
+        (PAROS_WEISBORD, "rotation over (2), limit", 1.0, 1 + limit_at_zero(tau, rotation), 2e-5, _percent(rotation)),
+        (PAROS_WEISBORD, "axial over (3), limit", 1.0, 1 + limit_at_zero(root, axial), 5e-4, _percent(axial)),
+        (SLENDER, "rate of the rotation in t/R, limit", 1.0, limit_at_zero(tau[1:], about), 0.01, _listed(about)),
+        (SLENDER, "rate of the axial in t/R, limit", 0.5, limit_at_zero(root[1:], along), 0.01, _listed(along)),
+        (SLENDER, "rotation's difference over t/R, limit", 0.4, limit_at_zero(tau, rotation / tau), 0.001, ""),
     ]
     return [
         finding(NOTCH, source, quantity, target, ours, allowed, unknowns=made[-1][1], note=note)
         for source, quantity, target, ours, allowed, note in rows
     ]
+
+
+def _rates(values: Array) -> Array:
+    """Observed rates (k - 1,) of values (k,) from one to the next, where t/R is halved."""
+    with np.errstate(invalid="ignore"):  # a difference that changes sign has no rate, and nan does not pass
+        return np.asarray(np.log2(values[:-1] / values[1:]))
+
+
+def _percent(values: Array) -> str:
+    listed, at = (", ".join(f"{each:{form}}" for each in row) for row, form in ((100 * values, ".2f"), (RATIOS, "g")))
+    return f"differences (%): {listed} at t/R = {at}"
 
 
 def _listed(rates: Array) -> str:

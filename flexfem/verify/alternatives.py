@@ -35,7 +35,7 @@ from flexfem.verify.result import Record, Triple
 
 Solve: TypeAlias = Callable[[Stage, int], Solved]
 ACROSS = (1, 2, 4, 8)  # linear triangles across every neck
-UNEVEN = ((1, 2, 2), (3, 4, 4))  # triangles across the necks of the three thirds; their cuts have the same nodes
+UNEVEN = ((1, 2, 2), (3, 4, 4))  # triangles across the necks of the three sectors; their cuts have the same nodes
 STUBBY = (3.0, 1.0)  # R/t of all nine hinges
 SCATTER, DRAWS, SEED = 0.005, 200, 2003  # mm, standard deviation of the necks; stages; seed
 QUANTILES = {"median": 0.5, "95 %": 0.95}

@@ -188,7 +188,7 @@ def markdown_claims(verdicts: list[Verdict]) -> str:
     return markdown_table(("claim", "where", "verdict", "found"), rows) + "\n"
 
 
-def markdown_report(report: ClaimsReport) -> str:
+def claims_page(report: ClaimsReport) -> str:
     """Verdicts and alternatives as a Markdown page."""
     kinds = (("assumed", report.assumed), ("without a source", report.not_stated))
     doubt = " and ".join(f"partly {what}" for what, keys in kinds if keys)

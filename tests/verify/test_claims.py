@@ -20,9 +20,9 @@ from flexfem.verify import claims, measures
 from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.claims import (
     ClaimsReport,
+    claims_page,
     load_claims,
     markdown_claims,
-    markdown_report,
     measure_claims,
     report_claims,
 )
@@ -304,7 +304,7 @@ def test_finite_elements_give_the_same_verdicts_and_the_report_keeps_its_alterna
     assert linear == sorted(linear) and linear[0] < 0  # finer is softer
     across = {each.name: each.across.x for each in report.alternatives}
     assert across["joints commanded instead of the platform"] > 1e-3
-    assert all(each.name in markdown_report(report) for each in report.alternatives)
+    assert all(each.name in claims_page(report) for each in report.alternatives)
 
 
 def test_numbers_without_a_source_in_either_stage_are_said_beside_what_they_decide(project, monkeypatch):
