@@ -85,7 +85,7 @@ def _circulant(added: Array) -> Array:
 def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     """Compliance (3, 3, 3), each neck under loads of the first: moment, force along, across; G and thickness one.
 
-    A third of the platform is enough, with its lug, its part of the hub and the rim up to the next lug.
+    One sector of the platform is enough, with its lug, its part of the hub and the rim up to the next lug.
     """
     neck, hinge, hub = necks(stage, chain)[2], stage.hinge(chain, "platform"), stage.platform.hub_radius
     left, right = (body_sides(stage, chain, side)[3] for side in (1, -1))

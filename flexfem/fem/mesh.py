@@ -73,13 +73,13 @@ def _jacobian(at: Array, slope: Array) -> Array:
 
 
 RESOLUTION = 8  # triangles across every neck
-TIME_LIMIT = 60.0  # s, for meshing one third
+TIME_LIMIT = 60.0  # s, for meshing one sector
 MOST_TRIANGLES = 1_000_000
 SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
 COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
 TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
-AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in thirds with two triangles across a neck
+AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in sectors with two triangles across a neck
 
 
 class StageMesh(NamedTuple):

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
 LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
-NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two thirds
+NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
@@ -160,7 +160,7 @@ def cut_angle(stage: Stage) -> float:
 
 @once
 def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
-    """Draw the bodies of the third of the stage that holds one chain (1 to 3).
+    """Draw the bodies of the sector of the stage that holds one chain (1 to 3).
 
     Raises BadInput when they cannot be drawn.
     """
@@ -177,7 +177,7 @@ def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
 
 
 def _platform(stage: Stage, rim: Segment) -> list[tuple[str, list[Segment]]]:
-    """The platform's third from the end of the lug's right side to the end of its left side."""
+    """The part of the platform in a sector, from the end of the lug's right side to the end of its left side."""
     first = cut_angle(stage)
     disc, hub = stage.platform.radius, stage.platform.hub_radius
     behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))

@@ -189,7 +189,7 @@ def _check_distances(stage: Stage, found: Conditions) -> None:
 
 
 def _check_bodies(stage: Stage) -> None:
-    """No body crosses itself, and bodies meet only at their necks and at the cuts between the thirds."""
+    """No body crosses itself, and bodies meet only at their necks and at the cuts between the sectors."""
     bodies = {}
     for chain in (1, 2, 3):
         for body, face in draw_sector(stage, chain).items():

@@ -54,11 +54,11 @@ class Segment(NamedTuple):
 
 
 class Face(NamedTuple):
-    """A region to mesh, such as one body of a third of the stage.
+    """A region to mesh, such as one body of a sector of the stage.
 
     loop : closed counter-clockwise loop of segments.
     labels : for each of them `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind`
-        (to the next thirds) or `free`.
+        (to the next sectors) or `free`.
     """
 
     loop: list[Segment]

@@ -87,8 +87,8 @@ def _finite_elements(stage: Stage, mobility: int, solve: Solve) -> list[Alternat
     found = [row("none: curved quadratic triangles, as verified", fine.response.compliance)]
     for n in ACROSS:
         found.append(row(f"linear triangles, {n} across every neck", linear_compliance(solve(stage, n).mesh, plate)))
-    for thirds in UNEVEN:
-        sectors, said = uneven_sectors(stage, thirds), ", ".join(map(str, thirds))
+    for across in UNEVEN:
+        sectors, said = uneven_sectors(stage, across), ", ".join(map(str, across))
         found.append(row(f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)))
         found.append(row(f"asymmetric mesh, {said} quadratic triangles", cyclic_response(sectors, plate).compliance))
     found.append(
