@@ -115,5 +115,9 @@ def of_cross_check(stage: Stage, found: CrossCheck) -> Answer:
 
 def of_benchmarks(table: BenchmarkTable) -> Answer:
     """What `benchmark` answers."""
-    findings = [{**f._asdict(), "ours": f.ours if np.isfinite(f.ours) else None} for f in table.findings]
+    findings = [
+        {**f._asdict(), "passed": f.passed}
+        | {name: float(value) if np.isfinite(value := getattr(f, name)) else None for name in ("ours", "difference")}
+        for f in table.findings
+    ]
     return {"findings": findings, "seconds": table.seconds, "passed": table.passed}

@@ -22,7 +22,7 @@ from flexfem.fem.problem import (
     traction_of,
     uniform,
 )
-from flexfem.validate.records import Finding, finding, order
+from flexfem.validate.records import Finding, order
 
 MACNEAL_HARDER = "R. H. MacNeal, R. L. Harder, Finite Elem. Anal. Des. 1, 3-20 (1985), straight beam; beam theory"
 TIMOSHENKO = (
@@ -69,14 +69,14 @@ def macneal_harder() -> list[Finding]:
         for load, (axis, target, uncertainty) in DEFLECTIONS.items():
             coarse, fine = tip(slanted(kind, 1), axis), slanted(kind, REFINED)
             rows.append(
-                finding(
+                Finding(
                     "MacNeal-Harder straight beam",
                     MACNEAL_HARDER,
                     f"{load} of the tip, {kind}",
                     target,
                     tip(fine, axis),
                     0.005 * target,
-                    uncertainty=uncertainty,
+                    target_uncertainty=uncertainty,
                     unknowns=2 * len(fine.nodes),
                     note=f"6 x 1 cells: {coarse / target:.3f} of the target" + CLAMPED[load],
                 )
@@ -121,7 +121,7 @@ def timoshenko() -> list[Finding]:
         ("order of stress in L2", 2.0, order(sizes, [e.stress for e in found]), ORDER_ALLOWED),
         ("deflection of the loaded end", target, ours, 5e-7 * target),
     ]
-    return [finding("Timoshenko's cantilever", TIMOSHENKO, *row, unknowns=solution.unknowns) for row in rows_found]
+    return [Finding("Timoshenko's cantilever", TIMOSHENKO, *row, unknowns=solution.unknowns) for row in rows_found]
 
 
 CURVED_BEAM = "MacNeal-Harder curved beam"
@@ -217,6 +217,6 @@ def curved_beam() -> list[Finding]:
         ("end displacement, clamped, even load", clamped, 5e-3, note),
     ]
     return [
-        finding(CURVED_BEAM, GOLOVIN, quantity, target, value, share * target, unknowns=solution.unknowns, note=remark)
+        Finding(CURVED_BEAM, GOLOVIN, quantity, target, value, share * target, unknowns=solution.unknowns, note=remark)
         for quantity, value, share, remark in rows
     ]

@@ -20,7 +20,7 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
 from flexfem.fem.problem import mapped
 from flexfem.fem.tangent import Model, State, green_lagrange, held_by, hub_at, model_of, tangent
-from flexfem.validate.records import Finding, finding, order
+from flexfem.validate.records import Finding, order
 
 ELASTICA = "elastica"
 BISSHOPP_DRUCKER = (
@@ -114,7 +114,7 @@ def elastica() -> list[Finding]:
             strict=True,
         ):
             rows.append(
-                finding(
+                Finding(
                     ELASTICA,
                     BISSHOPP_DRUCKER,
                     f"tip {what}, at P L^2/EI = {load:g}",
@@ -216,7 +216,7 @@ def tangent_order() -> list[Finding]:
     )
     order_found = found.slope(found.ours)
     return [
-        finding(
+        Finding(
             TANGENT,
             TAYLOR,
             "order of the remainder",

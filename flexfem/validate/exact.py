@@ -30,7 +30,7 @@ from flexfem.fem.problem import (
     uniform,
 )
 from flexfem.stage.outline import Face, Segment
-from flexfem.validate.records import Finding, finding, order
+from flexfem.validate.records import Finding, order
 
 MANUFACTURED = "manufactured solution"
 ROACHE = "P. J. Roache, Code verification by the method of manufactured solutions, J. Fluids Eng. 124, 4-10 (2002)"
@@ -148,7 +148,7 @@ def manufactured() -> list[Finding]:
     straight = np.array([field_errors(on_chords(mesh)) for mesh in meshes])
     sizes = [size_of(mesh) for mesh in meshes]
     return [
-        finding(
+        Finding(
             MANUFACTURED,
             ROACHE,
             f"order of {what}",
@@ -191,7 +191,7 @@ def patch() -> list[Finding]:
         "stress": np.abs(stress - wanted).max() / np.abs(wanted).max(),
     }
     return [
-        finding(
+        Finding(
             "patch test",
             IRONS,
             f"largest relative error of the {what}",
@@ -210,7 +210,7 @@ def rigid_motions() -> list[Finding]:
     mesh = distorted()
     values = np.linalg.eigvalsh(stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes)).toarray())
     return [
-        finding(
+        Finding(
             "rigid-body motions",
             "two translations and one rotation of the plane",
             "eigenvalues that are zero",
@@ -235,7 +235,7 @@ def reciprocity() -> list[Finding]:
     (one, first), (other, second) = loaded(mesh, "notch", (3.1, -1.7)), loaded(mesh, "left", (-0.6, 2.3))
     works = np.sum(first * other.field), np.sum(second * one.field)
     return [
-        finding(
+        Finding(
             "reciprocity",
             BETTI,
             "relative difference of the two works",
@@ -262,4 +262,4 @@ def balances() -> list[Finding]:
         ("reaction balance", "equilibrium of forces", "relative sum of loads and reactions", resultant),
         ("reaction balance", "equilibrium of moments", "relative moment of loads and reactions", moment),
     ]
-    return [finding(*row[:3], 0.0, row[3], ROUND_OFF, unknowns=solution.unknowns) for row in rows]
+    return [Finding(*row[:3], 0.0, row[3], ROUND_OFF, unknowns=solution.unknowns) for row in rows]

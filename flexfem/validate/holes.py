@@ -33,7 +33,7 @@ from flexfem.fem.problem import (
 )
 from flexfem.fem.response import platform_response
 from flexfem.stage.outline import Face, Segment
-from flexfem.validate.records import Finding, finding, order
+from flexfem.validate.records import Finding, order
 
 KIRSCH = "E. G. Kirsch, Z. Ver. Dtsch. Ing. 42, 797-807 (1898); Timoshenko and Goodier, Theory of Elasticity, art. 35"
 HOWLAND = "R. C. J. Howland, Phil. Trans. R. Soc. A 229, 49-86 (1930), long strip, gross stress"
@@ -101,7 +101,7 @@ def kirsch() -> list[Finding]:
     ]
     notes = ("", "", "mesh by mesh: " + ", ".join(f"{factor:.5f}" for factor in factors))
     return [
-        finding("Kirsch's hole", KIRSCH, *row, unknowns=solution.unknowns, note=note)
+        Finding("Kirsch's hole", KIRSCH, *row, unknowns=solution.unknowns, note=note)
         for row, note in zip(rows, notes, strict=True)
     ]
 
@@ -133,14 +133,14 @@ def howland() -> list[Finding]:
         at = nearest_node(mesh, 0.0, ratio / 2)
         factor = float(nodal_stress(mesh, PLATE, solution.field)[at, 0]) / TENSION
         rows.append(
-            finding(
+            Finding(
                 "Howland's strips",
                 HOWLAND,
                 f"gross stress concentration, d/W = {ratio:g}",
                 target,
                 factor,
                 0.01 * target,
-                uncertainty=ROUNDED,
+                target_uncertainty=ROUNDED,
                 unknowns=solution.unknowns,
                 note="refined further, ours are 0.2 to 0.6 % above the table of 1930, the more the wider the hole",
             )
@@ -213,7 +213,7 @@ def notch() -> list[Finding]:
         (SLENDER, "rotation's difference over t/R, limit", 0.4, limit_at_zero(tau, rotation / tau), 0.001, ""),
     ]
     return [
-        finding(NOTCH, source, quantity, target, ours, allowed, unknowns=made[-1][1], note=note)
+        Finding(NOTCH, source, quantity, target, ours, allowed, unknowns=made[-1][1], note=note)
         for source, quantity, target, ours, allowed, note in rows
     ]
 

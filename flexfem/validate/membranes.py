@@ -19,7 +19,7 @@ from flexfem.fem.problem import (
     solve,
     uniform,
 )
-from flexfem.validate.records import Finding, extrapolated, finding
+from flexfem.validate.records import Finding, extrapolated
 
 NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB rev. 3 (1990), test LE1"
 COOK = (
@@ -68,14 +68,14 @@ def nafems_le1() -> list[Finding]:
         (", extrapolated", limit, LE1_ROUNDED, f"{listed[1]} on {LE1_LIMIT} cells; seen elsewhere: 92.657"),
     )
     return [
-        finding(
+        Finding(
             "NAFEMS LE1",
             NAFEMS,
             f"stress yy at D (MPa){what}",
             LE1_STRESS,
             ours,
             allowed,
-            uncertainty=LE1_ROUNDED,
+            target_uncertainty=LE1_ROUNDED,
             unknowns=found[-1][1].unknowns,
             note=note,
         )
@@ -102,14 +102,14 @@ def cook() -> list[Finding]:
     limit = extrapolated([1 / cells for cells in COOK_CELLS], values)
     note = ", ".join(f"{value:.4f}" for value in values) + f" on {COOK_CELLS} cells"
     return [
-        finding(
+        Finding(
             "Cook's membrane",
             COOK,
             quantity,
             COOK_DISPLACEMENT,
             value,
             0.001 * COOK_DISPLACEMENT,
-            uncertainty=COOK_SPREAD,
+            target_uncertainty=COOK_SPREAD,
             unknowns=unknowns,
             note=note,
         )

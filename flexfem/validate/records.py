@@ -15,8 +15,8 @@ class Finding(NamedTuple):
     """A published or exact target beside our value.
 
     name : the benchmark.   source : citation of the target.   quantity : what is compared, with its unit.
+    allowed : the largest difference that passes, in the unit of the target.
     target_uncertainty : how well the target itself is known, in its unit; zero for exact ones.
-    difference : ours minus target.   allowed : the largest difference that passes, in the unit of the target.
     unknowns : equations solved for `ours`, on the finest mesh.   note : what else is worth knowing.
     """
 
@@ -24,33 +24,21 @@ class Finding(NamedTuple):
     source: str
     quantity: str
     target: float
-    target_uncertainty: float
     ours: float
-    difference: float
     allowed: float
-    unknowns: int
-    passed: bool
-    note: str
+    target_uncertainty: float = 0.0
+    unknowns: int = 0
+    note: str = ""
 
+    @property
+    def difference(self) -> float:
+        """Ours minus target."""
+        return float(self.ours) - self.target
 
-def finding(
-    name: str,
-    source: str,
-    quantity: str,
-    target: float,
-    ours: float,
-    allowed: float,
-    *,
-    uncertainty: float = 0.0,
-    unknowns: int = 0,
-    note: str = "",
-) -> Finding:
-    """Compare `ours` with a target; passed when they differ by at most `allowed`, and never for nan."""
-    difference = float(ours) - target
-    passed = bool(abs(difference) <= allowed)
-    return Finding(
-        name, source, quantity, target, uncertainty, float(ours), difference, allowed, int(unknowns), passed, note
-    )
+    @property
+    def passed(self) -> bool:
+        """Whether they differ by at most `allowed`, and never for nan."""
+        return bool(abs(self.difference) <= self.allowed)
 
 
 def order(sizes: ArrayLike, errors: ArrayLike) -> float:

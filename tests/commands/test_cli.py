@@ -405,7 +405,7 @@ def test_links_soften_the_stage_and_go_with_all_freedoms(flexfem):
 
 
 def test_a_check_that_fails_exits_with_one(flexfem, monkeypatch):
-    finding = Finding("patch", "somebody", "stress", 1.0, 0.0, 2.0, 1.0, 0.1, 9, False, "")
+    finding = Finding("patch", "somebody", "stress", 1.0, 2.0, 0.1, unknowns=9)
     monkeypatch.setattr(
         "flexfem.validate.registry.run_benchmarks", lambda *_: registry.BenchmarkTable([finding], {"patch": 0.1})
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands import tables
+from flexfem.commands import answers, tables
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
 from flexfem.validate.records import Finding
@@ -192,14 +192,15 @@ def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
 
 
 FINDINGS = [
-    Finding("one", "Source A", "stress", 92.5, 0.25, 93.75, 1.25, 2.5, 777, True, "a note"),
-    Finding("two", "Source B", "order", 3.0, 0.0, 2.5, -0.5, 0.125, 888, False, ""),
+    Finding("one", "Source A", "stress", 92.5, 93.75, 2.5, 0.25, 777, "a note"),
+    Finding("two", "Source B", "order", 3.0, 2.5, 0.125, 0.0, 888),
 ]
 
 
 def test_benchmarks_have_target_and_ours_in_their_columns(cells):
-    facts = {"findings": [{**f._asdict(), "passed": f.passed} for f in FINDINGS], "seconds": {"one": 2.0, "two": 5.0}}
-    rows = cells(tables.print_benchmarks, facts | {"passed": False})
+    facts = answers.of_benchmarks(BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0}))
+    assert [(f["difference"], f["passed"]) for f in facts["findings"]] == [(1.25, True), (-0.5, False)]
+    rows = cells(tables.print_benchmarks, facts)
     at = rows.index(["benchmark", "quantity", "target", "ours", "off by", "allowed"])
     assert rows[at + 1] == ["one", "stress", "92.5", "93.75", "1.2", "2.5"]
     assert rows[at + 2] == ["two", "order", "3", "2.5", "-0.5", "0.12", "FAILED"]

@@ -31,7 +31,7 @@ from flexfem.fem.problem import (
 from flexfem.refused import BadInput
 from flexfem.validate import beams, holes
 from flexfem.validate import exact as known
-from flexfem.validate.records import extrapolated, finding, order
+from flexfem.validate.records import Finding, extrapolated, order
 from flexfem.validate.registry import BenchmarkTable, markdown_page, run_benchmarks, write_benchmarks
 
 PLATE = known.PLATE
@@ -255,15 +255,15 @@ def test_order_and_limit_of_a_power_law() -> None:
 
 
 def test_not_a_number_never_passes() -> None:
-    assert not finding("a", "b", "c", 1.0, float("nan"), 1.0).passed
-    assert finding("a", "b", "c", 1.0, 1.5, 0.5).passed
-    assert not finding("a", "b", "c", 1.0, 0.4, 0.5).passed
+    assert not Finding("a", "b", "c", 1.0, float("nan"), 1.0).passed
+    assert Finding("a", "b", "c", 1.0, 1.5, 0.5).passed
+    assert not Finding("a", "b", "c", 1.0, 0.4, 0.5).passed
 
 
 def test_table_counts_what_failed_and_is_written_as_it_is_shown(tmp_path: Path) -> None:
     good, bad = (
-        finding("one", "source", "what", 3.0, 3.1, 0.2),
-        finding("two", "source", "what", 0.0, 1.0, 0.5, note="why"),
+        Finding("one", "source", "what", 3.0, 3.1, 0.2),
+        Finding("two", "source", "what", 0.0, 1.0, 0.5, note="why"),
     )
     table = BenchmarkTable([good, bad], {"one": 0.1, "two": 0.2})
     text = markdown_page(table)
