@@ -6,6 +6,9 @@
     model = flexfem.analyse(thin, mobility=6)          # stiffness, compliance, force, pose, neck_stress, range_at_yield
     fe = flexfem.solve(thin)                           # the same, and mesh, displacement, stress, band, plot
     flexfem.errors(thin, mobility=6)                   # per cent (3, 3) with bands
+    found = flexfem.budget(thin)                       # the record that `flexfem budget` prints; so for every command
+    flexfem.plot.plot_budget(ax, found, "x")           # on axes of one's own; so for every result
+    flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for pandas
 
 Numbers are mm, N, MPa and rad, vectors x, y, theta. Nothing is loaded before it is used.
 """
@@ -23,8 +26,22 @@ if TYPE_CHECKING:
     from flexfem.api import errors as errors
     from flexfem.api import load as load
     from flexfem.api import solve as solve
+    from flexfem.commands.baseline.store import regression as regression
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
+    from flexfem.reports import Verification as Verification
+    from flexfem.reports import benchmark as benchmark
+    from flexfem.reports import budget as budget
+    from flexfem.reports import check as check
+    from flexfem.reports import claims as claims
+    from flexfem.reports import converge as converge
+    from flexfem.reports import cross_check as cross_check
+    from flexfem.reports import mesh as mesh
+    from flexfem.reports import stiffness as stiffness
+    from flexfem.reports import summary as summary
+    from flexfem.reports import under_load as under_load
+    from flexfem.reports import verification as verification
+    from flexfem.reports import workspace as workspace
     from flexfem.stage.materials import Material as Material
     from flexfem.stage.materials import materials as materials
     from flexfem.stage.materials import register_material as register_material
@@ -34,15 +51,32 @@ if TYPE_CHECKING:
     from flexfem.stage.schema import Override as Override
     from flexfem.stage.schema import Platform as Platform
     from flexfem.stage.schema import Stage as Stage
+    from flexfem.studies import clean_study as clean_study
+    from flexfem.studies import collect_study as collect_study
+    from flexfem.studies import run_study as run_study
+    from flexfem.studies import study_findings as study_findings
+    from flexfem.studies import study_records as study_records
+    from flexfem.studies import study_status as study_status
+    from flexfem.verify.hinges import hinge_review as hinge_review
+    from flexfem.verify.hinges import known_formulas as known_formulas
+    from flexfem.verify.hinges import thickness_review as thickness_review
+
 
 __version__ = "0.1.0"
 
-_HOMES = {
+_HOMES: dict[str, tuple[str, ...]] = {
     "api": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
     "refused": ("BadInput", "ComputationFailed"),
     "stage.materials": ("Material", "materials", "register_material"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
     "analytic.formulas": ("formulas", "register_formula"),
+    "reports": (
+        *("Verification", "benchmark", "budget", "check", "claims", "converge", "cross_check", "mesh", "stiffness"),
+        *("summary", "under_load", "verification", "workspace"),
+    ),
+    "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
+    "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
+    "commands.baseline.store": ("regression",),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 

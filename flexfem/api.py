@@ -32,7 +32,7 @@ from flexfem.verify.summary import element_limits
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_solved: Callable[[Stage, int], Solved] = once(solve_stage)
+solved: Callable[[Stage, int], Solved] = once(solve_stage)
 
 
 class Errors(NamedTuple):
@@ -144,7 +144,7 @@ class ElementModel(PlatformModel):
         symmetry has the size of its round-off.
         """
         steps = levels(self.resolution)
-        found = np.array([_solved(self.stage, level).response.compliance for level in steps])
+        found = np.array([solved(self.stage, level).response.compliance for level in steps])
         return compliance_bands(np.array(steps), found)
 
     @property
@@ -254,7 +254,7 @@ def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
     check_feasible(stage)
     if not isinstance(resolution, int | np.integer) or isinstance(resolution, bool) or resolution < 2:
         raise BadInput(f"resolution {resolution!r}, expected an integer from 2 upwards")
-    found = _solved(stage, int(resolution))
+    found = solved(stage, int(resolution))
     compliance = found.response.compliance
     stiffness = inverse(compliance)
     return ElementModel(stage, (stiffness + stiffness.T) / 2, compliance, int(resolution), found)

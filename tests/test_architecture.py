@@ -24,7 +24,8 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("verify", "validate"),
     ("study",),
     ("plot",),
-    ("api",),
+    ("api", "study_answers"),
+    ("reports", "studies"),
     ("commands",),
     ("__main__",),
 )
@@ -139,6 +140,15 @@ def test_light_commands_load_no_heavy_library(command, heavy):
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", script, *command], cwd=ROOT, check=True, capture_output=True, timeout=60)
+
+
+def test_no_module_takes_the_place_of_a_name_that_its_package_offers():
+    """A module that is imported becomes an attribute of its package, and would hide a function of that name."""
+    for package in (path.parent for path in MODULES if path.name == "__init__.py"):
+        loaded = import_module(".".join(package.relative_to(ROOT).parts))
+        defined = {name for name, thing in vars(loaded).items() if inspect.isroutine(thing) or inspect.isclass(thing)}
+        inside = {path.stem for path in package.iterdir() if path.suffix == ".py" or path.is_dir()}
+        assert not inside & (defined | set(getattr(loaded, "__all__", ()))), package
 
 
 ALSO = {"Curve", "Hinge", "Model", "Sample"}  # to be renamed

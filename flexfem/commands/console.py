@@ -1,18 +1,25 @@
-"""How commands run: answers to people or machines, cases read before any is run, progress on a terminal only."""
+"""How commands run: options they share, answers to people or machines, cases read before any is run, progress."""
 
 from __future__ import annotations
 
 import functools
 import json
+import math
+import multiprocessing
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
 from flexfem.commands.streams import raw
 from flexfem.refused import BadInput
+from flexfem.studies import processors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,26 +34,63 @@ Item = TypeVar("Item")
 Kept = TypeVar("Kept", bound="Record")
 
 
+def _usable(folder: Path | None) -> Path | None:
+    """Refuse an output folder before anything is computed for it."""
+    if folder is not None:
+        from flexfem.files.writing import check_folder
+
+        check_folder(folder)
+    return folder
+
+
+FOLDER = typer.Option("--output", "-o", callback=_usable, help="Folder for what is written.")
+Output = Annotated[Path, FOLDER]
+Wanted = Annotated[Path | None, FOLDER]
+StageFile = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
+Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default `baselines` beside each file.")]
+MOST = 4  # processes that draw; each loads matplotlib and holds the fields that it draws
+
+
+def check_finite(**amplitudes: float) -> None:
+    """Raise BadInput for an option that is not a number; the limits of options do not catch nan."""
+    for name, value in amplitudes.items():
+        if not math.isfinite(value):
+            raise BadInput(f"--{name.replace('_', '-')} {value}, expected a number")
+
+
+def check_within(option: str, values: tuple[float, ...] | None, largest: float) -> None:
+    """Raise BadInput for numbers that are not numbers, or absurdly large."""
+    if values is not None and not all(abs(value) <= largest for value in values):
+        raise BadInput(f"{option} {' '.join(map(str, values))}, expected three numbers within ±{largest:g}")
+
+
 def plain(value: Any) -> Any:
-    """Records, named tuples and arrays as plain data: the keys of the JSON are the names of the fields."""
+    """Records, named tuples and arrays as plain data: the keys of the JSON are the names of fields and properties.
+
+    A number that is not finite is None.
+    """
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if hasattr(value, "_asdict"):
-        value = value._asdict()
+        said = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
+        value = value._asdict() | {name: getattr(value, name) for name in said}
     if isinstance(value, dict):
         return {name: plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def show(answer: Any, as_json: bool, people: Callable[[Any], None]) -> None:
-    """Print a record as JSON, or hand the same data to the function that prints them for people."""
-    data = plain(answer)
+def show(record: Any, as_json: bool, people: Callable[[Any], None]) -> None:
+    """Print a record as JSON, or hand it to the function that prints it for people."""
     if as_json:
-        print(json.dumps(data, indent=1, allow_nan=False))
+        print(json.dumps(plain(record), indent=1, allow_nan=False))
     else:
-        people(data)
+        people(record)
 
 
 def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
@@ -94,12 +138,12 @@ def solved_once() -> Callable[[Stage, int], Solved]:
 
 
 def run_cases(
-    loaded: Sequence[LoadedCase], solve: Callable[[Stage, int], Solved] | None = None
+    loaded: Sequence[LoadedCase], solve: Callable[[Stage, int], Solved]
 ) -> Iterator[tuple[Result, dict[str, Fields]]]:
-    """Run cases one by one, each stage solved once; says on standard error how far it is."""
+    """Run cases one by one; says on standard error how far it is."""
     from flexfem.verify.protocol import run_case
 
-    solve, terminal = solve or solved_once(), raw(sys.stderr).isatty()
+    terminal = raw(sys.stderr).isatty()
     for case in told(loaded, "verifying"):
         result, fields = run_case(case, solve)
         if not terminal:
@@ -117,17 +161,34 @@ def told(items: Sequence[Item], description: str) -> Iterator[Item]:
         yield from progress.track(items, description=description)
 
 
-def with_progress(steps: int, description: str) -> Callable[[Stage, int], Solved]:
-    """A `solve_stage` that says on standard error how far it is, after every one of `steps` calls."""
-    from flexfem.verify.protocol import solve_stage
+def counted(steps: int, description: str) -> Callable[[str], None]:
+    """What says on standard error how far a command is, at every one of `steps` calls, with a word on each."""
+    done = iter(range(1, steps + 1))
+    return lambda text: print(f"{description} {next(done)}/{steps}: {text}", file=sys.stderr)
 
-    done = 0
 
-    def solve(stage: Stage, resolution: int) -> Solved:
-        nonlocal done
-        solved = solve_stage(stage, resolution)
-        done += 1
-        print(f"{description} {done}/{steps}: {solved.response.unknowns} unknowns", file=sys.stderr)
-        return solved
+@contextmanager
+def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
+    """Yield a `map` that works in processes of its own, by default one a processor; plain `map` where that is one."""
+    from concurrent.futures import ProcessPoolExecutor
 
-    return solve
+    count = workers or min(processors(), MOST)
+    if count == 1:
+        yield map
+        return
+    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin)
+    try:
+        yield pool.map
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the command, and end when it has ended, however it did."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+
+
+def _end_with(command: Any) -> None:
+    command.join()
+    os._exit(1)

@@ -1,34 +1,33 @@
-"""Commands that check the code itself: published problems with known answers, and other solvers on the same mesh."""
+"""Commands that check the code itself: published problems, other solvers on the same mesh, and accepted numbers."""
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexfem.commands import console, tables
-from flexfem.commands.options import Json, Resolution, Stage, Wanted
+from flexfem.commands.console import Baselines, Json, Resolution, StageFile, Wanted
+from flexfem.refused import BadInput
 
 app = typer.Typer()
 
 
 @app.command("cross-check")
 def cross_check(
-    stage: Stage,
+    stage: StageFile,
     solver: Annotated[str, typer.Option(help="ngsolve or calculix.")] = "ngsolve",
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
     """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
-    from flexfem.commands import answers
-    from flexfem.fem.mesh import RESOLUTION
+    from flexfem import reports
     from flexfem.stage.schema import load_feasible
-    from flexfem.validate import compare
 
-    loaded = load_feasible(stage)
-    found = compare.cross_check(loaded, resolution or RESOLUTION, solver)
-    console.show(answers.of_cross_check(loaded, found), json, tables.print_cross_check)
+    found = reports.cross_check(load_feasible(stage), solver, resolution or reports.RESOLUTION)
+    console.show(found, json, tables.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 
 
@@ -39,19 +38,57 @@ def benchmark(
     json: Json = False,
 ) -> None:
     """Solve published problems with known answers and compare: the verification of the code itself."""
-    from flexfem.commands import answers
-    from flexfem.validate.registry import run_benchmarks, write_benchmarks
+    from flexfem import reports
 
-    table = run_benchmarks(name, lambda text: print(text, file=sys.stderr))
+    table = reports.benchmark(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
-        from flexfem.plot.accuracy import elastica_figure, taylor_figure
-        from flexfem.plot.write import write_beside
-        from flexfem.validate import bending
+        from flexfem.validate.registry import write_benchmarks
 
         write_benchmarks(table, output)
-        if "elastica" in table.seconds:
-            write_beside(output / "elastica.png", elastica_figure(bending.cantilever_bent()))
-        if "tangent" in table.seconds:
-            write_beside(output / "tangent.png", taylor_figure(bending.remainders()))
-    console.show(answers.of_benchmarks(table), json, tables.print_benchmarks)
+        _draw_benchmarks(list(table.seconds), output)
+    console.show(table, json, tables.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)
+
+
+def _draw_benchmarks(names: list[str], output: Path) -> None:
+    """The figures of the benchmarks that have one."""
+    from flexfem.plot.accuracy import elastica_figure, taylor_figure
+    from flexfem.plot.write import write_beside
+    from flexfem.validate import bending
+
+    if "elastica" in names:
+        write_beside(output / "elastica.png", elastica_figure(bending.cantilever_bent()))
+    if "tangent" in names:
+        write_beside(output / "tangent.png", taylor_figure(bending.remainders()))
+
+
+@app.command()
+def baseline(
+    files: Annotated[list[Path], typer.Argument(help="Stages, cases, claims, studies.", metavar="FILE...")],
+    reason: Annotated[str, typer.Option(help="Why the numbers may move; kept in the baseline's history.")],
+    baselines: Baselines = None,
+    json: Json = False,
+) -> None:
+    """Accept what flexfem prints of files now as their baselines."""
+    from flexfem.commands.baseline import store
+    from flexfem.files.writing import check_folder
+
+    if not reason.strip():
+        raise BadInput("--reason is empty, expected why the numbers may move")
+    places = store.places([(path, baselines or store.folder_of(path)) for path in files])
+    for _, folder in places:
+        check_folder(folder)
+    solve = console.solved_once()
+    written = [store.accept(path, folder, reason, solve) for path, folder in console.told(places, "accepting")]
+    console.show_written(written, json)
+
+
+@app.command()
+def regression(
+    baselines: Annotated[list[Path], typer.Argument(help="Baselines, or folders of them.", metavar="BASELINE...")],
+    json: Json = False,
+) -> None:
+    """Compare what flexfem prints now with baselines: what changed in the input, else every number that moved."""
+    from flexfem.commands.baseline import store
+
+    console.show_checked(store.regression(*baselines, each=lambda paths: console.told(paths, "checking")), json)

@@ -7,17 +7,17 @@ from typing import Annotated
 
 import typer
 
+from flexfem import studies
 from flexfem.commands import console, tables
-from flexfem.commands.options import Baselines, Json, Output, Stage, Wanted, check_finite
+from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
 
 app = typer.Typer()
-REPORTS = Path("reports")
 
 
 @app.command()
 def verify(
     cases: Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")],
-    output: Output = REPORTS,
+    output: Output = studies.REPORTS,
     check: Annotated[
         bool, typer.Option("--check", help="Compare with the baselines; exit 1 if a number moved.")
     ] = False,
@@ -30,24 +30,22 @@ def verify(
 
     loaded = console.load_cases(cases)
     folders = [baselines or store.folder_of(case.path) for case in loaded]
-    if check:
+    if check:  # before anything is computed
         for case, folder in zip(loaded, folders, strict=True):
             store.read_baseline(store.file_of(case.path, folder))
-    solve, results, checked = console.solved_once(), [], []
-    for case, folder, (result, fields) in zip(loaded, folders, console.run_cases(loaded, solve), strict=True):
+    solve, results = console.solved_once(), []
+    for result, fields in console.run_cases(loaded, solve):
         write_result(result, fields, output)
         results.append(result)
-        if check:
-            made = {"result": console.plain(result)}
-            checked.append(store.Checked(case.stem, store.check(case.path, folder, solve, made)))
     if check:
-        console.show_checked(checked, json)
+        made = zip(loaded, folders, results, strict=True)
+        console.show_checked([store.checked_case(case, folder, solve, one) for case, folder, one in made], json)
     console.show(results[0] if len(results) == 1 else results, json, lambda _: tables.print_results(results, output))
 
 
 @app.command()
 def budget(
-    stage: Stage,
+    stage: StageFile,
     amplitude_um: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Command in X and Y of the large-displacement share.")
     ] = 50.0,
@@ -56,16 +54,15 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
+    from flexfem import reports
     from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
-    from flexfem.verify import budget as verify
-    from flexfem.verify.case import Direction
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
-    amplitudes: dict[Direction, float] = dict.fromkeys(("x", "y"), amplitude_um / unit_of("amplitude_um").factor)
-    amplitudes["theta"] = amplitude_mrad / unit_of("amplitude_mrad").factor
-    found = verify.budget(loaded, amplitudes, solve=console.with_progress(3, "meshing and solving"))
+    length, angle = amplitude_um / unit_of("amplitude_um").factor, amplitude_mrad / unit_of("amplitude_mrad").factor
+    told = console.counted(3, "meshing and solving")
+    found = reports.budget(loaded, {"x": length, "y": length, "theta": angle}, progress=told)
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
 
@@ -75,7 +72,7 @@ def budget(
 
 @app.command()
 def workspace(
-    stage: Stage,
+    stage: StageFile,
     amplitude_um: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Largest command in X and Y; in theta 0.02 mrad for every um.")
     ] = 500.0,
@@ -83,13 +80,13 @@ def workspace(
     json: Json = False,
 ) -> None:
     """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
+    from flexfem import reports
     from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
-    from flexfem.verify import workspace as verify
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
-    found = verify.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor)
+    found = reports.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
 
@@ -99,7 +96,7 @@ def workspace(
 
 @app.command()
 def converge(
-    stage: Stage,
+    stage: StageFile,
     level: Annotated[
         list[int] | None,
         typer.Option(min=2, max=64, help="Triangles across every neck, coarse to fine; give three or more."),
@@ -108,12 +105,12 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
+    from flexfem import reports
     from flexfem.stage.schema import load_feasible
-    from flexfem.verify import converge as verify
+    from flexfem.verify.converge import RESOLUTIONS
 
-    loaded = load_feasible(stage)
-    resolutions = verify.checked_resolutions(level or verify.RESOLUTIONS)
-    found = verify.converge(loaded, resolutions, console.with_progress(len(resolutions), "refining"))
+    resolutions = level or RESOLUTIONS
+    found = reports.converge(load_feasible(stage), resolutions, console.counted(len(resolutions), "refining"))
     if output is not None:
         from flexfem.plot.accuracy import convergence_figure
 
@@ -128,12 +125,14 @@ def claims(
     json: Json = False,
 ) -> None:
     """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
-    from flexfem.files.writing import write_atomically
-    from flexfem.verify.claims import claims_page, report_claims
-    from flexfem.verify.result import write_record
+    from flexfem import reports
 
-    report = report_claims(path)
+    report = reports.claims(path)
     if output is not None:
+        from flexfem.files.writing import write_atomically
+        from flexfem.verify.claims import claims_page
+        from flexfem.verify.result import write_record
+
         write_record(report, output / "claims.json")
         write_atomically(output / "claims.md", lambda file: file.write(claims_page(report).encode()))
     console.show(report, json, tables.print_claims)
@@ -142,15 +141,14 @@ def claims(
 @app.command()
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
-    output: Output = REPORTS,
+    output: Output = studies.REPORTS,
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
-    from flexfem.commands.processes import side_by_side
     from flexfem.plot.write import write_figures
     from flexfem.verify.result import read_fields, read_result
 
     read = [(path, read_result(path)) for path in results]
     stored = [(result, read_fields(path, result)) for path, result in read]
-    with side_by_side() as each:
+    with console.side_by_side() as each:
         console.show_written(write_figures(stored, output, each), json)

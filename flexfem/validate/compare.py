@@ -42,8 +42,9 @@ class Check(NamedTuple):
 
 
 class CrossCheck(NamedTuple):
-    """Our answer and another solver's.
+    """Our answer on a stage, of a `file` ("" without one), and another solver's; N, mm, rad in x, y, theta.
 
+    assumed, not_stated : key paths of numbers that are assumed, and of those whose source is not stated.
     triangles, unknowns : of the mesh and of our equations.
     compliance, their_compliance : (3, 3), of the platform, mm and rad per N and N mm; CalculiX's of the thin sheet,
         scaled.
@@ -51,6 +52,9 @@ class CrossCheck(NamedTuple):
     their_seconds : from the mesh to their fields, all of their runs.
     """
 
+    file: str
+    name: str
+    units: str
     solver: str
     version: str
     triangles: int
@@ -60,6 +64,9 @@ class CrossCheck(NamedTuple):
     checks: tuple[Check, ...]
     seconds: float
     their_seconds: float
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
 
     @property
     def passed(self) -> bool:
@@ -100,6 +107,9 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
     seconds = time.perf_counter() - started
     found = compare(problem, shipped)
     return CrossCheck(
+        file=str(stage.origin),
+        name=stage.name,
+        units="N, mm, rad; order x, y, theta",
         solver=solver,
         version=found.theirs.version,
         triangles=len(problem.mesh.triangles),
@@ -109,6 +119,9 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
         checks=found.checks,
         seconds=seconds,
         their_seconds=found.seconds,
+        warnings=[],
+        assumed=list(stage.assumed),
+        not_stated=list(stage.not_stated),
     )
 
 

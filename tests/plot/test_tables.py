@@ -7,13 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands import answers, tables
+from flexfem.commands import tables
+from flexfem.commands.console import plain
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
+from flexfem.validate.compare import Check, CrossCheck
 from flexfem.validate.records import Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
-from flexfem.verify.claims import Verdict, markdown_claims
+from flexfem.verify.answers import LoadReport, PlacedHinge, StageReport, StiffnessReport
+from flexfem.verify.claims import ClaimsReport, Verdict, markdown_claims
+from flexfem.verify.hinges import KnownFormula
 from flexfem.verify.result import Triple
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -40,14 +44,11 @@ def numbers(rows):
 
 
 def test_hinges_are_in_mm_and_degrees(cells):
-    hinge = {"chain": 2, "hinge": "elbow", "centre_mm": [24.5, -32.25], "axis_deg": 187.5}
-    hinge |= {"radius_mm": 1.75, "neck_mm": 0.65, "prismatic": True}
-    other = hinge | {"chain": 3, "hinge": "base", "centre_mm": [1.5, 2.5], "prismatic": False}
-    facts = {"name": "S", "mobility": 6, "chains_alike": False, "model": "plane_strain", "hinges": [hinge, other]}
-    rows = cells(
-        tables.print_stage,
-        facts | {"provenance": {"thickness_mm": "measured"}, "assumed": ["a_mm"], "not_stated": [], "warnings": []},
-    )
+    hinge = PlacedHinge(2, "elbow", (24.5, -32.25), 187.5, 1.75, 0.65, True)
+    other = hinge._replace(chain=3, hinge="base", centre_mm=(1.5, 2.5), prismatic=False)
+    found = {"model": "plane_strain", "chains_alike": False, "hash": "", "dimensions": {}, "hinges": [hinge, other]}
+    sources = {"provenance": {"thickness_mm": "measured"}, "warnings": [], "assumed": ["a_mm"], "not_stated": []}
+    rows = cells(tables.print_stage, StageReport(file="", name="S", mobility=6, **found, **sources))
     head = ["chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms"]
     assert ["S: mobility 6, chains differ, plane strain"] in rows
     at = rows.index(head)
@@ -56,17 +57,26 @@ def test_hinges_are_in_mm_and_degrees(cells):
     assert ["thickness_mm: measured"] in rows and any("a_mm" in row[-1] for row in rows)
 
 
-ANALYTIC = {"name": "S", "mobility": 6, "formula": "koster", "formula_in_range": False, "model": "plane_stress"}
-ANALYTIC |= {"stiffness": MATRIX, "compliance": INVERSE, "assumed": [], "not_stated": []}
-SOLUTION = {"name": "S", "triangles": 321, "unknowns": 654, "model": "plane_stress", "resolution": 8}
-SOLUTION |= {"stiffness": MATRIX, "compliance": INVERSE, "force": [1.5, -2.5, 35.0], "assumed": [], "not_stated": []}
-SOLUTION |= {"displacement": [0.025, -0.035, 4.5e-3], "reaction": [-1.5, 2.5, -35.0], "energy": 1.0}
-SOLUTION |= {"neck_stress": [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.5, 8.5, 9.5]]}
+DOUBTS = {"warnings": [], "assumed": [], "not_stated": []}
+STIFFNESS = StiffnessReport(
+    *("", "S", "", "plane_stress", 6, "koster", "", False, MATRIX, INVERSE),
+    hinge_compliance=None,
+    **DOUBTS,
+)
+LOADED = LoadReport(
+    *("", "S", "", "plane_stress", 8, 321, 654, MATRIX, INVERSE),
+    force=[1.5, -2.5, 35.0],
+    displacement=[0.025, -0.035, 4.5e-3],
+    reaction=[-1.5, 2.5, -35.0],
+    energy=1.0,
+    neck_stress=[[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.5, 8.5, 9.5]],
+    **DOUBTS,
+)
 
 
 @pytest.mark.parametrize(
     ("show", "facts", "names"),
-    [(tables.print_analytic, ANALYTIC, (" K_uu", " C_uu")), (tables.print_solution, SOLUTION, ("", ""))],
+    [(tables.print_stiffness, STIFFNESS, (" K_uu", " C_uu")), (tables.print_load, LOADED, ("", ""))],
 )
 def test_matrices_are_printed_row_by_row_with_their_units(cells, show, facts, names):
     rows = cells(show, facts)
@@ -80,7 +90,7 @@ def test_matrices_are_printed_row_by_row_with_their_units(cells, show, facts, na
 
 
 def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells):
-    rows = [re.split(r"\s+", " ".join(row)) for row in cells(tables.print_solution, SOLUTION)]
+    rows = [re.split(r"\s+", " ".join(row)) for row in cells(tables.print_load, LOADED)]
     assert ["force", "1.500000e+00", "-2.500000e+00", "3.500000e+01", "N,", "N,", "N", "mm"] in rows
     assert ["displacement", "2.500000e-02", "-3.500000e-02", "4.500000e-03", "mm,", "mm,", "rad"] in rows
     at = next(k for k, row in enumerate(rows) if "necks," in row)
@@ -90,8 +100,8 @@ def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells):
 
 
 def test_a_formula_outside_its_range_is_called_so(cells):
-    assert "koster (outside its range" in cells(tables.print_analytic, ANALYTIC)[0][0]
-    assert "outside" not in cells(tables.print_analytic, ANALYTIC | {"formula_in_range": True})[0][0]
+    assert "koster (outside its range" in cells(tables.print_stiffness, STIFFNESS)[0][0]
+    assert "outside" not in cells(tables.print_stiffness, STIFFNESS._replace(formula_in_range=True))[0][0]
 
 
 def test_errors_have_their_own_bands(cells, made):
@@ -104,7 +114,7 @@ def test_errors_have_their_own_bands(cells, made):
 
 def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
     study = made.mesh_study()
-    rows = cells(tables.print_convergence, study.model_dump(mode="json"))
+    rows = cells(tables.print_convergence, study)
     at = rows.index(["triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)"])
     for row, resolution, unknowns, level in zip(
         rows[at + 1 : at + 5], (2, 3, 5, 8), (123, 234, 567, 1234), range(4), strict=True
@@ -119,7 +129,7 @@ def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
 
 
 def test_the_budget_has_the_shares_along_each_command(cells, made):
-    rows = cells(tables.print_budget, made.budget().model_dump(mode="json"))
+    rows = cells(tables.print_budget, made.budget())
     at = rows.index(["share", "x", "y", "theta"])
     assert rows[at + 1 : at + 6] == [
         ["freedoms", "+0.216", "-0.411", "+0.137"],
@@ -133,7 +143,7 @@ def test_the_budget_has_the_shares_along_each_command(cells, made):
 
 
 def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
-    rows = cells(tables.print_workspace, made.workspace().model_dump(mode="json"))
+    rows = cells(tables.print_workspace, made.workspace())
     models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
     at = rows.index(["per cent", "commanded", "at", *models])
     kinds = ("tangent stiffness, change from rest", "linear position error, along", "linear position error, across")
@@ -161,7 +171,7 @@ def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
 def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch):
     asked = []
 
-    def travel(stage, amplitude, **_):
+    def travel(stage, amplitude, *_):
         asked.append(amplitude)
         return made.workspace()
 
@@ -172,15 +182,14 @@ def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypat
 
 
 def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
-    checks = [
-        {"quantity": "pose", "difference": 2.5e-9, "allowed": 1e-8, "passed": True},
-        {"quantity": "stress", "difference": 3.5e-3, "allowed": 1e-6, "passed": False},
-        {"quantity": "thickness", "difference": 4.5e-2, "allowed": None, "passed": True},
-    ]
-    facts = {"name": "S", "unknowns": 42, "solver": "ngsolve", "version": "6.2", "checks": checks, "passed": False}
-    rows = cells(
-        tables.print_cross_check, facts | {"seconds": 1.25, "their_seconds": 3.5, "assumed": [], "not_stated": []}
+    checks = (Check("pose", 2.5e-9, 1e-8), Check("stress", 3.5e-3, 1e-6), Check("thickness", 4.5e-2, None))
+    found = CrossCheck(
+        *("", "S", "", "ngsolve", "6.2", 21, 42, None, None, checks),
+        seconds=1.25,
+        their_seconds=3.5,
+        **DOUBTS,
     )
+    rows = cells(tables.print_cross_check, found)
     at = rows.index(["largest relative difference", "is", "allowed"])
     assert rows[at + 1 : at + 4] == [
         ["pose", "2.5e-09", "1.0e-08"],
@@ -198,9 +207,9 @@ FINDINGS = [
 
 
 def test_benchmarks_have_target_and_ours_in_their_columns(cells):
-    facts = answers.of_benchmarks(BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0}))
-    assert [(f["difference"], f["passed"]) for f in facts["findings"]] == [(1.25, True), (-0.5, False)]
-    rows = cells(tables.print_benchmarks, facts)
+    table = BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0})
+    assert [(f["difference"], f["passed"]) for f in plain(table)["findings"]] == [(1.25, True), (-0.5, False)]
+    rows = cells(tables.print_benchmarks, table)
     at = rows.index(["benchmark", "quantity", "target", "ours", "off by", "allowed"])
     assert rows[at + 1] == ["one", "stress", "92.5", "93.75", "1.2", "2.5"]
     assert rows[at + 2] == ["two", "order", "3", "2.5", "-0.5", "0.12", "FAILED"]
@@ -229,8 +238,8 @@ def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
         missing=None,
     )
     other = Alternative(name="another mesh", mobility=3, along=ALONG, across=ACROSS)
-    facts = {"verdicts": [verdict.model_dump()], "alternatives": [other.model_dump()], "assumed": [], "not_stated": []}
-    rows = cells(tables.print_claims, facts)
+    report = ClaimsReport(name="", file="", verdicts=[verdict], alternatives=[other], versions={}, **DOUBTS)
+    rows = cells(tables.print_claims, report)
     assert rows[:2] == [["does not hold: it is (p. 3)"], ["12 %"]]
     at = rows.index(["alternative", "model", "X", "Y", "theta"])
     assert rows[at + 1] == ["another mesh", "mobility 3", "14.071, 0.125", "13.500, 0.375", "-12.250, 0.875"]
@@ -243,8 +252,8 @@ def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
 
 
 def test_formulas_have_their_range_of_t_over_r(cells):
-    fact = {"freedoms": ["rotation", "axial"], "t_over_R": (0.05, 0.65), "source": "A book", "status": "As printed."}
-    rows = cells(tables.print_formulas, {"one": fact})
+    known = KnownFormula(("rotation", "axial"), (0.05, 0.65), "A book", "As printed.")
+    rows = cells(tables.print_formulas, {"one": known})
     assert rows == [["one: rotation, axial; t/R 0.05 to 0.65"], ["A book. As printed."]]
 
 

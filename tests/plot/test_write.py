@@ -21,7 +21,7 @@ from flexfem.plot.write import write_figures
 from flexfem.verify.result import read_fields, read_result
 path = sys.argv[1]
 result = read_result(path)
-from flexfem.commands.processes import side_by_side
+from flexfem.commands.console import side_by_side
 with side_by_side(2) as each:
     write_figures([(result, read_fields(path, result))], Path(sys.argv[2]), each)
 """

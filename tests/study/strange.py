@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.commands.study_answers import shard_of
 from flexfem.fem.mesher import Job, mesh_faces
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.outline import Face, Segment
@@ -22,6 +21,7 @@ from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
+from flexfem.study_answers import shard_of
 
 PAUSE = 0.004  # s a design: time to be killed in
 HANGS, KILLED, SEGMENTATION, RAISES, FAILS, NAN = 3, 5, 18, 20, 21, 22

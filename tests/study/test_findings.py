@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flexfem.study.findings
-from flexfem.commands.study_answers import facts_of
 from flexfem.study.designs import judge
 from flexfem.study.findings import Best, Marks, Refused, Shares, findings, power_of
 from flexfem.study.loaded import LoadedStudy
@@ -17,6 +16,7 @@ from flexfem.study.reductions import cells_of
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Percentile
 from flexfem.study.study_table import StudyTable
+from flexfem.study_answers import facts_of
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'

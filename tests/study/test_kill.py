@@ -16,7 +16,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flexfem.commands.study_answers import status_facts
 from flexfem.refused import ComputationFailed
 from flexfem.study.cluster import DaskPool
 from flexfem.study.collect import collect
@@ -25,6 +24,7 @@ from flexfem.study.loaded import load_study
 from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study
+from flexfem.study_answers import status_facts
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 

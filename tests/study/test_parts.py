@@ -17,8 +17,6 @@ import pytest
 
 from flexfem.commands.study import collect as collect_command
 from flexfem.commands.study import status
-from flexfem.commands.study_answers import clean_facts, status_facts
-from flexfem.commands.study_answers import counts_facts as counted
 from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
@@ -27,6 +25,8 @@ from flexfem.study.content import COUNTS, kind_of, read_part, write_part
 from flexfem.study.folder import remove, set_apart, stale_parts, survey
 from flexfem.study.loaded import load_study
 from flexfem.study.parts import KEY, Shard, parts_of, sweep
+from flexfem.study_answers import clean_facts, status_facts
+from flexfem.study_answers import counts_facts as counted
 
 ROOT = Path(__file__).parent.parent.parent
 STUDY = f"""

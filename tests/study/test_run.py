@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexfem.commands.progress import said
-from flexfem.commands.study_answers import shard_of, status_facts
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.collect import collect
 from flexfem.study.content import read_part
@@ -29,6 +28,7 @@ from flexfem.study.parts import Shard, parts_of, shuffled
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import Progress, run_study
 from flexfem.study.worker import Died, Worker, _is_stopped
+from flexfem.study_answers import shard_of, status_facts
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 
@@ -503,7 +503,7 @@ def test_open_designs_in_the_end_are_no_success_and_a_folder_in_the_way_is_named
     path, spoilt = study("fe", 32), []
 
     @contextmanager
-    def here(workers, scheduler):
+    def here(*_):
         yield Here()
 
     def spoiling(parts, pool, solve=None, **more):
@@ -516,7 +516,7 @@ def test_open_designs_in_the_end_are_no_success_and_a_folder_in_the_way_is_named
         spoilt.append(second)
         return made
 
-    monkeypatch.setattr("flexfem.commands.study._pool", here)
+    monkeypatch.setattr("flexfem.studies.pool_for", here)
     monkeypatch.setattr("flexfem.study.run.run_study", spoiling)
     code, out, err = flexfem("study", "run", path)
     lines = err.splitlines()
@@ -534,10 +534,10 @@ def test_open_designs_in_the_end_are_no_success_and_a_folder_in_the_way_is_named
 
 def test_a_warning_is_said_once_before_the_run(flexfem, study, monkeypatch):
     @contextmanager
-    def here(workers, scheduler):
+    def here(*_):
         yield Here()
 
-    monkeypatch.setattr("flexfem.commands.study._pool", here)
+    monkeypatch.setattr("flexfem.studies.pool_for", here)
     shown = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]\n[sampling]'
     path = study(
         designs=4,

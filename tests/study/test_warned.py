@@ -9,12 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from flexfem.commands.study import app
-from flexfem.commands.study_answers import status_facts
 from flexfem.study.answer import answer
 from flexfem.study.content import write_part
 from flexfem.study.parts import parts_of
 from flexfem.study.probes import unseen
 from flexfem.study.sampling import sample
+from flexfem.study_answers import status_facts
 
 FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
 NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'

@@ -12,10 +12,10 @@ import pytest
 
 from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import analyse
-from flexfem.commands import answers
 from flexfem.fem.response import LoadCase
 from flexfem.stage.schema import load_stage
 from flexfem.verify import warning
+from flexfem.verify.answers import report_load
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.result import Triple, Uncertainty
 from flexfem.verify.summary import analytic_limits, element_limits, summary
@@ -167,7 +167,7 @@ def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress
         force=np.zeros(3), pose=np.array([0.0, moved, 0.0]), reaction=np.zeros(3), energy=0.0, field=np.zeros((1, 2)),
         stress=np.zeros(1), neck_stress=necks,
     )  # fmt: skip
-    assert len(answers.of_solution(stage, solved, case, 2)["warnings"]) == said
+    assert len(report_load(stage, solved, case, 2).warnings) == said
 
 
 def test_the_force_at_the_end_of_the_safe_range_moves_the_platform_there_and_nowhere_else(project):

@@ -15,7 +15,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
-from flexfem.commands import answers
 from flexfem.commands.baseline.inputs import COARSE, Kind, committed_mesh, kind_of, mesh_name
 from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.console import plain
@@ -24,7 +23,7 @@ from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage, load_feasible
-from flexfem.verify import budget, hinges, workspace
+from flexfem.verify import answers, budget, hinges, workspace
 from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
@@ -85,7 +84,7 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     stage = load_feasible(path)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: _by_name(answers.of_stage(stage)),
+        "check": lambda: _by_name(answers.report_stage(stage)),
         "stiffness": lambda: _stiffness(stage),
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
@@ -103,14 +102,14 @@ def _stiffness(stage: Stage) -> dict[str, Any]:
         "links": lambda: analyse(stage, 21, budget.CALIBRATED, links=True),
     }
     return {
-        name: _or_refused(partial(lambda found: answers.of_model(stage, found()), found))
+        name: _or_refused(partial(lambda found: answers.report_stiffness(stage, found()), found))
         for name, found in models.items()
     }
 
 
-def _solution(stage: Stage, solved: Solved | OnMesh, force: Any, resolution: int) -> dict[str, Any]:
+def _solution(stage: Stage, solved: Solved | OnMesh, force: Any, resolution: int) -> answers.LoadReport:
     full = load_case(stage, solved.mesh, solved.response, np.array(force))
-    return answers.of_solution(stage, solved, full, resolution)
+    return answers.report_load(stage, solved, full, resolution)
 
 
 def _on_committed(stage: Stage, path: Path) -> OnMesh:

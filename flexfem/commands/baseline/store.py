@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -28,7 +29,9 @@ from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify.alternatives import Solve
-from flexfem.verify.result import Record, stamp, versions
+from flexfem.verify.case import LoadedCase
+from flexfem.verify.protocol import solve_stage
+from flexfem.verify.result import Record, Result, stamp, versions
 
 Difference: TypeAlias = Change | Move | str
 SETTINGS = "settings of flexfem"
@@ -134,6 +137,11 @@ def check(path: Path, folder: Path, solve: Solve, made: dict[str, Any] | None = 
     return list(moves(path.stem, baseline.record, record(path, folder, solve, made), rule_of))
 
 
+def checked_case(case: LoadedCase, folder: Path, solve: Solve, result: Result) -> Checked:
+    """Check the baseline of a case whose result is there already. Raises BadInput, ComputationFailed."""
+    return Checked(case.stem, check(case.path, folder, solve, {"result": result}))
+
+
 def accept(path: Path, folder: Path, reason: str, solve: Solve) -> Path:
     """Make what flexfem prints of an input file its baseline; returns the file. Raises BadInput, ComputationFailed."""
     target = file_of(path, folder)
@@ -180,6 +188,30 @@ def listed(places: Sequence[Path]) -> list[Path]:
             raise BadInput(f"{place}: no baselines in this folder")
         found += inside
     return found
+
+
+def regression(
+    *baselines: str | os.PathLike[str], each: Callable[[list[Path]], Iterable[Path]] = iter
+) -> list[Checked]:
+    """Compare what flexfem answers now with accepted baselines, or with all in folders of them.
+
+    Parameters
+    ----------
+    each : goes through the baselines, for progress.
+
+    Returns
+    -------
+    By baseline what changed in its input, else every number that moved; nothing when all is as accepted.
+
+    Raises
+    ------
+    BadInput
+        A folder has no baselines.
+    """
+    places = [Path(place) for place in baselines]
+    paths, solve = listed(places), cache(solve_stage)
+    found = [checked(path, solve) for path in each(paths)]
+    return found + [Checked(str(place), list(unaccepted(place))) for place in places if place.is_dir()]
 
 
 def checked(path: Path, solve: Solve) -> Checked:

@@ -1,0 +1,324 @@
+"""What the commands answer, asked from Python: every function gives the record that its command prints.
+
+A command prints its record as a table or, with `--json`, field by field; `flexfem.plot` draws it. What a function needs
+is loaded when it is called.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from numpy.typing import ArrayLike
+
+from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.refused import BadInput
+from flexfem.stage.feasibility import check_feasible
+
+if TYPE_CHECKING:
+    from flexfem.stage.schema import Stage
+    from flexfem.validate.compare import CrossCheck
+    from flexfem.validate.registry import BenchmarkTable
+    from flexfem.verify.answers import LoadReport, MeshReport, StageReport, StiffnessReport
+    from flexfem.verify.budget import Budget
+    from flexfem.verify.case import Direction
+    from flexfem.verify.claims import ClaimsReport
+    from flexfem.verify.converge import MeshStudy
+    from flexfem.verify.protocol import Solved
+    from flexfem.verify.result import Fields, Result
+    from flexfem.verify.summary import Summary
+    from flexfem.verify.workspace import Workspace
+
+RESOLUTION = 8  # quadratic triangles across every neck: the default of `flexfem.solve`
+Progress = Callable[[str], object]
+PathLike = str | os.PathLike[str]
+
+
+class Verification(NamedTuple):
+    """What a case came to: the result that is stored, and the fields of its curves at full command, by label."""
+
+    result: Result
+    fields: dict[str, Fields]
+
+
+def check(stage: Stage) -> StageReport:
+    """What is read of a stage: hinges, mobility, where its numbers come from, warnings. Raises BadInput.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.check(flexfem.load("geometry/mobility6.toml"))
+    >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
+    (6, True, 4.0, 17)
+    """
+    from flexfem.verify.answers import report_stage
+
+    check_feasible(stage)
+    return report_stage(stage)
+
+
+def stiffness(
+    stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
+) -> StiffnessReport:
+    """Stiffness and compliance of the platform by the analytic model, with warnings; arguments as of `analyse`.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.analyse`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.stiffness(flexfem.load("geometry/mobility6.toml"), mobility=21, formula="koster")
+    >>> found.formula_in_range, found.stiffness.shape
+    (True, (3, 3))
+    """
+    from flexfem.analytic import formulas
+    from flexfem.analytic.kinematics import freedoms_of
+    from flexfem.analytic.model import analyse
+    from flexfem.verify.answers import report_stiffness
+
+    check_feasible(stage)
+    formulas.formula(formula)
+    freedoms_of(mobility or 3)
+    if links and mobility not in (None, 21):
+        raise BadInput(f"links with mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
+    return report_stiffness(stage, analyse(stage, mobility, formula, links))
+
+
+def summary(stage: Stage, formula: str | None = None, elements: bool = False, resolution: int = RESOLUTION) -> Summary:
+    """How far a stage may go in each direction before a neck yields, and the force that takes.
+
+    Parameters
+    ----------
+    formula : of the hinges; None takes the calibrated one where it has a value.
+    elements : also by finite elements, with so many triangles across every neck (`resolution`).
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.analyse` and `flexfem.solve`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.summary(flexfem.load("geometry/mobility6.toml"))
+    >>> round(found.analytic.limits["x"].range_at_yield, 3), found.analytic.limits["x"].hinge
+    (0.659, 'elbow')
+    """
+    from flexfem.analytic import formulas
+    from flexfem.verify import summary as verify
+
+    check_feasible(stage)
+    formulas.formula(formula or verify.CALIBRATED)
+    return verify.summary(stage, formula, _solver(None)(stage, resolution) if elements else None)
+
+
+def mesh(stage: Stage, path: PathLike, resolution: int = RESOLUTION) -> MeshReport:
+    """Mesh a stage and write it with the groups stage, ground and hub.
+
+    Parameters
+    ----------
+    path : ends in .msh, .vtu or .inp.   resolution : quadratic triangles across every neck.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made or is not plane, or the file cannot be written.
+    ComputationFailed
+        The mesh does not pass its checks.
+    """
+    from flexfem.fem.export import check_format, write_mesh
+    from flexfem.fem.response import plate_of
+    from flexfem.fem.sectors import build_mesh
+    from flexfem.files.writing import check_folder
+    from flexfem.verify.answers import report_mesh
+
+    target = Path(path)
+    check_feasible(stage)
+    check_format(target)
+    check_folder(target.parent)
+    plate, made = plate_of(stage), build_mesh(stage, resolution)
+    write_mesh(made, plate, target)
+    return report_mesh(stage, made, resolution, str(target))
+
+
+def under_load(
+    stage: Stage,
+    force: ArrayLike | None = None,
+    displacement: ArrayLike | None = None,
+    resolution: int = RESOLUTION,
+    vtu: PathLike | None = None,
+) -> LoadReport:
+    """Finite elements at rest, and under a force (3,) or held at a displacement (3,) of the platform.
+
+    Parameters
+    ----------
+    force : N, N, N mm.   displacement : instead, mm, mm, rad.   Neither : no load.
+    vtu : file for displacement (n, 2) and von Mises stress (n,) of all nodes.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; both force and displacement are given, or the file is not called .vtu.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.under_load(flexfem.load("geometry/mobility6.toml"), force=[1.5, 0, 0], resolution=3)
+    >>> found.reaction.round(6) + 0.0
+    array([-1.5,  0. ,  0. ])
+    """
+    import numpy as np
+
+    from flexfem.api import solve
+    from flexfem.fem.export import write_vtu
+    from flexfem.fem.response import load_case
+    from flexfem.verify.answers import report_load
+
+    if force is not None and displacement is not None:
+        raise BadInput("force and displacement, expected one of the two")
+    if vtu is not None and Path(vtu).suffix != ".vtu":
+        raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
+    model = solve(stage, resolution)
+    load = np.zeros(3) if force is None else np.asarray(force, dtype=float)
+    if displacement is not None:
+        load = np.linalg.solve(model.compliance, np.asarray(displacement, dtype=float))
+    solved = model.solved
+    case = load_case(stage, solved.mesh, solved.response, load)
+    if vtu is not None:
+        write_vtu(solved.mesh, Path(vtu), {"displacement": case.field, "von_mises": case.stress})
+    return report_load(stage, solved, case, resolution)
+
+
+def budget(
+    stage: Stage,
+    amplitudes: Mapping[Direction, float] | None = None,
+    resolution: int = RESOLUTION,
+    progress: Progress | None = None,
+) -> Budget:
+    """Split the error of the stage's own analytic model into named shares that add up to it.
+
+    Parameters
+    ----------
+    amplitudes : commands by direction at which the share of large displacements is taken, mm, mm, rad; by default
+        0.05, 0.05 and 0.001.
+    resolution : of the finest of three meshes.   progress : called with a line after each mesh.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; a hinge is not on the hinge chart.
+    """
+    from flexfem.verify import budget as verify
+
+    check_feasible(stage)
+    return verify.budget(stage, dict(amplitudes or verify.AMPLITUDES), resolution, _solver(progress))
+
+
+def workspace(stage: Stage, amplitude: float = 0.5, resolution: int = 4, progress: Progress | None = None) -> Workspace:
+    """Large displacements up to `amplitude`, mm, in X and Y, and 0.02 rad in theta for every mm.
+
+    Parameters
+    ----------
+    resolution : of the finite elements.   progress : called with a line after the mesh is solved.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; a pose is out of reach.
+    """
+    from flexfem.verify import workspace as verify
+
+    check_feasible(stage)
+    return verify.workspace(stage, amplitude, resolution, _solver(progress))
+
+
+def converge(stage: Stage, resolutions: Sequence[int] | None = None, progress: Progress | None = None) -> MeshStudy:
+    """Platform compliance on finer and finer meshes: observed order, extrapolated value, band.
+
+    Parameters
+    ----------
+    resolutions : triangles across every neck, coarse to fine, three or more.   progress : called after each mesh.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; the resolutions are too few or too near.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.converge(flexfem.load("geometry/mobility6.toml"), [2, 3, 4])
+    >>> found.uncertainty["x"].resolutions
+    [2, 3, 4]
+    """
+    from flexfem.verify import converge as verify
+
+    check_feasible(stage)
+    return verify.converge(stage, verify.checked_resolutions(resolutions or verify.RESOLUTIONS), _solver(progress))
+
+
+def verification(path: PathLike) -> Verification:
+    """Run a case file: the force of (18) applied to the finite elements, and the errors (Section V, Figs. 5 to 7).
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; the file cannot be used.
+    """
+    from flexfem.verify.case import LoadedCase
+    from flexfem.verify.protocol import run_case
+
+    return Verification(*run_case(LoadedCase(Path(path)), _solver(None)))
+
+
+def claims(path: PathLike) -> ClaimsReport:
+    """Measure what a file of claims says, with verdicts and alternatives. Raises BadInput, ComputationFailed."""
+    from flexfem.verify.claims import report_claims
+
+    return report_claims(path)
+
+
+def cross_check(stage: Stage, solver: str = "ngsolve", resolution: int = RESOLUTION) -> CrossCheck:
+    """Solve the same mesh by another program, ngsolve or calculix, and compare.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; the solver is not known or not installed.
+    """
+    from flexfem.validate.compare import cross_check as compare
+
+    check_feasible(stage)
+    return compare(stage, resolution, solver)
+
+
+def benchmark(names: Sequence[str] | None = None, progress: Progress | None = None) -> BenchmarkTable:
+    """Solve published problems with known answers, all or those named. Raises BadInput, ComputationFailed.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.benchmark(["patch-test"]).passed
+    True
+    """
+    from flexfem.validate.registry import run_benchmarks
+
+    return run_benchmarks(names, progress)
+
+
+def _solver(progress: Progress | None) -> Callable[[Stage, int], Solved]:
+    """Finite elements that are kept with their stage, so that several questions solve a mesh once."""
+    from flexfem.api import solved
+
+    def solve(stage: Stage, resolution: int) -> Solved:
+        found = solved(stage, resolution)
+        if progress is not None:
+            progress(f"{found.response.unknowns} unknowns")
+        return found
+
+    return solve

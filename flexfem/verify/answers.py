@@ -1,0 +1,197 @@
+"""What is answered of one stage where nothing is stored: records of the table, the JSON and the Python API alike.
+
+Every record has the file of the stage ("" for one made in Python) and its name, the `warnings` that the answer earns,
+one plain sentence each, and key paths of numbers that are `assumed` or `not_stated`. Arrays are in N, mm and rad; order
+x, y, theta.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.formulas import FORMULAS
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.notch import Compliance
+from flexfem.arrays import Array
+from flexfem.files.provenance import key_paths, provenance_of
+from flexfem.stage.designs import stage_frames
+from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.verify import warning
+
+if TYPE_CHECKING:
+    from flexfem.fem.mesh import StageMesh
+    from flexfem.fem.response import LoadCase
+    from flexfem.verify.protocol import OnMesh, Solved
+
+UNITS = "N, mm, rad; order x, y, theta"
+
+
+class PlacedHinge(NamedTuple):
+    """One of the nine hinges: chain 1 to 3, name, centre (x, y), direction of the neck, radius and neck."""
+
+    chain: int
+    hinge: str
+    centre_mm: tuple[float, float]
+    axis_deg: float
+    radius_mm: float
+    neck_mm: float
+    prismatic: bool
+
+
+class StageReport(NamedTuple):
+    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file."""
+
+    file: str
+    name: str
+    mobility: int
+    model: str
+    chains_alike: bool
+    hash: str
+    dimensions: dict[str, Any]
+    hinges: list[PlacedHinge]
+    provenance: dict[str, str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class StiffnessReport(NamedTuple):
+    """The analytic model at rest: stiffness and compliance (3, 3) of the platform, compliances of the hinges (3, 3)."""
+
+    file: str
+    name: str
+    units: str
+    model: str
+    mobility: int
+    formula: str
+    formula_source: str
+    formula_in_range: bool
+    stiffness: Array
+    compliance: Array
+    hinge_compliance: Compliance
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class MeshReport(NamedTuple):
+    """A mesh and the file it was written to."""
+
+    file: str
+    name: str
+    written: str
+    resolution: int
+    nodes: int
+    triangles: int
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class LoadReport(NamedTuple):
+    """Finite elements at rest and under one load (3,).
+
+    stiffness, compliance : (3, 3), of the platform.   displacement : (3,), of the platform.   reaction : (3,), of the
+    ground.   energy : N mm.   neck_stress : (3 chains, 3 hinges), largest von Mises stress, MPa.
+    """
+
+    file: str
+    name: str
+    units: str
+    model: str
+    resolution: int
+    triangles: int
+    unknowns: int
+    stiffness: Array
+    compliance: Array
+    force: Array
+    displacement: Array
+    reaction: Array
+    energy: float
+    neck_stress: Array
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def report_stage(stage: Stage) -> StageReport:
+    """What a file says of a stage, and where its numbers come from."""
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage)}
+    return StageReport(
+        **_stage(stage),
+        mobility=stage.mobility,
+        model=stage.model,
+        chains_alike=stage.chains_alike,
+        hash=stage.hash,
+        dimensions=stage.model_dump(mode="json", exclude={"name", "hinges", "override", "provenance"}),
+        hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
+        provenance={key: source for key, source in sources.items() if source},
+        warnings=warning.of_stage(stage),
+    )
+
+
+def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:
+    """The analytic model of a stage with what is to be known of it."""
+    return StiffnessReport(
+        **_stage(stage),
+        units=UNITS,
+        model=stage.model,
+        mobility=result.mobility,
+        formula=result.formula,
+        formula_source=FORMULAS[result.formula].source,
+        formula_in_range=bool(np.all(result.in_range)),
+        stiffness=result.stiffness,
+        compliance=result.compliance,
+        hinge_compliance=result.hinges,
+        warnings=[*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
+    )
+
+
+def report_mesh(stage: Stage, mesh: StageMesh, resolution: int, written: str) -> MeshReport:
+    """A mesh of a stage, and where it was written."""
+    return MeshReport(
+        **_stage(stage),
+        written=written,
+        resolution=resolution,
+        nodes=len(mesh.nodes),
+        triangles=len(mesh.triangles),
+        warnings=[],
+    )
+
+
+def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolution: int) -> LoadReport:
+    """Finite elements of a stage under one load, with what is to be known of that."""
+    highest, where = float(np.max(case.neck_stress)), "under this load"
+    doubts = warning.of_yield(highest, stage.material.yield_strength, where)
+    return LoadReport(
+        **_stage(stage),
+        units=f"{UNITS}; stress MPa",
+        model=stage.model,
+        resolution=resolution,
+        triangles=solved.triangles,
+        unknowns=solved.response.unknowns,
+        stiffness=np.asarray(np.linalg.inv(solved.response.compliance)),
+        compliance=solved.response.compliance,
+        force=case.force,
+        displacement=case.pose,
+        reaction=case.reaction,
+        energy=case.energy,
+        neck_stress=case.neck_stress,
+        warnings=[*doubts, *warning.of_motion(stage, case.pose, where)],
+    )
+
+
+def _stage(stage: Stage) -> dict[str, Any]:
+    """Which stage it is, and which of its numbers are in doubt."""
+    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(stage.origin), "name": stage.name, **doubts}
+
+
+def _hinge(stage: Stage, chain: int, position: int) -> PlacedHinge:
+    name, placed = HINGE_NAMES[position], stage_frames(stage)
+    hinge = stage.hinge(chain + 1, name)
+    x, y = placed.centres[chain, position].tolist()
+    axis = float(np.rad2deg(placed.axes[chain, position]) % 360.0)
+    return PlacedHinge(chain + 1, name, (x, y), axis, hinge.radius, hinge.neck, hinge.prismatic)
