@@ -78,9 +78,9 @@ def _run() -> int:
         return 130
     except BrokenPipeError:  # the reader, such as head, has seen enough
         return _silence(1)
-    except OSError as error:
+    except OSError as error:  # a full disk, a closed output: what is still held cannot be written either
         return _silence(_say(streams.reason_of(error), 1))
-    except Exception as error:
+    except Exception as error:  # whatever nobody has foreseen, libraries' errors too, is one line and exit code 1
         if os.environ.get("FLEXFEM_TRACEBACK"):
             raise
         return _say(streams.reason_of(error), 1)

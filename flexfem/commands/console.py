@@ -100,7 +100,7 @@ def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
 
 def show_checked(checked: Sequence[Checked], as_json: bool) -> NoReturn:
     """Print what changed or moved by baseline, each as data and as a line, and end the command accordingly."""
-    from flexfem.commands.tables import print_regression
+    from flexfem.commands.comparisons import print_regression
 
     found = [{"baseline": each.name, **each.data(one), "line": str(one)} for each in checked for one in each.findings]
     show({"checked": [each.name for each in checked], "findings": found}, as_json, print_regression)

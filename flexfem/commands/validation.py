@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flexfem.commands import console, tables
+from flexfem.commands import comparisons, console
 from flexfem.commands.console import Baselines, Json, Resolution, StageFile, Wanted
 from flexfem.refused import BadInput
 
@@ -27,7 +27,7 @@ def cross_check(
     from flexfem.stage.schema import load_feasible
 
     found = reports.cross_check(load_feasible(stage), solver, resolution or reports.RESOLUTION)
-    console.show(found, json, tables.print_cross_check)
+    console.show(found, json, comparisons.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 
 
@@ -46,7 +46,7 @@ def benchmark(
 
         write_benchmarks(table, output)
         _draw_benchmarks(list(table.seconds), output)
-    console.show(table, json, tables.print_benchmarks)
+    console.show(table, json, comparisons.print_benchmarks)
     raise typer.Exit(0 if table.passed else 1)
 
 

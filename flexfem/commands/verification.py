@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flexfem import studies
-from flexfem.commands import console, tables
+from flexfem.commands import comparisons, console
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
 
 app = typer.Typer()
@@ -40,7 +40,9 @@ def verify(
     if check:
         made = zip(loaded, folders, results, strict=True)
         console.show_checked([store.checked_case(case, folder, solve, one) for case, folder, one in made], json)
-    console.show(results[0] if len(results) == 1 else results, json, lambda _: tables.print_results(results, output))
+    console.show(
+        results[0] if len(results) == 1 else results, json, lambda _: comparisons.print_results(results, output)
+    )
 
 
 @app.command()
@@ -67,7 +69,7 @@ def budget(
         from flexfem.plot.accuracy import budget_figure
 
         console.keep(found, output / f"{stage.stem}-budget.json", budget_figure)
-    console.show(found, json, tables.print_budget)
+    console.show(found, json, comparisons.print_budget)
 
 
 @app.command()
@@ -91,7 +93,7 @@ def workspace(
         from flexfem.plot.workspace import workspace_figure
 
         console.keep(found, output / f"{stage.stem}-workspace.json", workspace_figure)
-    console.show(found, json, tables.print_workspace)
+    console.show(found, json, comparisons.print_workspace)
 
 
 @app.command()
@@ -115,7 +117,7 @@ def converge(
         from flexfem.plot.accuracy import convergence_figure
 
         console.keep(found, output / f"{stage.stem}-convergence.json", convergence_figure)
-    console.show(found, json, tables.print_convergence)
+    console.show(found, json, comparisons.print_convergence)
 
 
 @app.command()
@@ -135,7 +137,7 @@ def claims(
 
         write_record(report, output / "claims.json")
         write_atomically(output / "claims.md", lambda file: file.write(claims_page(report).encode()))
-    console.show(report, json, tables.print_claims)
+    console.show(report, json, comparisons.print_claims)
 
 
 @app.command()

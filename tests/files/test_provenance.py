@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands.tables import print_results
+from flexfem.commands.comparisons import print_results
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import Problem, needed
 from flexfem.plot.text import doubt_note, markdown_report

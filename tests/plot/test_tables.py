@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands import tables
+from flexfem.commands import comparisons, tables
 from flexfem.commands.console import plain
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
@@ -106,7 +106,7 @@ def test_a_formula_outside_its_range_is_called_so(cells):
 
 def test_errors_have_their_own_bands(cells, made):
     errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    rows = cells(tables.print_results, [made.result(errors, direction="y")], Path("there"))
+    rows = cells(comparisons.print_results, [made.result(errors, direction="y")], Path("there"))
     at = rows.index(["case", "commanded", "model", "X %", "Y %", "theta %"])
     assert rows[at + 1] == ["fig", "y", "one", "14.071 ± 0.017", "0.020 ± 0.027", "-3.120 ± 0.037"]
     assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
@@ -114,7 +114,7 @@ def test_errors_have_their_own_bands(cells, made):
 
 def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
     study = made.mesh_study()
-    rows = cells(tables.print_convergence, study)
+    rows = cells(comparisons.print_convergence, study)
     at = rows.index(["triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)"])
     for row, resolution, unknowns, level in zip(
         rows[at + 1 : at + 5], (2, 3, 5, 8), (123, 234, 567, 1234), range(4), strict=True
@@ -129,7 +129,7 @@ def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
 
 
 def test_the_budget_has_the_shares_along_each_command(cells, made):
-    rows = cells(tables.print_budget, made.budget())
+    rows = cells(comparisons.print_budget, made.budget())
     at = rows.index(["share", "x", "y", "theta"])
     assert rows[at + 1 : at + 6] == [
         ["freedoms", "+0.216", "-0.411", "+0.137"],
@@ -143,7 +143,7 @@ def test_the_budget_has_the_shares_along_each_command(cells, made):
 
 
 def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
-    rows = cells(tables.print_workspace, made.workspace())
+    rows = cells(comparisons.print_workspace, made.workspace())
     models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
     at = rows.index(["per cent", "commanded", "at", *models])
     kinds = ("tangent stiffness, change from rest", "linear position error, along", "linear position error, across")
@@ -189,7 +189,7 @@ def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
         their_seconds=3.5,
         **DOUBTS,
     )
-    rows = cells(tables.print_cross_check, found)
+    rows = cells(comparisons.print_cross_check, found)
     at = rows.index(["largest relative difference", "is", "allowed"])
     assert rows[at + 1 : at + 4] == [
         ["pose", "2.5e-09", "1.0e-08"],
@@ -209,7 +209,7 @@ FINDINGS = [
 def test_benchmarks_have_target_and_ours_in_their_columns(cells):
     table = BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0})
     assert [(f["difference"], f["passed"]) for f in plain(table)["findings"]] == [(1.25, True), (-0.5, False)]
-    rows = cells(tables.print_benchmarks, table)
+    rows = cells(comparisons.print_benchmarks, table)
     at = rows.index(["benchmark", "quantity", "target", "ours", "off by", "allowed"])
     assert rows[at + 1] == ["one", "stress", "92.5", "93.75", "1.2", "2.5"]
     assert rows[at + 2] == ["two", "order", "3", "2.5", "-0.5", "0.12", "FAILED"]
@@ -239,7 +239,7 @@ def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
     )
     other = Alternative(name="another mesh", mobility=3, along=ALONG, across=ACROSS)
     report = ClaimsReport(name="", file="", verdicts=[verdict], alternatives=[other], versions={}, **DOUBTS)
-    rows = cells(tables.print_claims, report)
+    rows = cells(comparisons.print_claims, report)
     assert rows[:2] == [["does not hold: it is (p. 3)"], ["12 %"]]
     at = rows.index(["alternative", "model", "X", "Y", "theta"])
     assert rows[at + 1] == ["another mesh", "mobility 3", "14.071, 0.125", "13.500, 0.375", "-12.250, 0.875"]

@@ -1,0 +1,151 @@
+"""What commands that compare print for people: error percentages, shares, meshes, other solvers, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
+from flexfem.units import COMMANDS, COMPLIANCES
+
+if TYPE_CHECKING:
+    from flexfem.validate.compare import CrossCheck
+    from flexfem.validate.records import Finding
+    from flexfem.validate.registry import BenchmarkTable
+    from flexfem.verify.budget import Budget
+    from flexfem.verify.claims import ClaimsReport
+    from flexfem.verify.converge import MeshStudy
+    from flexfem.verify.result import Result
+    from flexfem.verify.workspace import Point, Workspace
+
+MODELS = ("without", "tangent", "exact", "elements", "loaded")  # of `workspace`, and what they are called
+MODEL_NAMES = ("(16) less its terms", "(16)", "exact", "elements", "elements, same load")
+KINDS = {
+    "stiffness": "tangent stiffness, change from rest",
+    "position": "linear position error, along",
+    "across": "linear position error, across",
+}
+
+
+def print_results(results: Sequence[Result], output: Path) -> None:
+    """Print the error percentages of every case."""
+    out = people()
+    out.print("error of the finite-element displacement, in per cent of the command")
+    out.print("(rotations against translations by the lever l3; ± is the mesh, by grid convergence)")
+    rows = (row for result in results for row in _errors(result))
+    out.print(table(("case", "commanded", "model", "X %", "Y %", "theta %"), rows))
+    out.print(f"stored in {output}/")
+    kinds = [[text for each in results for text in getattr(each, kind)] for kind in Ending._fields]
+    print_ending(out, Ending(*(list(dict.fromkeys(texts)) for texts in kinds)))
+
+
+def _errors(result: Result) -> Iterator[tuple[str, ...]]:
+    for label, percent in result.error_percent.items():
+        bands = result.uncertainty[label]
+        numbers = (f"{getattr(percent, axis):z.3f} ± {bands[axis].band:.3f}" for axis in DIRECTIONS)
+        yield (result.case, result.direction, label, *numbers)
+
+
+def print_convergence(of: MeshStudy) -> None:
+    """Print the levels of a mesh study, and what they tend to."""
+    out, found = people(), [of.uncertainty[axis] for axis in DIRECTIONS]
+    out.print(f"{of.stage}: platform compliance on finer and finer meshes")
+    head = ("triangles across a neck", "unknowns", *map(" ".join, zip(DIRECTIONS, map(str, COMPLIANCES), strict=True)))
+    levels = zip(of.resolutions, of.unknowns, of.compliance, strict=True)
+    rows = [(str(n), str(unknowns), *(f"{C[k][k]:.9e}" for k in range(3))) for n, unknowns, C in levels]
+    rows += [
+        ("extrapolated", "", *(f"{u.extrapolated:.9e}" for u in found)),
+        ("band of the finest", "", *(f"{u.band / u.extrapolated:.1e} relative" for u in found)),
+        ("observed order", "", *("none" if u.observed is None else f"{u.observed:.2f}" for u in found)),
+        ("verdict", "", *(u.verdict for u in found)),
+    ]
+    out.print(table(head, rows))
+    print_ending(out, of)
+
+
+def print_cross_check(of: CrossCheck) -> None:
+    """Print how far another solver's answer is from ours."""
+    out, rows = people(), []
+    out.print(f"{of.name}: {of.unknowns} unknowns, flexfem against {of.solver} {of.version}")
+    for check in of.checks:
+        allowed = "only stated" if check.allowed is None else f"{check.allowed:.1e}"
+        rows.append((check.quantity, f"{check.difference:.1e}", allowed, "" if check.passed else "TOO FAR"))
+    out.print(table(("largest relative difference", "is", "allowed", ""), rows))
+    out.print(f"{of.seconds:.2f} s here, {of.their_seconds:.2f} s there; passed: {of.passed}")
+    print_ending(out, of)
+
+
+def print_benchmarks(of: BenchmarkTable) -> None:
+    """Print what the published problems came to."""
+    out = people()
+    head = ("benchmark", "quantity", "target", "ours", "off by", "allowed", "")
+    out.print(table(head, map(_finding, of.findings)))
+    out.print(f"{len(of.findings)} findings in {sum(of.seconds.values()):.0f} s; passed: {of.passed}")
+    out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
+
+
+def _finding(f: Finding) -> tuple[str, ...]:
+    limits = (f"{f.difference:.2g}", f"{f.allowed:.2g}", "" if f.passed else "FAILED")
+    return (f.name, f.quantity, f"{f.target:.6g}", f"{f.ours:.6g}", *limits)
+
+
+def print_budget(of: Budget) -> None:
+    """Print the shares of the error in the commanded directions."""
+    out, splits = people(), [(of.split[axis], axis) for axis in DIRECTIONS]
+    out.print(f"{of.stage}: error of mobility {of.mobility}, {of.formula}, in per cent of the command")
+    shares = [[(each.name, getattr(each.points, axis)) for each in split.shares] for split, axis in splits]
+    rows = [(row[0][0], *(f"{points:+z.3f}" for _, points in row)) for row in zip(*shares, strict=True)]
+    rows.append(("total", *(f"{getattr(split.total, axis):.3f} ± {split.band:.3f}" for split, axis in splits)))
+    outside = [(split.out_of_plane, axis) for split, axis in splits]
+    if all(share is not None for share, _ in outside):
+        rows.append(("outside it: out of plane", *(f"{getattr(share, axis):+z.3f}" for share, axis in outside)))
+    out.print(table(("share", *DIRECTIONS), rows))
+    print_ending(out, of)
+
+
+def print_workspace(of: Workspace) -> None:
+    """Print what the terms of (16) and large displacements are worth, at a tenth of the commands and at all of them."""
+    out = people()
+    against = f"nonlinear finite elements of {of.unknowns} unknowns"
+    out.print(f"{of.stage}: large displacements, mobility {of.mobility}, {of.formula}, against {against}")
+    out.print(table(("per cent", "commanded", "at", *MODEL_NAMES), _travelled(of)))
+    for box, size in ((of.small, "a tenth of these commands"), (of.box, "all of them")):
+        out.print(
+            f"anywhere within {size}: linear position off by up to {box.position:.3f} %, the second-order terms of "
+            f"(16) change the tangent compliance by up to {box.terms:.3f} %"
+        )
+    print_ending(out, of)
+
+
+def _travelled(of: Workspace) -> Iterator[tuple[str, ...]]:
+    for kind, name in KINDS.items():
+        for axis, unit in zip(DIRECTIONS, COMMANDS, strict=True):
+            for point in of.travel[axis].points:
+                yield (name, axis, f"{unit.factor * point.commanded:+g} {unit.plain}", *_of_models(point, kind))
+
+
+def _of_models(point: Point, kind: str) -> Iterator[str]:
+    found = getattr(point, kind)
+    return (f"{found[model]:+z.4f}" if model in found else "" for model in MODELS)
+
+
+def print_claims(of: ClaimsReport) -> None:
+    """Print the verdicts, and the alternatives with their magnitudes."""
+    out, rows = people(), []
+    for verdict in of.verdicts:
+        out.print(f"{verdict.verdict}: {verdict.statement} ({verdict.where})")
+        out.print(f"    {verdict.found}")
+    out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
+    for row in of.alternatives:
+        pairs = (f"{getattr(row.along, axis):z.3f}, {getattr(row.across, axis):z.3f}" for axis in DIRECTIONS)
+        rows.append((row.name, f"mobility {row.mobility}", *pairs))
+    out.print(table(("alternative", "model", "X", "Y", "theta"), rows))
+    print_ending(out, of)
+
+
+def print_regression(of: Mapping[str, Any]) -> None:
+    """Print one line for everything that is not as accepted; what several baselines say, once."""
+    lines = list(dict.fromkeys(finding["line"] for finding in of["findings"]))
+    print("\n".join([*lines, f"checked {', '.join(of['checked'])}: "]), end="")
+    print(f"{len(lines)} not as accepted" if lines else "all as accepted")
