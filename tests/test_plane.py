@@ -41,6 +41,13 @@ def test_the_analytic_model_is_stiffer_in_plane_strain_by_the_sheet_modulus_of_i
     np.testing.assert_allclose(strain, stress / (1 - 0.29**2), rtol=ROUND_OFF, atol=1e-9)
 
 
+def test_hinges_in_plane_strain_are_those_of_a_sheet_of_another_metal():
+    """E / (1 - nu^2) and nu / (1 - nu), in all three freedoms: shear asks for Poisson's ratio."""
+    other = of("plane_stress", youngs_modulus=71.7e3 / (1 - 0.29**2), poissons_ratio=0.29 / 0.71)
+    held, free = (hinge_compliance(each, "calibrated") for each in (of("plane_strain"), other))
+    np.testing.assert_allclose(held, free, rtol=ROUND_OFF)
+
+
 def test_both_models_take_plane_strain_alike():
     """The calibrated analytic model is as near to the finite elements in plane strain as in plane stress."""
     near = 3e-3  # 1.0e-3 in x, y and 1.5e-3 in theta in plane stress, and the mesh of resolution 6

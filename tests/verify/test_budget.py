@@ -199,3 +199,8 @@ def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softe
             for of in (thick_compliance(stage), analyse(stage, 21, "calibrated", links=True).compliance)
         ]
         assert 100 * np.array(found) == pytest.approx([thick, plane], abs=0.1)
+
+
+def test_three_dimensional_hinges_and_their_links_do_not_depend_on_the_plane_the_stage_is_taken_in(stage):
+    held = stage.model_copy(update={"model": "plane_strain"})
+    np.testing.assert_allclose(thick_compliance(held), thick_compliance(stage), rtol=1e-12, atol=1e-18)
