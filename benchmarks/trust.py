@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.analytic.model import analyse
+from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.plot.study_labels import Caption, factor, output
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
@@ -24,7 +24,7 @@ from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample
-from flexfem.verify.budget import CALIBRATED, thick_compliance
+from flexfem.verify.budget import thick_compliance
 from flexfem.verify.errors import error_matrix
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
-if TYPE_CHECKING:
-    from flexfem.verify.case import Direction
-
+Direction: TypeAlias = Literal["x", "y", "theta"]
+DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
 ROUND_DOWN = 1e-9  # a thousandth less round-off takes the next smaller prefix no more than 1.0000 does
 

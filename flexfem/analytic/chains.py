@@ -38,15 +38,15 @@ def chain_compliance(frames: Frames, compliance: Compliance, freedoms: Freedoms)
     Notes
     -----
     For a neck at (x, y) with the cosine c and sine s of its axis, seen from the platform centre at the origin, the
-    columns of G are (y, -x, 1) for rotation, (c, s, 0) for stretch and (-s, c, 0) for slide; written out.
+    columns of G are (y, -x, 1) for rotation, (c, s, 0) for axial and (-s, c, 0) for shear; written out.
     """
     allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
-    turn, stretch, slide = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(compliance))
+    turn, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(compliance))
     x, y = frames.centres[..., 0], frames.centres[..., 1]
     c, s = np.cos(frames.axes), np.sin(frames.axes)
     xt, yt = y * turn, -x * turn
-    xx, yy = y * xt + c * c * stretch + s * s * slide, -x * yt + s * s * stretch + c * c * slide
-    xy = y * yt + c * s * (stretch - slide)
+    xx, yy = y * xt + c * c * axial + s * s * shear, -x * yt + s * s * axial + c * c * shear
+    xy = y * yt + c * s * (axial - shear)
     upper = [np.sum(np.broadcast_to(each, xx.shape), axis=-1) for each in (xx, xy, xt, yy, yt, turn)]
     full = np.stack([upper[k] for k in (0, 1, 2, 1, 3, 4, 2, 4, 5)]).reshape(3, 3, *xx.shape[:-1])
     return np.moveaxis(full, (0, 1), (-2, -1))  # entry by entry in memory: many designs at full speed
@@ -110,13 +110,13 @@ def neck_wrenches(frames: Frames, chain_stiffness: Array) -> Wrench:
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
 
 
-def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pull: Array) -> Array:
+def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, out_of_plane: Array) -> Array:
     """Largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa per mm, rad of the platform.
 
     Parameters
     ----------
     radius, neck : (..., 3, 3), mm.   thickness : (...), mm.
-    pull : (...), of `out_of_plane`: the stress across the plane, per stress along the neck.
+    out_of_plane : (...), stress across the plane over stress along the neck, of `out_of_plane`.
 
     Notes
     -----
@@ -127,7 +127,7 @@ def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, pu
     area = thickness[..., None, None] * neck
     bending = np.abs(wrench.moment) * (6.0 * K.bending / (area * neck))[..., None]
     along: Array = bending + np.abs(wrench.normal) * (K.tension / area)[..., None]
-    return along * np.sqrt(1.0 - pull + pull**2)[..., None, None, None]
+    return along * np.sqrt(1.0 - out_of_plane + out_of_plane**2)[..., None, None, None]
 
 
 def range_at_yield(stress: Array, yield_strength: Array) -> Array:

@@ -154,8 +154,8 @@ def chain_poses(frames: Frames, joints: Joints, displacement: Array) -> Configur
     links = np.diff(frames.centres, axis=-2, append=np.zeros((*frames.centres.shape[:-2], 1, 2)))
     normals = np.stack([-links[..., 1], links[..., 0]], axis=-1)
     turn = -2.0 * np.sin(0.5 * psi[..., None]) ** 2 * links + np.sin(psi)[..., None] * normals
-    slide = axial[..., None] * direction(axes) + shear[..., None] * direction(axes + 0.5 * np.pi)
-    moved = np.cumsum(turn + slide, axis=-2)  # (19), (20)
+    along = axial[..., None] * direction(axes) + shear[..., None] * direction(axes + 0.5 * np.pi)
+    moved = np.cumsum(turn + along, axis=-2)  # (19), (20)
     pivots = frames.centres + np.concatenate([np.zeros_like(moved[..., :1, :]), moved[..., :-1, :]], axis=-2)
     Phi = np.broadcast_to(psi[..., -1:], (*moved.shape[:-2], 1))  # (21)
     return Configuration(np.concatenate([moved[..., -1, :], Phi], axis=-1), pivots, axes)

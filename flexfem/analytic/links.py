@@ -57,17 +57,17 @@ def _bar(stage: Stage, material: Elastic, segment: Segment) -> Array:
 
 
 def _straight(stage: Stage, material: Elastic) -> Array:
-    """Compliance per length (3, 3) of Timoshenko's beam: rotation, stretch, slide."""
+    """Compliance per length (3, 3) of Timoshenko's beam: rotation, axial, shear."""
     E, nu = material
     A = stage.thickness * stage.chain.link_width
-    stretch = 1 / (E * A)
-    return np.diag([12 * stretch / stage.chain.link_width**2, stretch, SHEAR_CORRECTION * 2 * (1 + nu) * stretch])
+    axial = 1 / (E * A)
+    return np.diag([12 * axial / stage.chain.link_width**2, axial, SHEAR_CORRECTION * 2 * (1 + nu) * axial])
 
 
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     """Compliance per length of the middle line (3, 3) of a curved bar, for loads at the centre of curvature.
 
-    Moment, pull and shear of the bar counter-clockwise about its centre; a force through the centre bends it too.
+    Moment, axial force and shear of a bar counter-clockwise about its centre; a force through the centre bends it too.
 
     Notes
     -----

@@ -25,7 +25,7 @@ from flexfem.stage.tables import HINGE_NAMES, key_of
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
 
-DEFAULT_FORMULA = "paros-weisbord"
+DEFAULT_FORMULA, CALIBRATED = "paros-weisbord", "calibrated"
 OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"

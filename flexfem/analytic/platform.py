@@ -55,12 +55,12 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
 
 
 def motions(at: AnyArray, along: AnyArray) -> Array:
-    """Motion (n, 3, 3) of the platform, x, y, theta, for rotation, stretch, slide at points (n,) along directions."""
+    """Motion (n, 3, 3) of the platform, x, y, theta, for rotation, axial, shear at points (n,) along directions."""
     zero = np.zeros(len(at))
     rotation = np.stack([at.imag, -at.real, zero + 1], axis=-1)  # the centre of the platform is the origin
-    stretch = np.stack([along.real, along.imag, zero], axis=-1)
-    slide = np.stack([-along.imag, along.real, zero], axis=-1)
-    return np.stack([rotation, stretch, slide], axis=-1)
+    axial = np.stack([along.real, along.imag, zero], axis=-1)
+    shear = np.stack([-along.imag, along.real, zero], axis=-1)
+    return np.stack([rotation, axial, shear], axis=-1)
 
 
 def _neck(stage: Stage, chain: int) -> Pose:

@@ -9,13 +9,11 @@ from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, Literal, overload
+from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
@@ -180,15 +178,11 @@ link, expected < chain.link_width_mm = 9
             raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
         return _hinges(self)[chain - 1][HINGE_NAMES.index(name)]
 
-    @overload
-    def array(self, attr: Literal["radius", "neck"]) -> Array: ...
-    @overload
-    def array(self, attr: Literal["prismatic"]) -> NDArray[np.bool_]: ...
-    def array(self, attr: Literal["radius", "neck", "prismatic"]) -> Array | NDArray[np.bool_]:
-        """Return an attribute of all hinges, (3 chains, 3 hinges): mm, or bool for `prismatic`; read-only."""
+    def array(self, attr: str) -> AnyArray:
+        """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
-        found: Array = getattr(lower(self), attr)
+        found: AnyArray = getattr(lower(self), attr)
         return found if attr == "prismatic" else found[0]
 
     @property

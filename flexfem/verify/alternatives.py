@@ -6,15 +6,12 @@ measured on the same two stages. That one of them looks like the paper's curves 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
-
 import numpy as np
 import scipy.sparse as sp
 
 from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble, at_rest, hinge_compliances
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, assemble, at_rest, hinge_compliances
 from flexfem.analytic.stiffness import stiffness
 from flexfem.arrays import Array, inverse
 from flexfem.fem.cyclic import cyclic_response
@@ -27,13 +24,11 @@ from flexfem.files.writing import markdown_table
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import MICROMETRE
-from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import error_matrix
-from flexfem.verify.protocol import Solved
+from flexfem.verify.protocol import Solve
 from flexfem.verify.result import Record, Triple
 
-Solve: TypeAlias = Callable[[Stage, int], Solved]
 ACROSS = (1, 2, 4, 8)  # linear triangles across every neck
 UNEVEN = ((1, 2, 2), (3, 4, 4))  # triangles across the necks of the three sectors; their cuts have the same nodes
 STUBBY = (3.0, 1.0)  # R/t of all nine hinges
@@ -195,8 +190,7 @@ def joint_command(stage: Stage, mobility: int, real: str = CALIBRATED) -> Array:
 def _row(name: str, mobility: int, percent: Array) -> Alternative:
     """`percent` (3, 3), column j for command j."""
     across = np.max(np.abs(percent - np.diag(np.diag(percent))), axis=0)
-    along, largest = (dict(zip(DIRECTIONS, values.tolist(), strict=True)) for values in (np.diag(percent), across))
-    return Alternative(name=name, mobility=mobility, along=Triple(**along), across=Triple(**largest))
+    return Alternative(name=name, mobility=mobility, along=Triple.of(np.diag(percent)), across=Triple.of(across))
 
 
 def markdown_alternatives(found: list[Alternative]) -> str:

@@ -6,7 +6,6 @@ error by, so the shares telescope: their sum is the total, whatever they are.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,8 +15,8 @@ import numpy as np
 from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import (
+    CALIBRATED,
     DEFAULT_FORMULA,
-    AnalyticResult,
     analyse,
     at_rest,
     hinge_compliances,
@@ -26,16 +25,14 @@ from flexfem.analytic.model import (
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import load_case, plate_of
+from flexfem.fem.response import plate_of
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
-from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import command_errors, error_matrix, levels, percentages
-from flexfem.verify.protocol import Solved, solve_stage
+from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.result import OfStage, Record, Triple, about
 
-CALIBRATED = "calibrated"
 AMPLITUDES: dict[Direction, float] = {"x": 0.05, "y": 0.05, "theta": 1e-3}  # mm, mm, rad: assumed, as in cases/
 SHARES = (
     "freedoms left out of the model",
@@ -82,7 +79,7 @@ def budget(
     stage: Stage,
     amplitudes: dict[Direction, float] = AMPLITUDES,
     resolution: int = RESOLUTION,
-    solve: Callable[[Stage, int], Solved] = solve_stage,
+    solve: Solve = solve_stage,
 ) -> Budget:
     """Split the error of the paper's model of a feasible stage, in all three directions.
 
@@ -100,27 +97,16 @@ def budget(
         np.array([each.response.compliance for each in solved]),
         solved[-1],
     )
+    forces = paper.stiffness.T * [[amplitudes[direction]] for direction in DIRECTIONS]  # (18)
     return Budget(
         **about(stage),
         stage=stage.name,
         plane=stage.model,
         mobility=paper.mobility,
         formula=DEFAULT_FORMULA,
-        warnings=_warnings(stage, paper, solved[-1], amplitudes),
+        warnings=command_warnings(stage, paper, solved[-1], forces, "command"),
         split={direction: _split(steps, direction, amplitudes[direction]) for direction in DIRECTIONS},
     )
-
-
-def _warnings(
-    stage: Stage, paper: AnalyticResult, solved: Solved, amplitudes: dict[Direction, float]
-) -> warning.Warnings:
-    """Warnings on the stage's own model, and on its stresses at the three commands."""
-    found = [*warning.of_formula(stage, paper.formula), *warning.of_model(stage, paper)]
-    for axis, direction in enumerate(DIRECTIONS):
-        force = paper.stiffness[:, axis] * amplitudes[direction]  # (18)
-        highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
-        found += warning.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
-    return found
 
 
 def thick_compliance(stage: Stage) -> Array | None:

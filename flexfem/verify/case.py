@@ -18,10 +18,10 @@ from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table, validate
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Label, Stage, load_feasible
+from flexfem.units import DIRECTIONS as DIRECTIONS
+from flexfem.units import Direction as Direction
 
-Direction: TypeAlias = Literal["x", "y", "theta"]
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
-DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
 
 
 def known_formula(name: str) -> str:

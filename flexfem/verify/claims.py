@@ -16,9 +16,9 @@ from flexfem.files.toml import Table, validate
 from flexfem.files.writing import markdown_table
 from flexfem.stage.schema import Label, Stage, load_feasible
 from flexfem.verify import warning
-from flexfem.verify.alternatives import Alternative, Solve, alternatives, markdown_alternatives
+from flexfem.verify.alternatives import Alternative, alternatives, markdown_alternatives
 from flexfem.verify.measures import MEASURES, Evidence, Measured, errors_of_model
-from flexfem.verify.protocol import solve_stage
+from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import Record, versions
 
 Ruling: TypeAlias = Literal["holds", "does not hold", "cannot be decided"]

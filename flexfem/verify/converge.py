@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import COARSER, grid_convergence
-from flexfem.verify.protocol import Solved, solve_stage
+from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 
 RESOLUTIONS = (3, 4, 6, 8, 11, 15)
@@ -43,9 +43,7 @@ def checked_resolutions(resolutions: Sequence[int]) -> tuple[int, ...]:
     return tuple(resolutions)
 
 
-def converge(
-    stage: Stage, resolutions: Sequence[int], solve: Callable[[Stage, int], Solved] = solve_stage
-) -> MeshStudy:
+def converge(stage: Stage, resolutions: Sequence[int], solve: Solve = solve_stage) -> MeshStudy:
     """Solve a feasible stage on every resolution, coarse to fine. Raises BadInput, ComputationFailed."""
     solved = [solve(stage, resolution) for resolution in checked_resolutions(resolutions)]
     compliance = np.array([each.response.compliance for each in solved])

@@ -15,9 +15,9 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS
-from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import error_bands, error_matrix, levels
+from flexfem.verify.protocol import Solve
 
 MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energy over that of (29)
 

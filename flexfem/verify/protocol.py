@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -55,6 +55,9 @@ class OnMesh(NamedTuple):
         return len(self.mesh.triangles)
 
 
+Solve: TypeAlias = Callable[[Stage, int], Solved]  # `solve_stage`, or what keeps its answers
+
+
 def solve_stage(stage: Stage, resolution: int) -> Solved:
     """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
     check_feasible(stage)
@@ -80,6 +83,17 @@ def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direct
     return Comparison(force, error, percentages(error[largest], commanded[largest], direction, lever))
 
 
+def command_warnings(
+    stage: Stage, model: AnalyticResult, solved: Solved, forces: Array, where: str
+) -> warning.Warnings:
+    """Warnings on a model, and on the highest neck stress under the forces (3, 3) of three commands, row by row."""
+    found = [*warning.of_formula(stage, model.formula), *warning.of_model(stage, model)]
+    for direction, force in zip(DIRECTIONS, forces, strict=True):
+        highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
+        found += warning.of_yield(highest, stage.material.yield_strength, f"{where} in {direction}")
+    return found
+
+
 class CurveRun(NamedTuple):
     """One curve of a case, as it is stored."""
 
@@ -91,9 +105,7 @@ class CurveRun(NamedTuple):
     warnings: list[str]
 
 
-def run_case(
-    loaded: LoadedCase, solve: Callable[[Stage, int], Solved] = solve_stage
-) -> tuple[Result, dict[str, Fields]]:
+def run_case(loaded: LoadedCase, solve: Solve = solve_stage) -> tuple[Result, dict[str, Fields]]:
     """Run every curve of a case; `solve` may keep stages that several cases share.
 
     Raises BadInput when a stage does not suit the formula, ComputationFailed.
@@ -122,7 +134,7 @@ def run_case(
     return result, {label: run.fields for label, run in runs.items()}
 
 
-def _run_curve(loaded: LoadedCase, curve: Curve, solve: Callable[[Stage, int], Solved]) -> CurveRun:
+def _run_curve(loaded: LoadedCase, curve: Curve, solve: Solve) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
     analytic = analyse(stage, curve.mobility, curve.formula, curve.links)
     plate_of(stage)

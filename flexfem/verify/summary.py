@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, hinge_compliance
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, hinge_compliance
 from flexfem.arrays import Array
 from flexfem.fem.response import load_case
 from flexfem.files.provenance import provenance_of
@@ -16,8 +16,6 @@ from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
-
-CALIBRATED = "calibrated"
 
 
 class Limits(NamedTuple):

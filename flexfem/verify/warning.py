@@ -21,10 +21,9 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.cache import once
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.units import LENGTH, STRESS
+from flexfem.units import DIRECTIONS, LENGTH, STRESS, Direction
 
 if TYPE_CHECKING:
-    from flexfem.verify.case import Direction
     from flexfem.verify.result import Triple, Uncertainty
 
 Warnings = list[str]
@@ -53,7 +52,6 @@ LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that ar
 UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
 COARSE = 1e-3  # of a compliance: the accuracy that the default mesh is made for
 FAR = 0.1  # of the shortest link, and rad: there the linear answer is off by some per cent
-DIRECTIONS = ("x", "y", "theta")
 SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
 
 

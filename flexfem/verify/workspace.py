@@ -8,22 +8,20 @@ linear answer: what the hinge formulas err by is there with and without displace
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TypeAlias
+from collections.abc import Iterator
 
 import numpy as np
 
 from flexfem.analytic.equilibrium import along, at_pose, missed, summed_loads, tangents
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, assemble
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.stiffness import Mechanism, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.response import load_case, plate_of
+from flexfem.fem.response import plate_of
 from flexfem.stage.schema import Stage
-from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import percentages
-from flexfem.verify.protocol import Solved, solve_stage
+from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.result import Matrix, OfStage, Record, about
 
 
@@ -113,8 +111,6 @@ SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # of STEPS, where finite
 STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a tenth of the amplitude and all of it
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 
-Solve: TypeAlias = Callable[[Stage, int], Solved]
-
 
 def workspace(
     stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
@@ -127,13 +123,14 @@ def workspace(
     largest = amplitude * np.array([1.0, 1.0, TURN])
     solved = solve(stage, resolution)
     small, box = (missed(of, part * largest, lever) for part in (STATED[2] / STEPS, 1.0))
+    forces = np.asarray(np.linalg.solve(solved.response.compliance, np.diag(largest)).T, dtype=float)
     return Workspace(
         **about(stage),
         stage=stage.name,
         plane=stage.model,
         mobility=model.mobility,
         formula=DEFAULT_FORMULA,
-        warnings=_warnings(stage, model, solved, largest),
+        warnings=command_warnings(stage, model, solved, forces, "largest command"),
         amplitude=dict(zip(DIRECTIONS, largest.tolist(), strict=True)),
         resolution=resolution,
         unknowns=solved.response.unknowns,
@@ -141,16 +138,6 @@ def workspace(
         small=Box(position=100 * small.position, terms=100 * small.terms),
         box=Box(position=100 * box.position, terms=100 * box.terms),
     )
-
-
-def _warnings(stage: Stage, model: AnalyticResult, solved: Solved, largest: Array) -> warning.Warnings:
-    """Warnings on the stage's own model, and on its stresses when held at the largest command in each direction."""
-    found = [*warning.of_formula(stage, model.formula), *warning.of_model(stage, model)]
-    for direction, pose in zip(DIRECTIONS, np.diag(largest), strict=True):
-        force = np.linalg.solve(solved.response.compliance, pose)
-        highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
-        found += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
-    return found
 
 
 def _travel(stage: Stage, of: Mechanism, solved: Solved, direction: Direction, far: float) -> Travel:

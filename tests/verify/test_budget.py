@@ -66,7 +66,7 @@ def by_hand(stage):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "equilibrium", bent)
-        patch.setattr(module, "_warnings", lambda *_: [])
+        patch.setattr(module, "command_warnings", lambda *_: [])
         return K, limit, rate, across, budget(stage, {"x": 0.04, "y": 0.05, "theta": 2e-3}, 8, solve)
 
 
@@ -78,7 +78,7 @@ def test_a_question_lowers_its_stage_once(stage, monkeypatch):
         whole = getattr(owner, name)
         monkeypatch.setattr(owner, name, lambda *a, _f=whole, _c=calls, **k: _c.append(1) or _f(*a, **k))
     rest = SimpleNamespace(neck_stress=np.ones((3, 3)))
-    monkeypatch.setattr(module, "load_case", lambda *_: rest)
+    monkeypatch.setattr("flexfem.verify.protocol.load_case", lambda *_: rest)
     monkeypatch.setattr(module, "equilibrium", lambda _, __, force: SimpleNamespace(pose=1e-6 * force))
     solved = SimpleNamespace(mesh=None, response=SimpleNamespace(compliance=np.eye(3)))
 

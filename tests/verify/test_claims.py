@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
@@ -17,7 +17,6 @@ from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import claims, measures
-from flexfem.verify.budget import CALIBRATED
 from flexfem.verify.claims import (
     ClaimsReport,
     claims_page,

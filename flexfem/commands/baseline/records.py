@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse
 from flexfem.commands.baseline.inputs import COARSE, Kind, committed_mesh, kind_of, mesh_name
 from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.console import plain
@@ -24,12 +24,11 @@ from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify import answers, budget, hinges, workspace
-from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
 from flexfem.verify.converge import converge
 from flexfem.verify.errors import compare, levels
-from flexfem.verify.protocol import OnMesh, Solved, run_case
+from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case
 
 Section: TypeAlias = Callable[[], Any]
 FORCE = (1.0, -2.0, 30.0)  # N, N, N mm: of `solve`; no two components alike
@@ -98,8 +97,8 @@ def _stiffness(stage: Stage) -> dict[str, Any]:
     """What `stiffness` says by the paper's model and by the finest one, without and with elastic links."""
     models: dict[str, Callable[[], AnalyticResult]] = {
         DEFAULT_FORMULA: lambda: analyse(stage),
-        budget.CALIBRATED: lambda: analyse(stage, 21, budget.CALIBRATED),
-        "links": lambda: analyse(stage, 21, budget.CALIBRATED, links=True),
+        CALIBRATED: lambda: analyse(stage, 21, CALIBRATED),
+        "links": lambda: analyse(stage, 21, CALIBRATED, links=True),
     }
     return {
         name: _or_refused(partial(lambda found: answers.report_stiffness(stage, found()), found))

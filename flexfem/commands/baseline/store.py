@@ -28,9 +28,8 @@ from flexfem.commands.baseline.records import meshes, record, settings
 from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.alternatives import Solve
 from flexfem.verify.case import LoadedCase
-from flexfem.verify.protocol import solve_stage
+from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import Record, Result, stamp, versions
 
 Difference: TypeAlias = Change | Move | str
