@@ -110,10 +110,11 @@ def summary(stage: Stage, formula: str | None = None, elements: bool = False, re
     (0.659, 'elbow')
     """
     from flexfem.analytic import formulas
+    from flexfem.analytic.model import CALIBRATED
     from flexfem.verify import summary as verify
 
     check_feasible(stage)
-    formulas.formula(formula or verify.CALIBRATED)
+    formulas.formula(formula or CALIBRATED)
     return verify.summary(stage, formula, _solver(None)(stage, resolution) if elements else None)
 
 
