@@ -19,12 +19,6 @@ import numpy as np
 from flexfem.arrays import AnyArray
 from flexfem.stage.outline import Face, Segment
 
-QUICK_OPTIONS: dict[str, float] = {
-    "General.Terminal": 0,  # in a worker that shares its terminal
-    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
-    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
-    "Mesh.MeshSizeFromCurvature": 0,
-}
 SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
 
 
@@ -41,30 +35,16 @@ class Cone(NamedTuple):
 class Job(NamedTuple):
     """Faces that share curves, and how finely to mesh them.
 
-    sizes : expressions in x and y, mm, whose least is the size of a triangle.
-    curvature : triangles per full turn of an arc.
     divisions : for the labels named, the number of equal edges along each segment.
-    cones : when there are any, these alone are the sizes, and the mesh is made in a quarter of the time: drawn by
-        gmsh's own kernel instead of OpenCASCADE, not smoothed, no expression parsed. It is another mesh.
+    cones : the least of them is the size of a triangle.
     """
 
     faces: list[Face]
-    sizes: list[str]
-    curvature: float
     divisions: dict[str, int]
-    cones: tuple[Cone, ...] = ()
+    cones: tuple[Cone, ...]
 
 
-class Kind(NamedTuple):
-    """gmsh's numbers of a triangle and of its edge, and how many nodes these have."""
-
-    triangle: int
-    nodes: int
-    edge: int
-    ends: int
-
-
-QUADRATIC, LINEAR = Kind(9, 6, 8, 3), Kind(2, 3, 1, 2)
+TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
 STRAIGHT = complex(np.nan)  # for a centre
 
 
@@ -118,21 +98,6 @@ class _Drawn:
 
 
 def set_sizes(gmsh: Any, job: Job) -> None:
-    field = gmsh.model.mesh.field
-    tags = []
-    for expression in job.sizes:
-        tags.append(field.add("MathEval"))
-        field.setString(tags[-1], "F", expression)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", tags)
-    field.setAsBackgroundMesh(smallest)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", job.curvature)
-
-
-def set_cones(gmsh: Any, job: Job) -> None:
-    for option, value in QUICK_OPTIONS.items():
-        gmsh.option.setNumber(option, value)
     field, tags = gmsh.model.mesh.field, []
     for cone in job.cones:
         tags.append(field.add("Ball"))
@@ -142,22 +107,21 @@ def set_cones(gmsh: Any, job: Job) -> None:
     smallest = field.add("Min")
     field.setNumbers(smallest, "FieldsList", tags)
     field.setAsBackgroundMesh(smallest)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
 
 
-def collect(mesh: Any, surfaces: list[int], curves: dict[int, Curve], kind: Kind) -> dict[str, AnyArray]:
+def collect(mesh: Any, surfaces: list[int], curves: dict[int, Curve]) -> dict[str, AnyArray]:
     tags, xyz, _ = mesh.getNodes()
     place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     place[tags] = np.arange(len(tags))
-    triangles = [place[mesh.getElementsByType(kind.triangle, face)[1].reshape(-1, kind.nodes)] for face in surfaces]
-    edges = [place[mesh.getElementsByType(kind.edge, tag)[1].reshape(-1, kind.ends)] for tag in curves]
+    triangles = [place[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
+    edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in curves]
     used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
     back = np.full(len(tags), -1)
     back[used] = np.arange(len(used))
     per_curve = [len(e) for e in edges]
     return {
         "nodes": xyz.reshape(-1, 3)[used, :2],
-        "triangles": renumbered.reshape(-1, kind.nodes),
+        "triangles": renumbered.reshape(-1, 3),
         "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
         "edges": back[np.concatenate(edges)],
         "edge_labels": np.repeat([curve.label for curve in curves.values()], per_curve),
@@ -168,10 +132,13 @@ def collect(mesh: Any, surfaces: list[int], curves: dict[int, Curve], kind: Kind
 OPTIONS = {
     "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
     "General.Verbosity": 2,
+    "General.Terminal": 0,  # in a worker that shares its terminal
     "Mesh.Algorithm": 6,  # Frontal-Delaunay
     "Mesh.LcIntegrationPrecision": 1e-2,
-    "Mesh.SecondOrderLinear": 0,  # middle nodes on the arcs
-    "Mesh.HighOrderOptimize": 0,
+    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
+    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeFromPoints": 0,
 }
 LIBRARIES = {
     "libGL.so.1": "libgl1",
@@ -226,28 +193,25 @@ def gmsh_session() -> Iterator[Any]:
 
 
 def mesh_faces(job: Job) -> dict[str, AnyArray]:
-    """Mesh faces with curved quadratic triangles, conforming along the curves they share.
+    """Mesh faces with triangles, conforming along the curves they share.
 
     Returns
     -------
-    nodes (n, 2) in mm; triangles (m, 6) corners then middles, faces (m,) index of each triangle's face;
-    edges (k, 3) ends then middle, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. With cones
-    the triangles (m, 3) and edges (k, 2) have no middles yet: `sectors.curved` adds them faster than gmsh.
+    nodes (n, 2) in mm; triangles (m, 3), faces (m,) index of each triangle's face; edges (k, 2) of the curves that are
+    labelled or bent, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. The middles of the sides
+    are added by `sectors.curved`, faster than by gmsh.
     """
     with gmsh_session() as gmsh:
-        kernel = gmsh.model.geo if job.cones else gmsh.model.occ
+        kernel = gmsh.model.geo
         curves, surfaces = draw(kernel, job.faces)
         kernel.synchronize()
         for tag, curve in curves.items():
             if curve.label in job.divisions:
                 gmsh.model.mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
-        (set_cones if job.cones else set_sizes)(gmsh, job)
+        set_sizes(gmsh, job)
         gmsh.model.mesh.generate(2)
-        if not job.cones:
-            gmsh.model.mesh.setOrder(2)
-            return collect(gmsh.model.mesh, surfaces, curves, QUADRATIC)
         told = {tag: curve for tag, curve in curves.items() if curve != Curve("free", None)}
-        return collect(gmsh.model.mesh, surfaces, told, LINEAR)
+        return collect(gmsh.model.mesh, surfaces, told)
 
 
 def write_msh(export: Export) -> dict[str, AnyArray]:

@@ -12,8 +12,9 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.factor import factorise
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import StageMesh, ordered, quadrature, shape_functions
-from flexfem.fem.mesher import Job
+from flexfem.fem.mesher import Cone, Job
 from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix, stress_tensor
+from flexfem.fem.sectors import curved
 from flexfem.stage.outline import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh
@@ -45,14 +46,9 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
 
-def meshed(face: Face, sizes: Sequence[str], curvature: float) -> StageMesh:
-    """Mesh one face of lines and arcs with gmsh in its own process; `sizes` and `curvature` as in `mesher.Job`.
-
-    Raises ComputationFailed as `run_mesher` does.
-    """
-    found = run_mesher(Job([face], list(sizes), curvature, {}), TIME_LIMIT)
-    edges = {str(label): found["edges"][found["edge_labels"] == label] for label in np.unique(found["edge_labels"])}
-    return ordered(StageMesh(found["nodes"], found["triangles"], found["faces"], edges))[0]
+def meshed(face: Face, cones: Sequence[Cone]) -> StageMesh:
+    """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as `run_mesher` does."""
+    return ordered(curved(run_mesher(Job([face], {}, tuple(cones)), TIME_LIMIT)))[0]
 
 
 def size_of(mesh: StageMesh) -> float:

@@ -144,15 +144,26 @@ def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
     """Drawing and sizes of the sector that holds one chain."""
     fine = max(resolution, 2)  # a single triangle from side to side of an arc would fold
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
-    cones = [
-        Cone(centre, radius, least, coarse, (coarse - least) * fine / GROWTH)
-        for centre, radius, least in _fine_places(stage, chain, faces, fine)
-        if least < coarse
-    ]
+    places = _fine_places(stage, chain, faces, fine)
+    cones = tuple(cone(*place, coarse, fine) for place in places if place[-1] < coarse)
     cuts = max(2, math.ceil(rim_of(stage)[0] / coarse))
     divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
-    return Job(faces, [], 0.0, divisions, tuple(cones))
+    return Job(faces, divisions, cones)
+
+
+def cone(centre: complex, radius: float, least: float, coarse: float, across: float) -> Cone:
+    """Sizes, mm, that grow from `least` beyond a radius as they do from a neck with so many triangles across."""
+    return Cone(centre, radius, least, coarse, (coarse - least) * across / GROWTH)
+
+
+def notch_sizes(neck: float, radius: float, across: float, resolution: float) -> Iterator[tuple[float, float]]:
+    """Distances from a neck and the sizes up to there, mm: the notch's own thickness grows slower than a cone."""
+    distance = BENT * math.sqrt(neck * radius)
+    yield distance, neck / across
+    while distance < SLENDER * radius:
+        yield 2 * distance, (neck + 2 * distance**2 / radius) / resolution
+        distance *= 2
 
 
 def _across(hinge: Hinge, resolution: int) -> int:
@@ -167,11 +178,8 @@ def _fine_places(
     notches = []
     for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
         hinge = stage.hinge(chain, name)
-        radius = BENT * math.sqrt(hinge.neck * hinge.radius)
-        yield neck.point, radius, hinge.neck / _across(hinge, resolution)
-        while radius < SLENDER * hinge.radius:
-            yield neck.point, 2 * radius, (hinge.neck + 2 * radius**2 / hinge.radius) / resolution
-            radius *= 2
+        sizes = notch_sizes(hinge.neck, hinge.radius, _across(hinge, resolution), resolution)
+        yield from ((neck.point, *size) for size in sizes)
         across = (hinge.neck / 2 + hinge.radius) * 1j * cmath.exp(1j * neck.heading)
         notches += [neck.point + across, neck.point - across]
     yield 0j, stage.platform.radius, COARSEST * rim_of(stage)[0] / resolution

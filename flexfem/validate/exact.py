@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesher import Cone
 from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress, stiffness_matrix
 from flexfem.fem.problem import (
     FieldErrors,
@@ -138,7 +139,7 @@ def field_errors(mesh: StageMesh, plate: Plate = PLATE) -> FieldErrors:
 
 def plate_mesh(size: float) -> StageMesh:
     """Mesh `outline` anew with triangles of one size, mm."""
-    return meshed(outline(), [f"{size!r}"], 2 * np.pi * CORNER / size)
+    return meshed(outline(), [Cone(0j, 4.0, size, size, 1.0)])
 
 
 def manufactured() -> list[Finding]:

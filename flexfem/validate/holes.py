@@ -17,6 +17,7 @@ import numpy as np
 from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesher import Cone
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import (
     Support,
@@ -32,6 +33,7 @@ from flexfem.fem.problem import (
     traction_of,
 )
 from flexfem.fem.response import platform_response
+from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.stage.outline import Face, Segment
 from flexfem.validate.records import Finding, order
 
@@ -118,8 +120,8 @@ def quarter_strip(ratio: float) -> StageMesh:
         Segment(1j * radius, complex(radius), 0j),
     ]
     finest = 2 * np.pi * radius / AROUND
-    size = f"{finest!r}+0.12*(Sqrt(x^2+y^2)-{radius!r})"
-    return meshed(Face(loop, ["bottom", "end", "edge", "middle", "hole"]), [size], AROUND)
+    size = Cone(0j, radius, finest, finest + 0.12 * STRIP_LENGTH, STRIP_LENGTH)
+    return meshed(Face(loop, ["bottom", "end", "edge", "middle", "hole"]), [size])
 
 
 def howland() -> list[Finding]:
@@ -154,7 +156,6 @@ SLENDER = "slender-body expansion of the plane-stress Airy function, derived in 
 RADIUS = 1.0  # mm
 RATIOS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125, 0.00625)  # t/R
 ACROSS = 10  # triangles across the neck
-SLOPE = 1.4  # growth of the triangles with the thickness, as in the stage's own mesh
 BLUNT = np.deg2rad(85.0)  # the arc ends here: at 90 degrees it would meet the rigid body in a cusp without area
 
 
@@ -176,12 +177,12 @@ def notch_outline(neck: float) -> Face:
 
 def notch_mesh(neck: float, across: float = ACROSS) -> StageMesh:
     """Mesh `notch_outline` with so many triangles across the neck."""
-    bend = SLOPE * RADIUS / 2
-    follow = f"({neck - SLOPE * bend!r}+{SLOPE!r}*Sqrt(x^2+y^2+{bend**2!r}))/{float(across)!r}"
-    gap = float(RADIUS * (1 - np.sin(BLUNT)))
-    high = float(neck / 2 + RADIUS * (1 - np.cos(BLUNT)))
-    corners = f"{gap!r}+0.4*Sqrt((Sqrt(x^2)-{RADIUS!r})^2+(Sqrt(y^2)-{high!r})^2)"
-    return meshed(notch_outline(neck), [follow, corners], 3.0 * across)
+    coarse, gap = 2 * RADIUS / across, float(RADIUS * (1 - np.sin(BLUNT)))
+    cones = [cone(0j, *size, coarse, across) for size in notch_sizes(neck, RADIUS, across, across)]
+    corner = complex(RADIUS, neck / 2 + RADIUS * (1 - np.cos(BLUNT)))
+    for at in (corner, -corner, corner.conjugate(), -corner.conjugate()):
+        cones.append(Cone(at, 0.0, gap, gap + 0.8 * RADIUS, 2 * RADIUS))
+    return meshed(notch_outline(neck), cones)
 
 
 def differences(ratio: float) -> tuple[Array, int]:

@@ -87,7 +87,7 @@ def single_hinge(neck: float, radius: float, plate: Plate, resolution: int = 8) 
     hinge = Hinge(radius=radius, neck=neck)
     bent, least, most = np.sqrt(neck * radius), neck / resolution, 2 * radius / resolution
     cone = Cone(0j, bent, least, most, (most - least) * resolution / 1.5)
-    made = run_mesher(Job(halves(hinge), [], 0.0, {"neck": resolution}, (cone,)), 30.0)
+    made = run_mesher(Job(halves(hinge), {"neck": resolution}, (cone,)), 30.0)
     mesh, _ = ordered(curved(made))
     response = platform_response(mesh, plate)
     return SingleHinge(response.compliance, mesh, response.fields)

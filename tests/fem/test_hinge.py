@@ -11,6 +11,7 @@ from flexfem.fem.chart import HIGH, LOW, chart_path, chart_points, main, make_ch
 from flexfem.fem.hinge import FREEDOMS, Hinge, compliance, compliance_on, hinge_mesh, richardson, sample
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.fem.problem import meshed
+from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.stage.outline import Face, Segment, area
 from flexfem.validate.holes import differences
 from flexfem.verify.errors import grid_convergence
@@ -114,9 +115,9 @@ def test_compliances_converge_with_order_four_to_a_limit_inside_the_band(hinge: 
 
 @pytest.mark.parametrize("hinge", HINGES)
 def test_an_unstructured_mesh_of_gmsh_gives_the_same_compliances(hinge: Hinge) -> None:
-    tau, (high, _) = hinge.ratio, hinge.block
-    follow = f"({tau!r}+1.4*(Sqrt(x^2+y^2+0.49)-0.7))/16"
-    mesh = meshed(quarter(hinge), [follow, f"{high / 16!r}"], 60.0)
+    high, across = hinge.block[0], 8  # of half a neck
+    notch = notch_sizes(hinge.ratio, 1.0, 2 * across, 2 * across)
+    mesh = meshed(quarter(hinge), [cone(0j, *size, high / 16, 2 * across) for size in notch])
     UNSTRUCTURED = 2e-4  # not extrapolated
     np.testing.assert_allclose(compliance_on(mesh, hinge, NU), sample(hinge, COARSE, NU).values, rtol=UNSTRUCTURED)
 

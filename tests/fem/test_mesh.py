@@ -274,12 +274,12 @@ class Trap:
 
 def test_a_child_that_hangs_is_stopped() -> None:
     with pytest.raises(ComputationFailed, match=r"^gmsh was stopped: [^\n]*$"):
-        run_mesher(Job([Trap(time.sleep, 60)], [], 1.0, {}), 0.5)
+        run_mesher(Job([Trap(time.sleep, 60)], {}, ()), 0.5)
 
 
 def test_a_child_that_dies_is_one_line() -> None:
     with pytest.raises(ComputationFailed) as failure:
-        run_mesher(Job([Trap(os.abort)], [], 1.0, {}), 20.0)
+        run_mesher(Job([Trap(os.abort)], {}, ()), 20.0)
     assert "\n" not in str(failure.value) and str(failure.value)
 
 
@@ -292,7 +292,7 @@ def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch
     first, second = build_mesh(alike.stage, 2), build_mesh(alike.stage, 3)
     assert len(started) == 1 and len(second.triangles) > len(first.triangles)
     with pytest.raises(ComputationFailed):
-        run_mesher(Job([Trap(os.abort)], [], 1.0, {}), 20.0)
+        run_mesher(Job([Trap(os.abort)], {}, ()), 20.0)
     assert np.array_equal(build_mesh(alike.stage, 2).nodes, first.nodes) and len(started) == 2
     monkeypatch.setattr(gmsh_process, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
     build_mesh(alike.stage, 2)
