@@ -128,7 +128,7 @@ def to_digits(value: float, width: float) -> str:
     return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
 
 
-BAR_ROW, AROUND, LEGEND = 0.3, 1.1, 0.35  # in, of a factor, what else a panel takes, and the legend above all
+BAR_ROW, AROUND, LEGEND = 0.3, 1.1, 0.35  # in, of a factor, what else a panel takes, and the legend below all
 ACROSS = 3  # panels in a row
 FIRST_COLOUR, TOTAL_COLOUR = "#0072B2", "#F0C48A"
 NAME_SIZE = 8.5  # points
@@ -163,7 +163,7 @@ def sensitivity_figure(shown: Sensitivity) -> Figure:
     for index, (axes, share) in enumerate(zip(found, shares, strict=False)):
         plot_shares(axes, share, factors if index % across == 0 else [""] * len(factors), ends)
     entries = figure.axes[0].get_legend_handles_labels()
-    figure.legend(*entries, loc="outside upper center", ncols=2, frameon=False)
+    figure.legend(*entries, loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
