@@ -15,7 +15,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage
-from flexfem.study.columns import Rows, values_of
+from flexfem.study.columns import Rows, row_of, values_of
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
@@ -80,18 +80,14 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
         stage = stage_of(loaded, values)
         check_feasible(stage)
         found = solved_values(stage, loaded, inside)
-        return _doubted(loaded, values[None], _row("ok", "", found))
+        return _doubted(loaded, values[None], row_of("ok", "", found))
     except BadInput as refusal:
         status, reason = "refused", str(refusal)
     except MeshTimeout as failure:
         status, reason = "time limit", str(failure)
     except (ComputationFailed, np.linalg.LinAlgError) as failure:
         status, reason = "failed", str(failure)
-    return _row(status, reason, np.full(len(loaded.outputs), np.nan))
-
-
-def _row(status: str, reason: str, values: Array) -> Rows:
-    return Rows(np.array([status], dtype=object), np.array([reason], dtype=object), values[None])
+    return row_of(status, reason, np.full(len(loaded.outputs), np.nan))
 
 
 def _doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:

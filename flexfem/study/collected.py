@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -17,7 +16,7 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
 from flexfem.study.designs import Judged, judge
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.parts import KEY
+from flexfem.study.parts import about_of
 from flexfem.study.plan import RESERVED
 from flexfem.study.study_table import OK, StudyTable, Texts
 
@@ -137,11 +136,8 @@ def _texts(columns: list[Any], order: Index | None) -> Texts:
 
 
 def _metadata(path: Path, schema: Any) -> dict[str, Any]:
-    try:
-        found = json.loads((schema.metadata or {})[KEY])
-    except (KeyError, ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or "hash" not in found:
+    found = about_of(schema.metadata)
+    if "hash" not in found:
         raise BadInput(f"{path}: a Parquet file of something else, expected one that flexfem study collect wrote")
     return found
 

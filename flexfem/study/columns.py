@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
@@ -232,7 +233,11 @@ class Rows(NamedTuple):
     values: Array
 
 
+def row_of(status: str, reason: str, values: ArrayLike) -> Rows:
+    """The row of one design, values (outputs,)."""
+    return Rows(np.array([status], object), np.array([reason], object), np.array([values], float))
+
+
 def failed_row(outputs: int, status: str, reason: str) -> Rows:
     """The row of one design without an answer."""
-    text = one_line(reason, LONGEST)
-    return Rows(np.array([status], object), np.array([text], object), np.full((1, outputs), np.nan))
+    return row_of(status, one_line(reason, LONGEST), np.full(outputs, np.nan))

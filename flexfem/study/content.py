@@ -23,8 +23,8 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
-from flexfem.study.columns import Rows
-from flexfem.study.parts import KEY, PARQUET, Chunk, Parts
+from flexfem.study.columns import Rows, row_of
+from flexfem.study.parts import PARQUET, Chunk, Parts, about_of
 from flexfem.study.sampling import sample
 
 COUNTS = b"flexfem.counts"  # of the metadata that count what is in a part
@@ -127,11 +127,8 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _belongs(parts: Parts, metadata: Mapping[bytes, bytes]) -> bool:
     """Whether a file is of the study and versions of the parts; a study's title may have changed since."""
-    try:
-        about = json.loads(metadata[KEY])
-        return bool((about["hash"], about["versions"]) == (parts.loaded.hash, dict(parts.versions)))
-    except (KeyError, TypeError, ValueError, RecursionError):
-        return False
+    about = about_of(metadata)
+    return (about.get("hash"), about.get("versions")) == (parts.loaded.hash, dict(parts.versions))
 
 
 def _counts_in(parts: Parts, chunk: Chunk, metadata: Mapping[bytes, bytes]) -> Counts:
@@ -187,7 +184,7 @@ def kept_rows(parts: Parts, chunk: Chunk) -> dict[int, Rows]:
         checksum, _, content = line.partition(" ")
         if checksum == _checksum(path, content):
             design, status, reason, values = json.loads(content)
-            found[design] = Rows(np.array([status], object), np.array([reason], object), np.array([values], float))
+            found[design] = row_of(status, reason, values)
     return found
 
 

@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from flexfem.refused import BadInput
 from flexfem.study.content import RETRIED, Counts, counts_of_table, read_counts, read_part
-from flexfem.study.parts import KEY, PART, WHOLE, Parts, Shard, chunk_of, listed, names_in
+from flexfem.study.parts import PART, WHOLE, Parts, Shard, about_of, chunk_of, listed, names_in
 
 CURE = "processors differ: OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES, set alike everywhere, make them one"
 
@@ -161,9 +161,9 @@ def _require_plain(folder: Path) -> None:
 def _said(path: Path) -> Stale | None:
     """What a part says of itself, None where it is no part of a study."""
     try:
-        about = json.loads((pq.read_metadata(path).metadata or {})[KEY])
+        about = about_of(pq.read_metadata(path).metadata)
         return Stale(path, str(about["stem"]), str(about["hash"]), path.stat().st_size)
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError):
+    except (OSError, ValueError, pa.ArrowException, KeyError):
         return None
 
 

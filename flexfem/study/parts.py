@@ -118,6 +118,15 @@ class Parts:
         return self.folder / self.name(chunk)
 
 
+def about_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, Any]:
+    """What a file of flexfem says that it belongs to, nothing where it is none."""
+    try:
+        found = json.loads((metadata or {})[KEY])
+    except (KeyError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
     """The parts of a study in an output folder; `size` designs each, by default as many as are some seconds of work."""
     study = loaded.study

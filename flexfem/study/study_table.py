@@ -65,11 +65,7 @@ class StudyTable(NamedTuple):
     @property
     def counts(self) -> dict[str, int]:
         """How many designs have each status, the most frequent first."""
-        if isinstance(self.status, Texts):
-            numbers = np.bincount(self.status.codes, minlength=len(self.status.words)).tolist()
-            found = Counter({word: n for word, n in zip(self.status.words, numbers, strict=True) if n})
-            return dict(found.most_common())
-        return dict(Counter(self.status.tolist()).most_common())
+        return _counted(self.status, slice(None))
 
     @property
     def unanswered(self) -> dict[str, AnyArray]:
@@ -79,12 +75,7 @@ class StudyTable(NamedTuple):
     @property
     def doubts(self) -> dict[str, int]:
         """How many designs have an answer with something to know of it, by what it is."""
-        if isinstance(self.reason, Texts):
-            numbers = np.bincount(self.reason.codes[self.ok], minlength=len(self.reason.words)).tolist()
-            found = Counter({word: n for word, n in zip(self.reason.words, numbers, strict=True) if n and word})
-        else:
-            found = Counter(reason for reason in self.reason[self.ok].tolist() if reason)
-        return dict(found.most_common())
+        return {reason: n for reason, n in _counted(self.reason, self.ok).items() if reason}
 
     @property
     def warnings(self) -> list[str]:
@@ -112,6 +103,14 @@ class StudyTable(NamedTuple):
         """Columns of the designs that have an answer."""
         ok = self.ok
         return [self.columns[name] if ok.all() else self.columns[name][ok] for name in names]
+
+
+def _counted(texts: AnyArray | Texts, rows: Any) -> dict[str, int]:
+    """How often each text is there in some rows, the most frequent first."""
+    if not isinstance(texts, Texts):
+        return dict(Counter(texts[rows].tolist()).most_common())
+    numbers = np.bincount(texts.codes[rows], minlength=len(texts.words)).tolist()
+    return dict(Counter({word: n for word, n in zip(texts.words, numbers, strict=True) if n}).most_common())
 
 
 def counted_doubts(reasons: Mapping[str, int], ok: int) -> list[str]:

@@ -18,6 +18,8 @@ MOST = 10**9  # designs; a design and 100 columns are a kilobyte
 MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
 HELD: tuple[Method, ...] = ("latin_hypercube",)
 EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
+FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
+Better: TypeAlias = Literal["larger", "smaller"]
 NAME = r"^[A-Za-z][A-Za-z0-9_]{0,59}$"
 _KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
     "map": (("x", "y", "value"), ()),
@@ -25,6 +27,16 @@ _KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # neede
     "sensitivity": (("values",), ()),
     "pareto": (("x", "y"), ("x_better", "y_better", "drawn")),
 }
+
+
+def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: tuple[str, ...]) -> None:
+    """Refuse a table without a key that a choice needs, or with one that it has no use for."""
+    for name in needed:
+        if name not in table.model_fields_set:
+            raise refusal(f"{name} for {choice}")
+    for name in type(table).model_fields:
+        if name in table.model_fields_set and name not in (*needed, *possible):
+            raise refusal(f"no {name} with {choice}", name)
 
 
 class Sampling(Table):
@@ -41,12 +53,7 @@ class Sampling(Table):
     def _keys_of_its_method(self) -> Sampling:
         size = {"saltelli": "base"}.get(self.method, "designs")
         wanted = {"grid": (), "table": ("file",)}.get(self.method, (size, "seed"))
-        for name in wanted:
-            if name not in self.model_fields_set:
-                raise refusal(f'{name} for method = "{self.method}"')
-        for name in ("designs", "base", "seed", "file"):
-            if name in self.model_fields_set and name not in wanted:
-                raise refusal(f'no {name} with method = "{self.method}"', name)
+        _require_keys(self, f'method = "{self.method}"', wanted, ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method in HELD and (self.designs or 0) > MOST_HELD:
@@ -148,12 +155,6 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
     return matrix
 
 
-FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
-
-
-Better: TypeAlias = Literal["larger", "smaller"]
-
-
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
@@ -170,12 +171,7 @@ class Figure(Table):
     @model_validator(mode="after")
     def _keys_of_its_kind(self) -> Figure:
         needed, possible = _KEYS_OF[self.kind]
-        for name in needed:
-            if name not in self.model_fields_set:
-                raise refusal(f'{name} for kind = "{self.kind}"')
-        for name in type(self).model_fields:
-            if name in self.model_fields_set and name not in ("kind", "title", *needed, *possible):
-                raise refusal(f'no {name} with kind = "{self.kind}"', name)
+        _require_keys(self, f'kind = "{self.kind}"', needed, ("kind", "title", *possible))
         if self.x is not None and self.x == self.y:
             raise refusal("another column than x", "y")
         if self.values is not None and len(set(self.values)) < len(self.values):

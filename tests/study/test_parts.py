@@ -242,7 +242,7 @@ def test_killed_while_writing_a_part_is_whole_or_not_there(written):
         "from flexfem.study.content import write_part\n"
         "from flexfem.study.parts import parts_of\n"
         "from flexfem.study.loaded import load_study\n"
-        "from flexfem.study.rows import failed_row\n"
+        "from flexfem.study.columns import failed_row\n"
         "from pathlib import Path\n"
         "parts = parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 1)\n"
         "rows = failed_row(len(parts.loaded.outputs), 'failed', 'x')\n"
