@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.factor import Solve
+from flexfem.fem.factor import Solve, to_cvxopt
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import (
     QUADRATURE,
@@ -185,14 +185,13 @@ def factoriser() -> Factorise:
     """
     if find_spec("cvxopt") is None:
         return _by_superlu
-    from cvxopt import cholmod, matrix, spmatrix
+    from cvxopt import cholmod, matrix
 
     cholmod.options["supernodal"] = 2
     known: list[tuple[tuple[AnyArray, ...], object]] = []
 
     def factorise(lower: sp.coo_array) -> Factorization:
-        values, rows, columns = (matrix(part) for part in (lower.data, *(c.astype(np.int64) for c in lower.coords)))
-        matrix_in = spmatrix(values, rows, columns, lower.shape)
+        matrix_in = to_cvxopt(lower)
         if not known or not all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
             known[:] = [(lower.coords, cholmod.symbolic(matrix_in))]
         symbolic = known[0][1]
