@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from flexfem.reports import budget as budget
     from flexfem.reports import check as check
     from flexfem.reports import claims as claims
+    from flexfem.reports import command as command
     from flexfem.reports import converge as converge
     from flexfem.reports import cross_check as cross_check
     from flexfem.reports import mesh as mesh
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from flexfem.reports import under_load as under_load
     from flexfem.reports import verification as verification
     from flexfem.reports import workspace as workspace
+    from flexfem.stage.actuators import Actuator as Actuator
     from flexfem.stage.materials import Material as Material
     from flexfem.stage.materials import materials as materials
     from flexfem.stage.materials import register_material as register_material
@@ -67,11 +69,23 @@ __version__ = "0.1.0"
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
     "refused": ("BadInput", "ComputationFailed"),
+    "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
     "analytic.formulas": ("formulas", "register_formula"),
     "reports": (
-        *("Verification", "benchmark", "budget", "check", "claims", "converge", "cross_check", "mesh", "stiffness"),
+        *(
+            "Verification",
+            "benchmark",
+            "budget",
+            "check",
+            "claims",
+            "command",
+            "converge",
+            "cross_check",
+            "mesh",
+            "stiffness",
+        ),
         *("summary", "under_load", "verification", "workspace"),
     ),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),

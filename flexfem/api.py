@@ -60,11 +60,11 @@ class PlatformModel:
 
     def force(self, pose: ArrayLike) -> Array:
         """Load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput for another shape."""
-        return apply(self.stiffness, _vectors("pose", pose))
+        return apply(self.stiffness, vectors("pose", pose))
 
     def pose(self, force: ArrayLike) -> Array:
         """Pose (..., 3) of the platform under loads (..., 3). Raises BadInput for another shape."""
-        return apply(self.compliance, _vectors("force", force))
+        return apply(self.compliance, vectors("force", force))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class AnalyticModel(PlatformModel):
         `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `chains.concentration`, which states how far it is from finite
         elements.
         """
-        at, design = _vectors("pose", pose), lower(self.stage)
+        at, design = vectors("pose", pose), lower(self.stage)
         carried = Wrench(*(np.einsum("cnd,...d->...cn", part, at)[..., None] for part in self.result.wrench))
         sizes = design.radius[0], design.neck[0], design.thickness[0]
         return neck_stress(carried, *sizes, design.out_of_plane[0])[..., 0]
@@ -121,7 +121,7 @@ class ElementModel(PlatformModel):
 
     def displacement(self, force: ArrayLike) -> Array:
         """Displacement (..., n, 2), mm, of every node under loads (..., 3)."""
-        return np.tensordot(_vectors("force", force), self.solved.response.fields, axes=1)
+        return np.tensordot(vectors("force", force), self.solved.response.fields, axes=1)
 
     def stress(self, force: ArrayLike) -> Array:
         """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
@@ -165,7 +165,7 @@ class ElementModel(PlatformModel):
         """
         from flexfem.plot.displacement import plot_displacement
 
-        mesh, load = self.mesh, _vectors("force", force, 1)
+        mesh, load = self.mesh, vectors("force", force, 1)
         fields = Fields(
             nodes=mesh.nodes,
             triangles=mesh.triangles,
@@ -176,7 +176,7 @@ class ElementModel(PlatformModel):
         return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
 
     def _per_load(self, force: ArrayLike, read: Callable[[Any], Array]) -> Array:
-        loads = _vectors("force", force)
+        loads = vectors("force", force)
         mesh, answer = self.solved.mesh, self.solved.response
         cases = [read(load_case(self.stage, mesh, answer, load)) for load in loads.reshape(-1, 3)]
         return np.reshape(cases, (*loads.shape[:-1], *np.shape(cases)[1:]))
@@ -284,7 +284,7 @@ def errors(
     return Errors(*error_bands(model.stiffness, found, levels(resolution), stage.chain.link_lengths[2]))
 
 
-def _vectors(what: str, values: ArrayLike, most: int | None = None) -> Array:
+def vectors(what: str, values: ArrayLike, most: int | None = None) -> Array:
     """Finite numbers of shape (..., 3), with at most `most` axes."""
     try:
         found = np.asarray(values, dtype=float)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flexfem.verify.budget import Budget
     from flexfem.verify.case import Direction
     from flexfem.verify.claims import ClaimsReport
+    from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.protocol import Solved
     from flexfem.verify.result import Fields, Result
@@ -193,6 +194,49 @@ def under_load(
     if vtu is not None:
         write_vtu(solved.mesh, Path(vtu), {"displacement": case.field, "von_mises": case.stress})
     return report_load(stage, solved, case, resolution)
+
+
+def command(
+    stage: Stage,
+    pose: ArrayLike,
+    load: ArrayLike = (0.0, 0.0, 0.0),
+    mobility: int | None = None,
+    formula: str | None = None,
+    links: bool = False,
+    resolution: int | None = RESOLUTION,
+) -> Command:
+    """Strokes and forces of the stacks of a driven stage for a pose, and where its metal goes with them.
+
+    Parameters
+    ----------
+    pose, load : (3,), of the platform and on it: mm, mm, rad and N, N, N mm.
+    mobility, formula, links : of the model that computes the strokes, see `analyse`; without any, calibrated hinges
+        and elastic links.
+    resolution : of the finite elements; None leaves them out.
+
+    Raises
+    ------
+    BadInput
+        The stage has no actuators, cannot be made, or mobility and formula do not suit it.
+    ComputationFailed
+        Its commands do not move the platform in three directions, or as `flexfem.solve`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.command(flexfem.load("geometry/mobility6.toml"), [2e-3, 1e-3, 0], resolution=None)
+    >>> [round(1e3 * stroke, 2) for stroke in found.criteria["least energy"].command]  # um, six pairs
+    [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
+    """
+    from flexfem.analytic import formulas
+    from flexfem.api import vectors
+    from flexfem.verify import command as verify
+
+    check_feasible(stage)
+    formulas.formula(formula or DEFAULT_FORMULA)
+    asked = formula is not None or mobility is not None or links
+    model = (mobility, formula or DEFAULT_FORMULA, links) if asked else None
+    return verify.command(stage, vectors("pose", pose, 1), vectors("load", load, 1), model, resolution)
 
 
 def budget(

@@ -248,6 +248,41 @@ MUTATIONS = [
         "[1.0, 1.0, 1 / lever]",
         "test_the_box_is_searched_at_its_corners_edges_and_faces",
     ),
+    Mutation(
+        "a contact pushes the wrong way",
+        "beyond_hinges",
+        "Q[stack.chain, :push.body, :, j] += stack.placed(push)",
+        "Q[stack.chain, :push.body, :, j] -= stack.placed(push)",
+        "test_openings_and_poses_are_those_of_the_joints",
+    ),
+    Mutation(
+        "the stacks of a pair swapped",
+        "_drive",
+        "1.0 - 2.0 * side",
+        "2.0 * side - 1.0",
+        "test_a_pair_is_commanded_about_the_middle_of_its_strokes",
+    ),
+    Mutation(
+        "an arm in the frame of chain 1",
+        "placed",
+        "chain_rotation(self.chain) @ push.wrench",
+        "push.wrench",
+        "test_the_contacts_of_the_other_chains_are_turned_with_them",
+    ),
+    Mutation(
+        "a stroke for half a stroke",
+        "_limits",
+        "(-stroke / 2, stroke / 2)",
+        "(-stroke, stroke)",
+        "test_a_pair_is_commanded_about_the_middle_of_its_strokes",
+    ),
+    Mutation(
+        "limits of the base hinges only",
+        "limits_of_strokes",
+        "np.eye(len(drive.lowest))",
+        "np.diag(np.arange(len(drive.lowest)) % 2 == 0) * 1.0",
+        "test_the_limits_of_every_stack_count",
+    ),
 ]
 
 

@@ -42,8 +42,18 @@ def body_compliance(stage: Stage, plane: Plane | None = None) -> Array:
 
 def _bar(stage: Stage, material: Elastic, segment: Segment) -> Array:
     """Compliance (3, 3) at the platform of one line or arc of a strip as wide as the link."""
+    return np.asarray(np.sum(bar_density(stage, material, segment)[0], axis=0))
+
+
+def bar_density(
+    stage: Stage, material: Elastic, segment: Segment, first: float = 0.0, last: float = 1.0
+) -> tuple[Array, Array]:
+    """Compliances (q, 3, 3) at the platform of pieces of one line or arc, and where they are: shares (q,) of it.
+
+    The strip is as wide as the link; `first` and `last` are the shares between which it is taken.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-    share = (nodes + 1) / 2
+    share = first + (last - first) * (nodes + 1) / 2
     if segment.centre is None:
         at = segment.start + share * (segment.end - segment.start)
         along, density = np.full(POINTS, (segment.end - segment.start) / segment.length), _straight(stage, material)
@@ -53,7 +63,8 @@ def _bar(stage: Stage, material: Elastic, segment: Segment) -> Array:
         at, along = np.full(POINTS, segment.centre), 1j * side * spoke / np.abs(spoke)
         density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer([side, 1, 1], [side, 1, 1])
     J = motions(at, along)
-    return np.asarray(np.einsum("q,qia,ab,qjb->ij", weights / 2 * segment.length, J, density, J))
+    pieces = weights / 2 * segment.length * (last - first)
+    return np.asarray(np.einsum("q,qia,ab,qjb->qij", pieces, J, density, J)), share
 
 
 def _straight(stage: Stage, material: Elastic) -> Array:

@@ -12,14 +12,14 @@ from typing import Annotated
 
 import typer
 
-from flexfem.commands import stage, streams, study, validation, verification
+from flexfem.commands import drive, stage, streams, study, validation, verification
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(
     help=ABOUT, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
 )
-for group in (stage, verification, validation):
+for group in (stage, drive, verification, validation):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
 

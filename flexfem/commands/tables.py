@@ -6,14 +6,26 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexfem.units import COMMANDS, COMPLIANCES, DEGREE, FORCES, LENGTH, POSES, STIFFNESSES, STRESS, STRESSES, Unit
+from flexfem.units import (
+    COMMANDS,
+    COMPLIANCES,
+    DEGREE,
+    FORCES,
+    LENGTH,
+    MICROMETRE,
+    POSES,
+    STIFFNESSES,
+    STRESS,
+    STRESSES,
+    Unit,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
     from flexfem.arrays import Array
-    from flexfem.verify.answers import LoadReport, MeshReport, PlacedHinge, StageReport, StiffnessReport
+    from flexfem.verify.answers import LoadReport, MeshReport, PlacedActuator, PlacedHinge, StageReport, StiffnessReport
     from flexfem.verify.case import Direction
     from flexfem.verify.hinges import KnownFormula
     from flexfem.verify.summary import ModelSummary, Summary
@@ -60,14 +72,28 @@ def print_stage(of: StageReport) -> None:
     x, y, R, t = (f"{name} {LENGTH}" for name in ("x", "y", "R", "t"))
     head = ("chain", "hinge", x, y, f"axis {DEGREE.plain}", R, t, "freedoms")
     out.print(table(head, map(_hinge, of.hinges)))
+    for one in of.drive.actuators if of.drive else ():
+        out.print(_actuator(one))
     out.print("where the numbers come from:")
-    for key, source in (of.provenance | dict.fromkeys(of.not_stated, "not stated")).items():
+    stated = of.provenance | (of.drive.provenance if of.drive else {})
+    for key, source in (stated | dict.fromkeys(of.not_stated, "not stated")).items():
         out.print(f"  {key}: {source}")
     for text in of.warnings:
         out.print(f"warning: {text}")
     for said, keys in (("assumed, not the paper's", of.assumed), ("no source stated", of.not_stated)):
         if keys:
             out.print(f"{said}: {', '.join(keys)}")
+
+
+def _actuator(one: PlacedActuator) -> str:
+    """An actuator in a line."""
+    kind = "a pair of stacks" if len(one.contacts_mm) == 2 else "a stack"
+    k, with_contact = (value / MICROMETRE.factor for value in (one.stiffness, one.stiffness_with_contact))
+    return (
+        f"drive {one.name}: {kind} {one.stack or 'of its own'} on {one.between[0]} pushing {one.between[1]}, "
+        f"{one.stroke * MICROMETRE.factor:g} {MICROMETRE.plain}, {one.blocking_force:.4g} N, {k:.4g} N/um, "
+        f"{with_contact:.4g} with its contact, preload {one.preload:g} N"
+    )
 
 
 def _hinge(h: PlacedHinge) -> Iterator[str]:

@@ -141,7 +141,7 @@ def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationEr
     for part in first.path:
         value = value[part]
     unit = fields.get(str(next((part for part in reversed(first.path) if isinstance(part, str)), "")), "")
-    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg")) else first.expected
+    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg", "_um")) else first.expected
     return one_line(f"{key} = {shown(value)}, expected {expected}{more}" if key else f"expected {expected}{more}")
 
 

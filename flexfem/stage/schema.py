@@ -14,14 +14,17 @@ from typing import Any, ClassVar
 from pydantic import Field, model_validator
 
 from flexfem.arrays import AnyArray
-from flexfem.files.provenance import Sourced, key_paths, provenance_of, values_by_key
+from flexfem.files.keypath import key_path
+from flexfem.files.provenance import Doubts, Sourced, key_paths, provenance_of, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import toml_text, write_atomically
 from flexfem.refused import BadInput
+from flexfem.stage.actuators import Actuator
 from flexfem.stage.cache import KEPT, once
 from flexfem.stage.designs import Elastic, lower
+from flexfem.stage.drives import check_drive
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
 from flexfem.stage.materials import Material as Material
@@ -56,6 +59,7 @@ class Stage(Dimensioned, Sourced):
     hinges: Hinges
     platform: Platform
     override: tuple[Override, ...] = ()
+    actuator: tuple[Actuator, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -72,6 +76,14 @@ class Stage(Dimensioned, Sourced):
         for index, hinge in enumerate(hinges):
             if hinge in hinges[:index]:
                 raise refusal("each hinge overridden once", "override", index)
+        return self
+
+    @model_validator(mode="after")
+    def _names_each_actuator_once(self) -> Stage:
+        names = [actuator.name for actuator in self.actuator]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise refusal("a name that no other actuator has", "actuator", index, "name")
         return self
 
     @cached_property
@@ -116,6 +128,8 @@ link, expected < chain.link_width_mm = 9
             raise BadInput(refusal.reason.removeprefix("Stage: "), str(origin)) from None
         changed.__dict__["origin"] = origin
         check_feasible(changed)
+        if "actuator" in changes:
+            check_drive(changed)
         return changed
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Stage:
@@ -202,13 +216,45 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance."""
-        content = self.model_dump(exclude={"name": True, "provenance": True, "override": True, "material": {"name"}})
+        """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance, no drive."""
+        content = self.model_dump(exclude={"name", "provenance", "override", "actuator"})
+        del content["material"]["name"]
         if self.model == "plane_stress":  # the hashes of stages older than the key stay
             del content["model"]
         content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in _hinges(self)]
-        text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return _digest(content)
+
+    @property
+    def drive_hash(self) -> str:
+        """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of."""
+        drive = [[one.model_dump(exclude={"name", "stack"}), one.rating] for one in self.actuator]
+        return _digest({"stage": self.hash, "drive": drive})
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """As of every file, without the drive, of which only answers on a driven stage are made."""
+        return tuple(key for key in super().numbers if not of_drive(key))
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """As of every file, without the drive."""
+        return tuple(key for key in super().assumed if not of_drive(key))
+
+    @property
+    def drive_doubts(self) -> Doubts:
+        """What is assumed and what is not stated, the drive included; a ball of no stated metal is of assumed steel."""
+        steel = [
+            f"{key_path(('actuator', k), self)}.ball (steel)"
+            for k, one in enumerate(self.actuator)
+            if one.steel_assumed
+        ]
+        not_stated = [key for key in super().numbers if provenance_of(self, key) is None]
+        return Doubts([*super().assumed, *steel], not_stated)
+
+
+def of_drive(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is one of the drive."""
+    return key.removeprefix("provenance.").lstrip('"').startswith("actuator")
 
 
 @once
@@ -237,10 +283,16 @@ def load_stage(path: Path) -> Stage:
 
 
 def load_feasible(path: Path) -> Stage:
-    """Read a stage file and refuse what cannot be made. Raises BadInput, naming the file."""
+    """Read a stage file and refuse what cannot be made or driven as it says. Raises BadInput, naming the file."""
     stage = load_stage(path)
     check_feasible(stage)
+    check_drive(stage)
     return stage
+
+
+def _digest(content: dict[str, Any]) -> str:
+    text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _canonical(value: Any) -> Any:

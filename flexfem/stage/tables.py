@@ -131,10 +131,16 @@ def _merge(old: Any, new: Any) -> Any:
     return old | {key: _merge(old.get(key), value) for key, value in new.items()}
 
 
+def _said(member: Any) -> Any:
+    """What a member of an array says; it replaces another whole, so that None says nothing."""
+    said = member.model_dump(exclude_unset=True) if isinstance(member, BaseModel) else member
+    return {key: each for key, each in said.items() if each is not None} if isinstance(said, Mapping) else said
+
+
 def _plain(value: Any) -> Any:
     """A table built in Python by its content, which replaces what is held as far as it says anything."""
     if isinstance(value, BaseModel):
         return value.model_dump(exclude_unset=True)
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_plain(_said(item)) for item in value]
     return {key: _plain(item) for key, item in value.items()} if isinstance(value, Mapping) else plain(value)

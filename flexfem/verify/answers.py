@@ -17,7 +17,8 @@ from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
 from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.stage.designs import stage_frames
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.stage.drives import contacts
+from flexfem.stage.schema import HINGE_NAMES, Stage, of_drive
 from flexfem.verify import warning
 
 if TYPE_CHECKING:
@@ -40,8 +41,39 @@ class PlacedHinge(NamedTuple):
     prismatic: bool
 
 
+class PlacedActuator(NamedTuple):
+    """An actuator: its bodies, contacts (x, y) and directions of chain 1, and what each of its stacks can do.
+
+    stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
+    """
+
+    name: str
+    between: tuple[str, str]
+    stack: str | None
+    contacts_mm: list[tuple[float, float]]
+    directions_deg: list[float]
+    stroke: float
+    stiffness: float
+    blocking_force: float
+    stiffness_with_contact: float
+    preload: float
+
+
+class DriveReport(NamedTuple):
+    """The drive of a stage: its hash is that of stage and drive; doubts and sources of all numbers of both."""
+
+    actuators: list[PlacedActuator]
+    hash: str
+    provenance: dict[str, str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
 class StageReport(NamedTuple):
-    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file."""
+    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file.
+
+    drive : None without actuators; nothing else says anything of it.
+    """
 
     file: str
     name: str
@@ -55,6 +87,7 @@ class StageReport(NamedTuple):
     warnings: list[str]
     assumed: list[str]
     not_stated: list[str]
+    drive: DriveReport | None
 
 
 class StiffnessReport(NamedTuple):
@@ -118,17 +151,42 @@ class LoadReport(NamedTuple):
 
 def report_stage(stage: Stage) -> StageReport:
     """What a file says of a stage, and where its numbers come from."""
-    sources = {key: provenance_of(stage, key) for key in key_paths(stage)}
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if not of_drive(key)}
     return StageReport(
         **_stage(stage),
         mobility=stage.mobility,
         model=stage.model,
         chains_alike=stage.chains_alike,
         hash=stage.hash,
-        dimensions=stage.model_dump(mode="json", exclude={"name", "hinges", "override", "provenance"}),
+        dimensions=stage.model_dump(mode="json", exclude={"name", "hinges", "override", "actuator", "provenance"}),
         hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
         provenance={key: source for key, source in sources.items() if source},
         warnings=warning.of_stage(stage),
+        drive=_drive(stage) if stage.actuator else None,
+    )
+
+
+def _drive(stage: Stage) -> DriveReport:
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if of_drive(key)}
+    return DriveReport(
+        actuators=[_actuator(stage, index) for index in range(len(stage.actuator))],
+        hash=stage.drive_hash,
+        provenance={key: source for key, source in sources.items() if source},
+        **stage.drive_doubts._asdict(),
+    )
+
+
+def _actuator(stage: Stage, index: int) -> PlacedActuator:
+    one, placed = stage.actuator[index], contacts(stage, 1, index)
+    return PlacedActuator(
+        name=one.name,
+        between=one.between,
+        stack=one.stack,
+        contacts_mm=[(each.point.real, each.point.imag) for each in placed],
+        directions_deg=[float(np.rad2deg(each.direction) % 360.0) for each in placed],
+        **one.rating._asdict(),
+        stiffness_with_contact=one.stiffness_with(stage.material),
+        preload=one.preload,
     )
 
 

@@ -989,8 +989,9 @@ def numbers_in(data: Any, path: str = "") -> Iterator[str]:
             yield from numbers_in(value, here)
         elif isinstance(value, list) and value and isinstance(value[0], dict):
             for item in value:
-                yield from numbers_in(item, f"{here}.{item['chain']}.{item['hinge']}")
-        elif not isinstance(value, str | bool) and key != "chain":
+                about = item["name"] if key == "actuator" else f"{item['chain']}.{item['hinge']}"
+                yield from numbers_in(item, f"{here}.{about}")
+        elif not isinstance(value, str | bool) and key not in ("chain", "between"):
             yield here
 
 

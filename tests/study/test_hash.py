@@ -13,7 +13,7 @@ from flexfem.stage.schema import Hinge, Override
 from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]
-NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",)}
+NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",)}  # the drive has a hash of its own
 NOT_OF_A_STUDY = {("name",), ("stage",), ("figure",), ("provenance",), ("time_limit",), ("check",)}  # check by `draws`
 NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make
 DRIVEN = ("sd = 1.5\n", "sd = 1.5\n[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")

@@ -25,7 +25,7 @@ from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment
-from flexfem.stage.schema import Stage
+from flexfem.stage.schema import Stage, of_drive
 from flexfem.verify.case import Case
 from flexfem.verify.claims import Claims
 
@@ -71,7 +71,10 @@ def kind_of(path: Path) -> Kind:
 
 
 def keys_of(path: Path) -> Keys:
-    """Every key of an input file by its path in the file, in file units; defaults are filled in."""
+    """Every key of an input file by its path in the file, in file units; defaults are filled in.
+
+    A stage's drive is left out: no record is made of it.
+    """
     kind = kind_of(path)
     if kind == "chart":
         data = json.loads(path.read_bytes())
@@ -79,7 +82,8 @@ def keys_of(path: Path) -> Keys:
         data = read_toml(path).data
         if kind in MODELS:
             data = _completed(MODELS[kind](path), data)
-    return {key_path(key, data): value for key, value in leaves(data).items()}
+    found = {key_path(key, data): value for key, value in leaves(data).items()}
+    return {key: value for key, value in found.items() if kind != "stage" or not of_drive(key)}
 
 
 def _completed(table: BaseModel, data: Mapping[str, Any]) -> dict[str, Any]:

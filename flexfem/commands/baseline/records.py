@@ -83,7 +83,7 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     stage = load_feasible(path)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: _by_name(answers.report_stage(stage)),
+        "check": lambda: {key: each for key, each in _by_name(answers.report_stage(stage)).items() if key != "drive"},
         "stiffness": lambda: _stiffness(stage),
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),

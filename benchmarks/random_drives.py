@@ -1,0 +1,92 @@
+"""Driven random stages: calibrated hinges with elastic links against finite elements, pose by stroke and all of C.
+
+    python benchmarks/random_drives.py [--stages 40] [--seed 2003] [--resolution 8]
+
+Stages as in random_stages.py. Each is driven as the paper's, by pairs between the frame and link 1 and between link 2
+and link 1 of every chain, with contacts, directions and stiffnesses drawn.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from random_stages import described, drawn
+
+from flexfem.arrays import Array
+from flexfem.refused import BadInput
+from flexfem.stage.bodies import centrelines
+from flexfem.stage.contacts import middle_at, tangent_at
+from flexfem.stage.drives import drive_of
+from flexfem.stage.schema import Stage
+from flexfem.verify.driven import commands_for, moved
+from flexfem.verify.driven_models import CALIBRATED, commanding, driven_metal
+
+CARRIERS = ("frame", "link 2")
+
+
+def with_drive(stage: Stage, rng: np.random.Generator) -> Stage:
+    """The stage with a drive drawn: contacts 20 to 80 % of the way along link 1, up to 20 degrees off its normal."""
+    path = centrelines(stage, 1)[1]
+    length = sum(segment.length for segment in path)
+    while True:
+        actuators = []
+        for name in CARRIERS:
+            s, side = length * rng.uniform(0.2, 0.8), rng.choice([-1, 1])
+            for segment in path:
+                if s <= segment.length:
+                    break
+                s -= segment.length
+            normal = 1j * side * tangent_at(segment, np.array(s / segment.length))
+            point = middle_at(segment, np.array(s / segment.length)) + normal * stage.chain.link_width / 2
+            actuators.append(
+                {
+                    "name": name,
+                    "between": (name, "link 1"),
+                    "point": (float(point.real), float(point.imag)),
+                    "direction": float(np.angle(-normal) + np.deg2rad(rng.uniform(-20, 20))),
+                    "pair": True,
+                    "stroke": 0.0174,
+                    "stiffness": float(10 ** rng.uniform(3.5, 5)),
+                }
+            )
+        try:
+            return stage.replace(actuator=actuators)
+        except BadInput:
+            continue
+
+
+def deviations(stage: Stage, resolution: int) -> Array:
+    """Per cent (3,): of C, per root of its diagonals; of the pose by strokes for a pose; of C of the platform alone."""
+    model, metal = commanding(stage, None, CALIBRATED, True), driven_metal(stage, resolution)
+    C, F = model.of.C, metal.of.C
+    size = np.sqrt(np.diag(F))
+    off = np.abs(C - F) / np.outer(size, size)
+    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    scale, missed = np.array([1, 1, lever]), []
+    for pose in np.diag(1e-3 / scale):
+        x = commands_for(model.of, drive, pose, np.zeros(3), lever, "least energy")
+        missed.append(np.abs((moved(metal.of, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
+    return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3])])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--stages", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=2003)
+    parser.add_argument("--resolution", type=int, default=8)
+    arguments = parser.parse_args()
+    rng, found, stages = np.random.default_rng(arguments.seed), [], []
+    for stage in drawn(arguments.stages, arguments.seed):
+        stages.append(with_drive(stage, rng))
+        found.append(deviations(stages[-1], arguments.resolution))
+        print(f"{len(found):3}  {found[-1].round(3)}", flush=True)
+    print("per cent: compliance of platform and stacks, pose by strokes, compliance of the platform alone")
+    print("median", np.median(found, axis=0).round(3))
+    print("worst ", np.max(found, axis=0).round(3))
+    worst = int(np.argmax(np.max(found, axis=1)))
+    print(f"worst stage: {worst + 1}, {described(stages[worst])}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+"""The driven stage as one compliance of platform loads and stack forces, at any mobility, with elastic links or rigid.
+
+Flexibility method. Every section of a chain carries the wrench w of the platform's end and that of all pushes beyond
+it, Q f; a hinge, or a length of a link, of compliance c, all at the platform centre, moves what is beyond it by
+c (w + Q f). Of each chain, then, with sums over its hinges and links,
+
+    U = A w + B f,   opening of the stacks = B' w + D f,   A = sum c, B = sum c Q, D = sum Q' c Q
+
+where U is the same for all chains and their wrenches balance the load: no dependent joints are needed.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.kinematics import KINDS, Freedoms, checked
+from flexfem.analytic.links import bar_density
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.notch import Compliance
+from flexfem.analytic.platform import platform_compliance
+from flexfem.arrays import Array, inverse
+from flexfem.stage.bodies import centrelines
+from flexfem.stage.contacts import LINKS, Push, Stack, Station, chain_rotation, share_beyond
+from flexfem.stage.designs import Frames, stage_frames
+from flexfem.stage.drives import drive_of
+from flexfem.stage.schema import CHAINS, Stage
+
+PLATFORM = 3  # of `actuators.BODY_NAMES`
+
+
+class DrivenModel(NamedTuple):
+    """Analytic answer to the loads of the platform and one newton of each of n stacks; leading axes are designs.
+
+    compliance : (..., 3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
+    necks : (..., 3 chains, 3 hinges, 3, 3 + n), wrench that each neck carries, at the platform centre.
+    """
+
+    compliance: Array
+    necks: Array
+
+
+class LinkParts(NamedTuple):
+    """What elastic links add to A (3 chains, 3, 3), B (3, 3, n) and D (n, n); platform (9, 9) to all three chains."""
+
+    A: Array
+    B: Array
+    D: Array
+    platform: Array
+
+
+def driven_model(stage: Stage, result: AnalyticResult) -> DrivenModel:
+    """The driven stage by the hinges and freedoms of an analytic model of it, with elastic links where it has them.
+
+    Raises BadInput for a stage without actuators.
+    """
+    stacks = drive_of(stage).stacks
+    elastic = link_parts(stage, stacks) if result.links else None
+    return driven(stage_frames(stage), result.hinges, result.freedoms, stacks, elastic)
+
+
+def driven(
+    frames: Frames,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    stacks: tuple[Stack, ...],
+    elastic: LinkParts | None = None,
+) -> DrivenModel:
+    """The driven stage; frames (..., 3, 3, 2) and hinges (..., 3, 3) of any number of designs.
+
+    nan for a design with a chain that has no compliance in some direction.
+    """
+    c, Q = hinge_compliances(frames, hinges, freedoms), beyond_hinges(stacks)
+    A, B = np.sum(c, axis=-3), np.einsum("...chab,chbn->...can", c, Q)
+    D = np.einsum("chan,...chab,chbm->...nm", Q, c, Q)
+    body = np.zeros((9, 9))
+    if elastic is not None:
+        A, B, D, body = A + elastic.A, B + elastic.B, D + elastic.D, elastic.platform
+    lead, n = A.shape[:-3], len(stacks)
+    W = inverse(body + np.einsum("ij,...iab->...iajb", np.eye(3), A).reshape(*lead, 9, 9))  # wrenches per opening
+    one, B = np.tile(np.eye(3), (3, 1)), B.reshape(*lead, 9, n)
+    C_uu = inverse(one.T @ W @ one)
+    T = on_hub(stacks) + one.T @ W @ B  # the load of the platform that a stack is as good as
+    moved = C_uu @ np.concatenate([np.broadcast_to(np.eye(3), (*lead, 3, 3)), T], axis=-1)
+    closed = np.concatenate([np.zeros((*lead, 9, 3)), B], axis=-1)
+    w = W @ (one @ moved - closed)
+    opened = np.swapaxes(T, -1, -2) @ moved
+    opened[..., 3:] += D - np.swapaxes(B, -1, -2) @ W @ B
+    carried = np.concatenate([np.zeros((3, 3, 3, 3)), Q], axis=-1)
+    necks = w.reshape(*lead, 3, 1, 3, 3 + n) + carried
+    return DrivenModel(np.concatenate([moved, opened], axis=-2), necks)
+
+
+def hinge_compliances(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
+    """Compliance (..., 3 chains, 3 hinges, 3, 3) of each hinge at the platform centre: G k^-1 G^T."""
+    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
+    x, y = frames.centres[..., 0], frames.centres[..., 1]
+    c, s = np.cos(frames.axes), np.sin(frames.axes)
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    G = np.stack(
+        [np.stack(column, axis=-1) for column in ((y, -x, one), (c, s, zero), (-s, c, zero))], axis=-1
+    )  # as in `chains.chain_compliance`
+    own = np.stack(np.broadcast_arrays(*hinges), axis=-1) * allowed
+    return np.asarray(np.einsum("...ak,...k,...bk->...ab", G, own, G))
+
+
+def beyond_hinges(stacks: tuple[Stack, ...]) -> Array:
+    """Wrench (3 chains, 3 hinges, 3, n) of one newton of each stack beyond each hinge, at the platform centre."""
+    Q = np.zeros((3, 3, 3, len(stacks)))
+    for j, stack in enumerate(stacks):
+        for push in stack.pushes:
+            if push.body in LINKS:
+                Q[stack.chain, : push.body, :, j] += stack.placed(push)
+    return Q
+
+
+def on_hub(stacks: tuple[Stack, ...]) -> Array:
+    """Wrench (3, n) of one newton of each stack on the platform."""
+    P = np.zeros((3, len(stacks)))
+    for j, stack in enumerate(stacks):
+        for push in stack.pushes:
+            if push.body == PLATFORM:
+                P[:, j] += stack.placed(push)
+    return P
+
+
+def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
+    """What pads, links and platform of one stage add to the compliances of its chains.
+
+    Raises BadInput when they cannot be drawn.
+    """
+    n = len(stacks)
+    A, B, D = np.zeros((3, 3, 3)), np.zeros((3, 3, n)), np.zeros((n, n))
+    for chain in CHAINS:
+        R = chain_rotation(chain - 1)
+        for c, Q in _bars(stage, chain, stacks):
+            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
+            B[chain - 1] += R @ np.einsum("qab,qbn->an", c, Q)
+            D += np.einsum("qan,qab,qbm->nm", Q, c, Q)
+    return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
+
+
+def _bars(stage: Stage, chain: int, stacks: tuple[Stack, ...]) -> list[tuple[Array, Array]]:
+    """Compliances (q, 3, 3) of pieces of pad and links, and the wrenches (q, 3, n) of the pushes beyond them.
+
+    Frame of chain 1; the ends of stations part the pieces.
+    """
+    mine = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
+    found = []
+    for link, path in enumerate(centrelines(stage, chain)):
+        begin = 0.0
+        here = [push.station for _, push in mine if push.body == link and push.station is not None]
+        for segment in path:
+            for low, high in _parted(begin, begin + segment.length, here):
+                ends = (low - begin) / segment.length, (high - begin) / segment.length
+                c, share = bar_density(stage, stage.elastic, segment, *ends)
+                at = begin + share * segment.length
+                found.append((c, _beyond(link, at, mine, len(stacks))))
+            begin += segment.length
+    return found
+
+
+def _parted(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
+    """A length of a path in pieces, parted where stations begin and end."""
+    marks = {mark for each in stations for mark in (each.middle - each.half, each.middle + each.half)}
+    cuts = [begin, *sorted(mark for mark in marks if begin < mark < end), end]
+    return list(pairwise(cuts))
+
+
+def _beyond(link: int, at: Array, pushes: list[tuple[int, Push]], n: int) -> Array:
+    """Wrench (q, 3, n) of the pushes beyond places (q,), mm along a link (0 the pad), frame of chain 1."""
+    Q = np.zeros((len(at), 3, n))
+    for j, push in pushes:
+        if push.station is not None and push.body >= link:
+            share = np.ones(len(at)) if push.body > link else share_beyond(push.station, at)
+            Q[:, :, j] += share[:, None] * push.wrench
+    return Q

@@ -1,0 +1,112 @@
+"""Commands on a driven stage: the strokes for a pose, and how they are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexfem.commands import console
+from flexfem.commands.console import Json, Resolution, StageFile, check_within
+from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.refused import BadInput
+from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
+
+if TYPE_CHECKING:
+    from flexfem.verify.command import Command, OpenLoop, Strokes
+    from flexfem.verify.driven import Criterion
+
+app = typer.Typer()
+LARGEST_POSE = 1e2  # mm, rad; no piezo drive goes a thousandth of it
+LARGEST_LOAD = 1e6  # N, N mm
+
+
+@app.command()
+def command(
+    stage: StageFile,
+    pose: Annotated[
+        tuple[float, float, float], typer.Option(metavar="X Y THETA", help="Pose of the platform: mm, mm, rad.")
+    ],
+    load: Annotated[
+        tuple[float, float, float], typer.Option(metavar="FX FY M", help="Load on the platform: N, N, N mm.")
+    ] = (0.0, 0.0, 0.0),
+    formula: Annotated[str | None, typer.Option(help="Hinge formula of the commanding model.")] = None,
+    mobility: Annotated[int | None, typer.Option(help="Its mobility, with rigid links: 3, 6, 12 or 21.")] = None,
+    links: Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")] = False,
+    analytic: Annotated[bool, typer.Option("--analytic", help="Without finite elements.")] = False,
+    resolution: Resolution = None,
+    json: Json = False,
+) -> None:
+    """Strokes and forces of every stack for a pose, and where the metal goes when it is given them.
+
+    By default the model has calibrated hinges and elastic links.
+    """
+    from flexfem import reports
+    from flexfem.stage.schema import load_feasible
+
+    check_within("--pose", pose, LARGEST_POSE)
+    check_within("--load", load, LARGEST_LOAD)
+    if links and mobility not in (None, 21):
+        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
+    if analytic and resolution is not None:
+        raise BadInput("--analytic and --resolution, expected one of the two")
+    finest = None if analytic else resolution or reports.RESOLUTION
+    found = reports.command(load_feasible(stage), pose, load, mobility, formula, links, finest)
+    console.show(found, json, print_command)
+
+
+def print_command(of: Command) -> None:
+    """Print strokes and forces by stack, and where the metal goes with them."""
+    out = people()
+    pose = ", ".join(f"{value * unit.factor:.5g} {unit.plain}" for value, unit in zip(of.pose, COMMANDS, strict=True))
+    out.print(f"{of.name}: pose {pose}; strokes by {of.model}")
+    criteria = of.criteria
+    head = ("stack", *(cell for name in criteria for cell in (f"{name}: {MICROMETRE.plain}", FORCES[0].plain)))
+    out.print(table(head, _stack_rows(of)))
+    out.print(table(("", *criteria), _criterion_rows(criteria)))
+    for kind, found in (("engaged", of.engaged), ("disengaged", of.disengaged)):
+        stiff = (f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True))
+        out.print(f"stiffness with the drive {kind}: {', '.join(stiff)}")
+    if of.open_loop:
+        round_off = 1e-12 * max(map(abs, of.pose))
+        head = ("error of the metal by model", *DIRECTIONS)
+        out.print(table(head, (_miss(each, round_off) for each in of.open_loop)))
+    print_ending(out, of)
+
+
+def _stack_rows(of: Command) -> Iterator[list[str]]:
+    """Stroke beyond rest and force of every stack, by criterion."""
+    for k, name in enumerate(of.stacks):
+        cells = [(one.stroke[k] * MICROMETRE.factor, one.force[k]) for one in of.criteria.values()]
+        yield [name, *(text for stroke, force in cells for text in (f"{stroke:+.4f}", f"{force:.3f}"))]
+
+
+def _criterion_rows(criteria: Mapping[Criterion, Strokes]) -> Iterator[list[str]]:
+    """What every criterion comes to, a row each."""
+    found = criteria.values()
+    yield ["strain energy of the metal (N mm)", *(f"{one.metal:.4g}" for one in found)]
+    yield ["and of stacks and contacts", *(f"{one.stacks:.4g}" for one in found)]
+    for limit in ("stroke", "contact", "blocking"):
+        yield [f"share of the limit of {limit}", *map(_percent, (one.share[limit] for one in found))]
+    yield ["largest hinge rotation (mrad)", *(f"{1e3 * _largest(one.rotation):.4g}" for one in found)]
+    yield [f"highest neck stress ({STRESS})", *(f"{_largest(one.stress):.4g}" for one in found)]
+    metal = [one.element_stress for one in found if one.element_stress is not None]
+    if metal:
+        yield ["by finite elements", *(f"{_largest(stress):.4g}" for stress in metal)]
+
+
+def _percent(share: float | None) -> str:
+    return "none allowed" if share is None else f"{100 * share:.3g} %"
+
+
+def _largest(of: Sequence[Sequence[float]]) -> float:
+    return max(abs(value) for row in of for value in row)
+
+
+def _miss(of: OpenLoop, least: float) -> list[str]:
+    """Error of a pose, each number with its prefix, those below the least one as zero."""
+    errors = [error if abs(error) > least else 0.0 for error in of.error]
+    units = [unit_for(axis, abs(error)) for axis, error in zip(DIRECTIONS, errors, strict=True)]
+    cells = zip(errors, units, strict=True)
+    return [of.model, *(f"{e * unit.factor:+.4g} {unit.plain}" if e else "0" for e, unit in cells)]

@@ -1,0 +1,206 @@
+"""Actuators as a stage file says them: a piezo stack, or an antagonistic pair, between two bodies of every chain."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Label, Table, validate
+from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, at_least, converted
+from flexfem.stage.materials import Material
+from flexfem.stage.tables import HingeName
+
+Body: TypeAlias = Literal["frame", "link 1", "link 2", "platform"]
+BODY_NAMES: tuple[Body, ...] = get_args(Body)
+CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
+ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
+STEEL = (206e3, 0.3)  # of balls whose metal no file states: Young's modulus, MPa, and Poisson's ratio of bearing steel
+
+Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
+Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
+Stroke: TypeAlias = Annotated[
+    float, Field(gt=0, le=1e4), at_least(1e-3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+]
+Rate: TypeAlias = Annotated[
+    float, Field(gt=0, le=1e6), at_least(1e-6), *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3)
+]
+Force: TypeAlias = Annotated[float, Field(gt=0, le=1e6), at_least(1e-6)]
+
+
+class StackRating(NamedTuple):
+    """A stack at its highest voltage: free stroke, mm, stiffness, N/mm, and blocking force, N, their product."""
+
+    stroke: float
+    stiffness: float
+    blocking_force: float
+
+
+class CataloguedStack(Dimensioned):
+    """A stack of the shipped catalogue: stroke in mm, force in N, at its highest voltage, with their source."""
+
+    name: Label
+    maker: Label
+    voltage: float = Field(alias="voltage_v", gt=0, le=2000)
+    stroke: Stroke = Field(alias="stroke_um")
+    tolerance: Stroke = Field(alias="tolerance_um")
+    blocking_force: Force = Field(alias="blocking_force_n")
+    source: Label
+
+    @model_validator(mode="after")
+    def _plausible(self) -> CataloguedStack:
+        if not self.tolerance < self.stroke:
+            raise refusal("less than the stroke", "tolerance_um")
+        if not 1 <= self.blocking_force / self.stroke / 1e3 <= 5000:
+            raise refusal("1 to 5000 N/um with the stroke, as stacks have", "blocking_force_n")
+        return self
+
+
+class _Catalogue(Table):
+    stack: tuple[CataloguedStack, ...]
+
+
+@cache
+def catalogue() -> dict[str, CataloguedStack]:
+    """The shipped stacks by name. Raises BadInput for a number out of range."""
+    return {stack.name: stack for stack in validate(_Catalogue, CATALOGUE).stack}
+
+
+class Actuator(Dimensioned):
+    """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad.
+
+    between : the body that carries the stack and the one that it pushes.
+    hinge, arm, side, tilt : of the contact on a link: so far along its middle from the neck of this hinge at one of its
+        ends, on its left or right seen from the base, pushed inwards at right angles or, by `tilt`, counter-clockwise
+        of that. The contact goes where the link goes.
+    point, direction : instead, of a contact anywhere, in the frame of chain 1.
+    pair : a partner on the opposite side pushes the other way along the same line; the two are commanded together.
+    stack : name in the catalogue, else `stroke` with `stiffness` or `blocking_force`.
+    contact_stiffness : of the contact, or of a ball of `ball_radius` by Hertz, at the preload; neither: rigid.
+    preload : force of every stack at rest.
+    """
+
+    name: Label
+    between: tuple[Body, Body]
+    hinge: HingeName | None = None
+    arm: Length | None = Field(default=None, alias="arm_mm")
+    side: Literal["left", "right"] | None = None
+    tilt: Tilt | None = Field(default=None, alias="tilt_deg")
+    point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm")
+    direction: Angle | None = Field(default=None, alias="direction_deg")
+    pair: bool = False
+    stack: Label | None = None
+    stroke: Stroke | None = Field(default=None, alias="stroke_um")
+    stiffness: Rate | None = Field(default=None, alias="stiffness_n_um")
+    blocking_force: Force | None = Field(default=None, alias="blocking_force_n")
+    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_um")
+    ball_radius: Length | None = Field(default=None, alias="ball_radius_mm")
+    ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
+    ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
+    preload: float = Field(default=0.0, alias="preload_n", ge=0, le=1e6)
+
+    @field_validator("stack")
+    @classmethod
+    def _stack_is_known(cls, name: str | None) -> str | None:
+        if name is not None and name not in catalogue():
+            near = suggestion(name, catalogue())
+            raise refusal(f"a stack of the catalogue{near or ', one of ' + ', '.join(catalogue())}")
+        return name
+
+    @field_validator("between")
+    @classmethod
+    def _two_bodies(cls, between: tuple[Body, Body]) -> tuple[Body, Body]:
+        if between[0] == between[1]:
+            raise refusal("two bodies: the one that carries the stack and the one that it pushes")
+        if between[1] == "frame":
+            raise refusal("a body that moves in the second place, the pushed one; name the frame first")
+        return between
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Actuator:
+        on_link = {"hinge": self.hinge, "arm_mm": self.arm, "side": self.side}
+        anywhere = {"point_mm": self.point, "direction_deg": self.direction}
+        tilted = {"tilt_deg": self.tilt}
+        wanted, others = (anywhere, on_link | tilted) if self.point is not None else (on_link, anywhere)
+        for key, value in others.items():
+            if value is not None:
+                raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
+        if None in wanted.values():
+            raise refusal("where the contact is: hinge, arm_mm and side, or point_mm and direction_deg")
+        ends = ENDS.get(self.between[1], ())
+        if self.hinge is not None and self.hinge not in ends:
+            where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
+            raise refusal(where, "hinge")
+        return self
+
+    @model_validator(mode="after")
+    def _one_rating(self) -> Actuator:
+        own = {"stroke_um": self.stroke, "stiffness_n_um": self.stiffness, "blocking_force_n": self.blocking_force}
+        given = [key for key, value in own.items() if value is not None]
+        if self.stack is not None and given:
+            raise refusal(f"the numbers of the catalogue alone: leave out {given[0]} or stack", given[0])
+        if self.stack is None and (self.stroke is None or len(given) != 2):
+            raise refusal("a stack: its name, or stroke_um with either stiffness_n_um or blocking_force_n", *given[:1])
+        return self
+
+    @model_validator(mode="after")
+    def _one_contact(self) -> Actuator:
+        ball = {"ball_youngs_modulus_gpa": self.ball_youngs_modulus, "ball_poissons_ratio": self.ball_poissons_ratio}
+        if self.ball_radius is not None and self.contact_stiffness is not None:
+            raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_um")
+        for key, value in ball.items():
+            if value is not None and self.ball_radius is None:
+                raise refusal("ball_radius_mm with it", key)
+        if self.ball_radius is not None and self.preload == 0:
+            raise refusal("a preload_n with it: a ball without preload has no stiffness", "ball_radius_mm")
+        return self
+
+    @model_validator(mode="after")
+    def _preload_is_borne(self) -> Actuator:
+        most = self.rating.blocking_force
+        if self.preload > most:
+            raise refusal(f"at most the blocking force of the stack, {most:g}", "preload_n")
+        return self
+
+    @property
+    def rating(self) -> StackRating:
+        """Stroke, stiffness and blocking force of each of its stacks."""
+        if self.stack is not None:
+            known = catalogue()[self.stack]
+            return StackRating(known.stroke, known.blocking_force / known.stroke, known.blocking_force)
+        assert self.stroke is not None
+        if self.stiffness is not None:
+            return StackRating(self.stroke, self.stiffness, self.stroke * self.stiffness)
+        assert self.blocking_force is not None
+        return StackRating(self.stroke, self.blocking_force / self.stroke, self.blocking_force)
+
+    @property
+    def steel_assumed(self) -> bool:
+        """Whether its ball is of a metal that the file does not state."""
+        return self.ball_radius is not None and None in (self.ball_youngs_modulus, self.ball_poissons_ratio)
+
+    def stiffness_with(self, metal: Material) -> float:
+        """Stiffness, N/mm, of stack and contact in series, the contact on this metal."""
+        contact = np.inf if self.contact_stiffness is None else self.contact_stiffness
+        if self.ball_radius is not None:
+            E, nu = self.ball_youngs_modulus or STEEL[0], self.ball_poissons_ratio
+            ball = E, STEEL[1] if nu is None else nu
+            contact = hertz(self.ball_radius, self.preload, ball, (metal.youngs_modulus, metal.poissons_ratio))
+        return float(1 / (1 / self.rating.stiffness + 1 / contact))
+
+
+def hertz(radius: float, force: float, ball: tuple[float, float], flat: tuple[float, float]) -> float:
+    """Stiffness, N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
+
+    Notes
+    -----
+    The approach is `(9 F^2 / (16 R E*^2))^(1/3)`, its slope `(6 R E*^2 F)^(1/3)`, with
+    `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
+    """
+    modulus = 1 / sum((1 - nu**2) / E for E, nu in (ball, flat))
+    return float((6 * radius * modulus**2 * force) ** (1 / 3))

@@ -1,0 +1,194 @@
+"""`flexfem command`: the strokes for a pose by every criterion, and where the metal goes when it is given them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.arrays import Array
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.drives import StageDrive, drive_of
+from flexfem.stage.schema import Stage
+from flexfem.verify import warning
+from flexfem.verify.driven import CRITERIA, ROUND_OFF, Criterion, Driven, commands_for, moved, shares
+from flexfem.verify.driven_models import (
+    CALIBRATED,
+    Commanding,
+    DrivenMetal,
+    best_model,
+    commanding,
+    driven_metal,
+    element_stresses,
+    rotations,
+    stresses,
+)
+from flexfem.verify.result import Matrix, OfStage, Record, about
+
+
+class Strokes(Record):
+    """What one criterion commands: command (m,), stroke beyond rest and force (n,), mm and N, by actuator and stack.
+
+    force : with the preload.   pose : by the commanding model.   metal, stacks : strain energy beyond rest, N mm.
+    rotation, stress : (3 chains, 3 hinges), rad and MPa.   share : of the limits of stroke, contact and blocking force,
+        above one where they are broken, None where nothing is allowed.
+    element_stress : (3, 3), MPa, by finite elements, None without them.
+    """
+
+    command: list[float]
+    stroke: list[float]
+    force: list[float]
+    pose: list[float]
+    metal: float
+    stacks: float
+    rotation: Matrix
+    stress: Matrix
+    element_stress: Matrix | None
+    share: dict[str, float | None]
+
+
+class OpenLoop(Record):
+    """Pose (3,) that finite elements take with the strokes of a model, and its error: mm, mm, rad."""
+
+    model: str
+    pose: list[float]
+    error: list[float]
+
+
+class Command(OfStage):
+    """What `flexfem command` answers; pose and load as asked, N, mm, rad.
+
+    stiffness : (3,) of the platform, the diagonal, `engaged` with the stacks holding their strokes, else `disengaged`.
+    open_loop : errors by model, of strokes of least energy; empty without finite elements.
+    calibration : (3, 3), which command of the pose makes finite elements take a unit pose, without load.
+    """
+
+    name: str
+    model: str
+    pose: list[float]
+    load: list[float]
+    actuators: list[str]
+    stacks: list[str]
+    engaged: list[float]
+    disengaged: list[float]
+    criteria: dict[Criterion, Strokes]
+    open_loop: list[OpenLoop]
+    calibration: Matrix | None
+
+
+def command(
+    stage: Stage,
+    pose: Array,
+    load: Array,
+    model: tuple[int | None, str, bool] | None = None,
+    resolution: int | None = None,
+) -> Command:
+    """Strokes for a pose (3,) under a load (3,), mm, mm, rad and N, N, N mm.
+
+    Parameters
+    ----------
+    model : mobility, formula, elastic links of the model that computes them; None takes calibrated hinges and elastic
+        links, or the default formula where some hinge is not on the chart.
+    resolution : of finite elements; None leaves them out.
+
+    Raises BadInput for a stage without actuators, ComputationFailed when no strokes hold the pose.
+    """
+    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    warnings = list(warning.of_stage(stage))
+    first = commanding(stage, *(model or best_model(stage, warnings)))
+    metal = None if resolution is None else driven_metal(stage, resolution)
+    found = _by_criterion(first.of, drive, pose, load, lever, warnings)
+    criteria = {name: _strokes(stage, drive, first, metal, x, load) for name, x in found.items()}
+    warnings += [text for name, one in criteria.items() for text in _of_yield(stage, name, one)]
+    warnings += warning.of_motion(stage, pose, "the pose")
+    return Command(
+        **about(stage) | {"hash": stage.drive_hash} | stage.drive_doubts._asdict(),
+        name=stage.name,
+        model=first.name,
+        pose=pose.tolist(),
+        load=load.tolist(),
+        actuators=list(drive.names),
+        stacks=_stack_names(drive),
+        engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
+        disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
+        criteria=criteria,
+        open_loop=[] if metal is None else open_loop(stage, metal, first, pose, load),
+        calibration=None if metal is None else calibration(metal.of, first.of, drive, lever).tolist(),
+        warnings=list(dict.fromkeys(warnings)),
+    )
+
+
+def _by_criterion(
+    of: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
+) -> dict[Criterion, Array]:
+    """Commands (m,) by criterion; those that stacks which only push cannot meet are left out, which is warned of."""
+    found: dict[Criterion, Array] = {CRITERIA[0]: commands_for(of, drive, pose, load, lever, CRITERIA[0])}
+    for name in CRITERIA[1:]:
+        try:
+            found[name] = commands_for(of, drive, pose, load, lever, name)
+        except ComputationFailed as failure:
+            warnings.append(f"{name}: {failure}")
+    used = shares(of, drive, found["within limits"], load) if "within limits" in found else {}
+    which = max(used, key=lambda name: used[name], default="")
+    if which and used[which] > 1 + ROUND_OFF:
+        warnings.append(f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}")
+    return found
+
+
+def open_loop(stage: Stage, metal: DrivenMetal, first: Commanding, pose: Array, load: Array) -> list[OpenLoop]:
+    """Poses of the metal under the strokes of several models, then of the first after calibration."""
+    models = {first.name: first}
+    for choice in ((None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)):
+        try:
+            one = commanding(stage, *choice)
+        except BadInput:  # off the chart
+            continue
+        models.setdefault(one.name, one)
+    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    asked = [(name, model, pose) for name, model in models.items()]
+    full = calibration(metal.of, first.of, drive, lever)
+    gains = 1 / np.diag(np.linalg.inv(full))
+    asked.append((f"{first.name}, three gains", first, gains * pose))
+    asked.append((f"{first.name}, calibration matrix", first, full @ pose))
+    found = []
+    for name, model, wanted in asked:
+        x = commands_for(model.of, drive, wanted, load, lever, "least energy")
+        reached = moved(metal.of, drive, x, load).pose
+        found.append(OpenLoop(model=name, pose=reached.tolist(), error=(reached - pose).tolist()))
+    return found
+
+
+def calibration(metal: Driven, model: Driven, drive: StageDrive, lever: float) -> Array:
+    """Matrix (3, 3) of the pose to command of the model so that the metal takes a pose, both without load."""
+    none, units = np.zeros(3), np.diag([1e-3, 1e-3, 1e-3 / lever])
+    strokes = [commands_for(model, drive, unit, none, lever, "least energy") for unit in units]
+    reached = np.array([moved(metal, drive, x, none).pose for x in strokes]).T
+    return np.asarray(units @ np.linalg.inv(reached))
+
+
+def _strokes(
+    stage: Stage, drive: StageDrive, first: Commanding, metal: DrivenMetal | None, x: Array, load: Array
+) -> Strokes:
+    motion, limits = moved(first.of, drive, x, load), shares(first.of, drive, x, load)
+    return Strokes(
+        command=x.tolist(),
+        stroke=(drive.differential @ x).tolist(),
+        force=(drive.preload + motion.force).tolist(),
+        pose=motion.pose.tolist(),
+        metal=motion.metal,
+        stacks=motion.stacks,
+        rotation=rotations(stage, first, motion, load).tolist(),
+        stress=stresses(stage, first, motion, load).tolist(),
+        element_stress=None if metal is None else element_stresses(stage, metal, drive, x, load).tolist(),
+        share={name: used if np.isfinite(used) else None for name, used in limits.items()},
+    )
+
+
+def _stack_names(drive: StageDrive) -> list[str]:
+    signs = {1.0: "", -1.0: ", partner"}
+    rows = [int(np.flatnonzero(row)[0]) for row in drive.differential]
+    return [drive.names[k] + signs[float(row[k])] for k, row in zip(rows, drive.differential, strict=True)]
+
+
+def _of_yield(stage: Stage, criterion: str, found: Strokes) -> warning.Warnings:
+    highest = float(np.max(found.element_stress if found.element_stress is not None else found.stress))
+    return warning.of_yield(highest, stage.material.yield_strength, f"strokes of {criterion}")

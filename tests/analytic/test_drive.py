@@ -1,0 +1,132 @@
+"""The compliance of a driven stage against its joints: another route, with dependent joints and moved contacts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.drive import driven, driven_model, link_parts
+from flexfem.analytic.kinematics import chain_poses, freedoms_of
+from flexfem.analytic.loops import in_joint_order
+from flexfem.analytic.model import analyse
+from flexfem.analytic.notch import Compliance
+from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.stage.contacts import placed_stack
+from flexfem.stage.designs import Frames
+from flexfem.stage.drives import drive_of
+from flexfem.stage.schema import load_stage
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+BODIES = ("frame", "link 1", "link 2", "platform")
+PLACES = [  # carrier, pushed body, contact and direction in the frame of chain 1
+    (0, 1, 43.0 - 36.5j, 1.4),
+    (2, 1, 33.0 - 27.5j, -1.7),
+    (1, 2, 15.0 - 20.0j, 0.4),
+    (0, 2, 22.0 - 8.0j, 2.9),
+    (0, 3, -3.0 + 17.0j, -1.2),
+    (2, 3, 6.0 - 16.0j, 1.1),
+]
+
+
+def opening(frames, joints, displacement, chain, place):
+    """How far a stack's two ends have moved apart along its line, from the finite motion of its two bodies."""
+    carrier, pushed, point, direction = place
+    spin = np.exp(2j * np.pi / 3 * chain)
+    push, contact = np.exp(1j * direction) * spin, point * spin
+    at = chain_poses(frames, joints, displacement)
+    rest = chain_poses(frames, joints, np.zeros_like(displacement))
+    table = np.zeros(27)
+    table[joints.slot] = displacement
+
+    def moved(body):
+        if body == 0:
+            return contact
+        turn = np.sum(table.reshape(3, 3, 3)[chain, :body, 0])
+        if body == 3:
+            x, y, _ = at.pose[chain]
+            return x + 1j * y + contact * np.exp(1j * turn)
+        end, was = (complex(*each.pivots[chain, body]) for each in (at, rest))  # the next hinge sits on the body
+        return end + (contact - was) * np.exp(1j * turn)
+
+    return ((moved(pushed) - moved(carrier)) * np.conj(push)).real
+
+
+def by_joints(frames, hinges, freedoms, places):
+    """Compliance (3 + n, 3 + n): (17) with the openings beside the pose, by central differences of the joints."""
+    of = mechanism(frames, hinges, freedoms)
+    at = stiffness(of)
+    independent = np.eye(of.joints.mobility)
+    all_joints = in_joint_order(at.influence.G_p @ independent, independent, of.choice)
+    rows, step = [], 1e-6
+    for chain, place in places:
+        there, back = (
+            [opening(frames, of.joints, sign * step * joint, chain, place) for joint in all_joints.T]
+            for sign in (1, -1)
+        )
+        rows.append((np.array(there) - np.array(back)) / (2 * step))
+    G = np.vstack([at.influence.G_u, rows])
+    return G @ at.C_aa @ G.T
+
+
+@pytest.mark.parametrize("mobility", [3, 6, 12, 21])
+def test_openings_and_poses_are_those_of_the_joints(generic, error, mobility):
+    stage = load_stage(GEOMETRY / "mobility6.toml")
+    frames, hinges = generic(7)
+    places = [(chain, place) for chain in (0, 1, 2) for place in PLACES]
+    stacks = tuple(
+        placed_stack(stage, chain, (BODIES[carrier], BODIES[pushed]), point, direction)
+        for chain, (carrier, pushed, point, direction) in places
+    )
+    found = driven(frames, hinges, freedoms_of(mobility), stacks).compliance
+    assert error(found, by_joints(frames, hinges, freedoms_of(mobility), places)) < 1e-8
+
+
+def test_designs_broadcast(generic):
+    frames, hinges = generic(3, 4)
+    stacks = drive_of(load_stage(GEOMETRY / "mobility3.toml")).stacks
+    many = driven(frames, hinges, freedoms_of(12), stacks)
+    for k in range(4):
+        one = driven(
+            Frames(frames.centres[k], frames.axes[k]), Compliance(*(c[k] for c in hinges)), freedoms_of(12), stacks
+        )
+        np.testing.assert_allclose(many.compliance[k], one.compliance, rtol=1e-10, atol=1e-18)
+        np.testing.assert_allclose(many.necks[k], one.necks, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("mobility", [3, 21])
+def test_without_forces_of_stacks_the_stage_is_the_passive_one(error, mobility):
+    stage = load_stage(GEOMETRY / "mobility6.toml")
+    passive = analyse(stage, mobility)
+    assert error(driven_model(stage, passive).compliance[:3, :3], passive.compliance) < 1e-13
+    soft = analyse(stage, None, "calibrated", links=True)
+    assert error(driven_model(stage, soft).compliance[:3, :3], soft.compliance) < 1e-13
+
+
+def test_a_chain_carries_what_is_pushed_beyond_each_of_its_necks():
+    """Cut at the base necks: the three wrenches and the pushes from the frame hold the load."""
+    stage = load_stage(GEOMETRY / "mobility3.toml")
+    model = driven_model(stage, analyse(stage, None, "calibrated", links=True))
+    stacks, forces = drive_of(stage).stacks, np.linspace(-3.0, 8.0, 12)
+    load = np.array([1.3, -0.7, 21.0])
+    carried = model.necks[:, 0] @ np.concatenate([load, forces])
+    from_frame = sum(
+        force * stack.placed(push)
+        for force, stack in zip(forces, stacks, strict=True)
+        for push in stack.pushes
+        if {each.body for each in stack.pushes} == {0, 1} and push.body == 1
+    )
+    np.testing.assert_allclose(carried.sum(axis=0), load + from_frame, rtol=1e-9, atol=1e-9)
+
+
+def test_a_push_along_a_straight_link_stretches_it_between_the_two_stations():
+    """Link 1 alone between frame and itself: a pull along it is borne by its strip from the base to the station."""
+    stage = load_stage(GEOMETRY / "mobility3.toml")
+    E, _ = stage.elastic
+    near, far = (
+        placed_stack(stage, 0, ("frame", "link 1"), complex(x, -32.0), np.pi) for x in (44.0, 36.0)
+    )  # 8 mm apart along link 1, whose ends are at 52.5 and 25.5 mm
+    D = link_parts(stage, (near, far)).D
+    area = stage.thickness * stage.chain.link_width
+    assert D[1, 1] - D[0, 0] == pytest.approx(8.0 / (E * area), rel=1e-9)

@@ -1,0 +1,111 @@
+"""`flexfem command` and `flexfem.command`: what they answer, print and refuse."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import flexfem as package
+
+POSE = ("0.003", "-0.001", "5e-5")
+
+
+def test_command_answers_strokes_by_three_criteria_and_where_the_metal_goes(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    code, out, err = flexfem("command", path, "--pose", *POSE, "--resolution", 3, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    pose, lever = np.array(found["pose"]), np.array([1, 1, 24.0])
+    assert list(found["criteria"]) == ["least energy", "least stroke", "within limits"]
+    for one in found["criteria"].values():
+        np.testing.assert_allclose(one["pose"], pose, rtol=1e-12)
+        assert len(one["command"]) == 6 and len(one["stroke"]) == len(one["force"]) == len(found["stacks"]) == 12
+        np.testing.assert_allclose(one["stroke"][::2], one["command"])
+        np.testing.assert_allclose(one["stroke"][1::2], -np.array(one["command"]))
+        assert np.mean(one["force"]) == pytest.approx(50.0, rel=1e-3)  # a pair takes from one what it gives the other
+        assert np.shape(one["rotation"]) == np.shape(one["stress"]) == np.shape(one["element_stress"]) == (3, 3)
+        assert max(one["share"].values()) < 1
+    assert np.shape(found["calibration"]) == (3, 3)
+    missed = {each["model"]: np.linalg.norm(np.array(each["error"]) * lever) for each in found["open_loop"]}
+    assert (
+        missed["calibrated, elastic links"]
+        < 2e-3 * np.linalg.norm(pose * lever)
+        < missed["paros-weisbord, mobility 6"] * 2
+    )
+    assert missed["calibrated, elastic links, calibration matrix"] < 1e-9 * np.linalg.norm(pose * lever)
+    assert "actuator.base.preload_n" in found["assumed"]
+    assert found["engaged"][0] > 100 * found["disengaged"][0]
+
+
+def test_what_is_printed_are_the_numbers_of_the_json(flexfem, project):
+    path = project.path("geometry/mobility3.toml")
+    arguments = ("command", path, "--pose", *POSE, "--load", 1, -2, 30, "--analytic")
+    found = json.loads(flexfem(*arguments, "--json")[1])
+    out = flexfem(*arguments)[1]
+    least = found["criteria"]["least energy"]
+    for name, stroke, force in zip(found["stacks"], least["stroke"], least["force"], strict=True):
+        (line,) = (line for line in out.splitlines() if line.startswith(f"{name}  "))
+        assert f"{1e3 * stroke:+.4f}" in line and f"{force:.3f}" in line
+    assert "pose 3 um, -1 um, 0.05 mrad" in out
+    assert f"{found['engaged'][0]:.5g} N/mm" in out
+    assert "finite elements" not in out and "error of the metal" not in out
+    assert f"{least['metal']:.4g}" in out
+
+
+def test_a_pose_out_of_reach_is_said(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    found = json.loads(flexfem("command", path, "--pose", "0.1", 0, 0, "--analytic", "--json")[1])
+    least = found["criteria"]["least stroke"]["share"]["stroke"]
+    assert least > 1
+    assert f"it takes {least:.4g} times its limit of stroke" in " ".join(found["warnings"])
+
+
+def test_stacks_without_preload_cannot_pull(flexfem, project, tmp_path):
+    """Three single stacks turn the platform one way; the other way all would have to pull."""
+    stage = package.load(project.path("geometry/mobility6.toml"))
+    single = stage.actuator[0].model_copy(update={"pair": False, "preload": 0.0, "ball_radius": None})
+    stage.replace(actuator=[single]).save(tmp_path / "single.toml")
+    code, out, _ = flexfem("command", tmp_path / "single.toml", "--pose", 0, 0, "5e-5", "--analytic")
+    assert (code, "would have to pull" in out, "none allowed" in out) == (0, False, False)
+    code, out, _ = flexfem("command", tmp_path / "single.toml", "--pose", 0, 0, "-5e-5", "--analytic")
+    assert (code, "would have to pull" in out, out.count("none allowed")) == (0, True, 2)  # of stroke and contact
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--pose", "nan", "0", "0"], "--pose nan 0.0 0.0"),
+        (["--pose", "1e9", "0", "0"], "within"),
+        (["--pose", *POSE, "--links", "--mobility", "6"], "--links --mobility 6"),
+        (["--pose", *POSE, "--mobility", "7"], "mobility = 7"),
+        (["--pose", *POSE, "--formula", "calibrate"], "calibrate"),
+        (["--pose", *POSE, "--analytic", "--resolution", "4"], "--analytic"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(flexfem, project, arguments, said):
+    code, out, err = flexfem("command", project.path("geometry/mobility6.toml"), *arguments)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_stage_without_a_drive_is_refused(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    text = path.read_text()
+    kept = text[: text.index("[[actuator]]")] + text[text.index("[provenance]") :]
+    path.write_text("".join(line for line in kept.splitlines(True) if not line.startswith('"actuator.')))
+    code, out, err = flexfem("command", path, "--pose", *POSE)
+    assert (code, out) == (2, "")
+    assert "no [[actuator]]" in err and str(path) in err
+
+
+def test_in_python_the_same(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    printed = json.loads(flexfem("command", path, "--pose", *POSE, "--mobility", 6, "--analytic", "--json")[1])
+    found = package.command(package.load(path), [3e-3, -1e-3, 5e-5], mobility=6, resolution=None)
+    assert found.criteria["within limits"].command == printed["criteria"]["within limits"]["command"]
+    assert found.model == printed["model"] == "paros-weisbord, mobility 6"
+    with pytest.raises(package.BadInput, match="shape"):
+        package.command(package.load(path), [3e-3, -1e-3])

@@ -1,0 +1,225 @@
+"""Actuators: the catalogue, contacts by Hertz, what a file may not say, and where the stacks of a pair are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.refused import BadInput
+from flexfem.stage.actuators import Actuator, CataloguedStack, catalogue, hertz
+from flexfem.stage.drives import contacts, drive_of
+from flexfem.stage.schema import Stage, load_feasible
+
+BASE = {"name": "base", "between": ("frame", "link 1"), "point": (44.0, -36.5), "direction": np.pi / 2, "pair": True}
+ANY = {**BASE, "stack": "AE0505D16"}
+
+
+@pytest.fixture
+def stage(project) -> Stage:
+    return load_feasible(project.path("geometry/mobility6.toml"))
+
+
+def test_the_catalogue_holds_the_stacks_of_the_data_sheet():
+    sheet = {
+        "AE0203D04": (4.6, 1.5, 237),
+        "AE0203D08": (9.1, 1.5, 235),
+        "AE0203D16": (17.4, 2.0, 224),
+        "AE0203D44H40": (42.0, 6.6, 271),
+        "AE0505D08": (9.1, 1.5, 978),
+        "AE0505D16": (17.4, 2.0, 935),
+    }
+    assert list(catalogue()) == list(sheet)
+    found = [(1e3 * each.stroke, 1e3 * each.tolerance, each.blocking_force) for each in catalogue().values()]
+    np.testing.assert_allclose(found, list(sheet.values()), rtol=1e-12)
+    assert all(each.source for each in catalogue().values())
+
+
+@pytest.mark.parametrize(("key", "value"), [("blocking_force_n", 935e3), ("stroke_um", 17.4e3), ("tolerance_um", 20.0)])
+def test_a_catalogue_in_another_unit_is_refused(key, value):
+    row = {"name": "a", "maker": "b", "voltage_v": 150.0, "stroke_um": 17.4, "tolerance_um": 2.0}
+    row |= {"blocking_force_n": 935.0, "source": "c"}
+    CataloguedStack.model_validate(row)
+    with pytest.raises(ValueError, match=r"expected|less than"):
+        CataloguedStack.model_validate(row | {key: value})
+
+
+def test_stiffness_is_blocking_force_over_stroke():
+    assert Actuator(**ANY).rating.stiffness == pytest.approx(53.74e3, rel=1e-4)
+    assert Actuator(**BASE, stroke=0.0174, blocking_force=935.0).rating == Actuator(**ANY).rating
+    assert Actuator(**BASE, stroke=0.02, stiffness=30e3).rating.blocking_force == pytest.approx(600.0)
+
+
+def test_a_steel_ball_on_aluminium_by_hertz():
+    steel, aluminium = (206e3, 0.3), (71.7e3, 0.33)
+    assert hertz(2.0, 50.0, steel, aluminium) == pytest.approx(12.835e3, rel=1e-4)  # N/mm, by hand
+    approach = (9 * 50.0**2 / (16 * 2.0 * 59362.0**2)) ** (1 / 3)
+    assert hertz(2.0, 50.0, steel, aluminium) == pytest.approx(1.5 * 50.0 / approach, rel=1e-4)  # F ~ approach^3/2
+
+
+def test_stack_and_contact_are_in_series(stage):
+    ball = Actuator(**ANY, ball_radius=2.0, preload=50.0)
+    assert ball.stiffness_with(stage.material) == pytest.approx(1 / (1 / 53.736e3 + 1 / 12.835e3), rel=1e-4)
+    assert ball.steel_assumed
+    assert not Actuator(**ANY, contact_stiffness=1e4).steel_assumed
+    assert Actuator(**ANY, contact_stiffness=1e4).stiffness_with(stage.material) == pytest.approx(8.4309e3, rel=1e-4)
+    assert Actuator(**ANY).stiffness_with(stage.material) == pytest.approx(53.736e3, rel=1e-4)
+
+
+STACK = 'stack = "AE0505D16"                       # 17.4'
+LINK = 'hinge = "base"\narm_mm = 10.0 '
+SIDE = 'side = "left"'
+ANYWHERE = (SIDE, "#")
+BAD = [  # edits of the first actuator, what is said, what is named
+    ([(LINK, "point_mm = [44.0, -35.0]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the metal", "[44, -36.5]"),
+    ([(LINK, "point_mm = [54.0, -36.5]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the metal", "of chain 1"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 270.0 #"), ANYWHERE], "not into the metal", "of 90"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not into the metal", "84 degrees"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 90.0 #")], "not both", "side"),
+    ([(LINK, "point_mm = [44.0, -36.5] #"), ANYWHERE], "or point_mm and direction_deg", "where the contact is"),
+    ([(LINK, 'hinge = "base"\narm_mm = 3.9 #')], "contact off the metal", "expected 4 to 28.5"),
+    ([(LINK, 'hinge = "base"\narm_mm = 28.6 #')], "contact off the metal", "arm_mm = 28.6"),
+    ([(LINK, 'hinge = "platform"\narm_mm = 10.0 #')], "base or elbow, at an end of link 1", "hinge"),
+    ([(LINK, 'hinge = "base" #')], "hinge, arm_mm and side", "where the contact is"),
+    ([(SIDE, 'side = "left"\ntilt_deg = 85.0 #')], "tilt_deg = 85.0", "<= 80"),
+    ([(SIDE, 'side = "top" #')], "side", "top"),
+    ([('["frame", "link 1"]', '["frame", "platform"]')], "point_mm on a platform", "hinge"),
+    ([('["frame", "link 1"]', '["link 1", "link 1"]')], "two bodies", "link 1"),
+    ([('["frame", "link 1"]', '["link 1", "frame"]')], "a body that moves", "frame"),
+    ([('["frame", "link 1"]', '["frame", "link 3"]')], "between", "link 3"),
+    ([(STACK, 'stack = "AE0505D61" #')], "did you mean AE0505D16?", "stack"),
+    ([(STACK, "stroke_um = -17.4\nstiffness_n_um = 50.0 #")], "stroke_um = -17.4", "> 0"),
+    ([(STACK, "stroke_um = 17.4\nstiffness_n_um = -50.0 #")], "stiffness_n_um = -50.0", "> 0"),
+    ([(STACK, "stroke_um = 17.4 #")], "stroke_um = 17.4", "either stiffness_n_um or blocking_force_n"),
+    ([(STACK, "#")], "a stack: its name", "actuator.base"),
+    ([(STACK, 'stack = "AE0505D16"\nblocking_force_n = 900.0 #')], "catalogue alone", "blocking_force_n = 900.0"),
+    ([("preload_n = 50.0", "preload_n = 936.0")], "preload_n = 936.0", "blocking force of the stack, 935"),
+    ([("preload_n = 50.0", "preload_n = 0.0")], "a ball without preload", "ball_radius_mm"),
+    ([("preload_n = 50.0", "preload_n = -5.0")], "preload_n = -5.0", ">= 0"),
+    ([("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\ncontact_stiffness_n_um = 9.0")], "not both", "contact_stiffness"),
+    ([("ball_radius_mm = 2.0", "ball_poissons_ratio = 0.3")], "ball_radius_mm with it", "ball_poissons_ratio"),
+    ([('name = "base"', 'name = "elbow"')], "no other actuator", "actuator[1].name"),
+]
+
+
+@pytest.mark.parametrize(("edits", "said", "also"), BAD)
+def test_a_bad_actuator_is_refused_in_one_line(project, edits, said, also):
+    path = project.path("geometry/mobility6.toml")
+    text = "".join(line for line in path.read_text().splitlines(True) if not line.startswith('"actuator.'))
+    begin = text[: text.index("[[actuator]]")].count("\n") + 1
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path.write_text(text)
+    with pytest.raises(BadInput) as refused:
+        load_feasible(path)
+    line = str(refused.value)
+    assert said in line
+    assert also in line
+    assert "\n" not in line
+    assert line.startswith(f"{path}, line ")
+    assert begin <= int(line.split("line ")[1].split(":")[0]) <= begin + 14  # in that table, or the name of the next
+
+
+def test_the_partner_of_a_pair_pushes_back_from_the_opposite_side(stage):
+    first, partner = contacts(stage, 1, 0)
+    assert (first.point, partner.point) == pytest.approx((44 - 36.5j, 44 - 27.5j))  # 10 mm from the neck at 54, -32
+    assert np.exp(1j * first.direction) == pytest.approx(1j)
+    assert contacts(stage, 1, 1)[0].point == pytest.approx(34 - 36.5j)  # 10 mm from the elbow at 24, -32
+    oblique = stage.replace(actuator=[ANY | {"direction": np.deg2rad(60.0)}])
+    partner = contacts(oblique, 1, 0)[1]
+    assert partner.point == pytest.approx(44 + 9 / np.tan(np.deg2rad(60.0)) - 27.5j)
+    tilted = stage.replace(actuator=[stage.actuator[0].model_copy(update={"tilt": np.deg2rad(-30.0)})])
+    for ours, theirs in zip(contacts(tilted, 1, 0), contacts(oblique, 1, 0), strict=True):
+        assert ours.point == pytest.approx(theirs.point)
+        assert np.exp(1j * ours.direction) == pytest.approx(np.exp(1j * theirs.direction))
+    for stacks in (drive_of(stage).stacks, drive_of(oblique).stacks):
+        first, partner = stacks[:2]
+        np.testing.assert_allclose(first.pushes[0].wrench, -partner.pushes[0].wrench, atol=1e-12)  # one line of action
+        np.testing.assert_allclose(first.pushes[0].wrench, -first.pushes[1].wrench)
+
+
+def test_a_pair_is_commanded_about_the_middle_of_its_strokes(stage):
+    drive = drive_of(stage)
+    np.testing.assert_allclose(drive.lowest, -8.7e-3)  # half of 17.4 um on either side
+    np.testing.assert_allclose(drive.highest, 8.7e-3)
+    np.testing.assert_array_equal(drive.differential[:, 0], [1, -1, *[0] * 10])
+    single = drive_of(stage.replace(actuator=[ANY | {"pair": False}]))
+    np.testing.assert_allclose([single.lowest, single.highest], [[0] * 3, [17.4e-3] * 3])
+    np.testing.assert_array_equal(single.differential, np.eye(3))
+
+
+def test_the_contacts_of_the_other_chains_are_turned_with_them(stage):
+    drive = drive_of(stage)
+    assert drive.names[2:4] == ("base, chain 2", "elbow, chain 2")
+    stack = drive.stacks[4]
+    assert stack.chain == 1
+    contact = (44 - 36.5j) * np.exp(2j * np.pi / 3)
+    force = np.exp(1j * np.deg2rad(90 + 120))
+    np.testing.assert_allclose(
+        stack.placed(stack.pushes[0]), [force.real, force.imag, (np.conj(contact) * force).imag], rtol=1e-12
+    )
+
+
+def test_a_contact_on_the_platform_may_be_anywhere_on_its_rim(stage):
+    angle = np.deg2rad(100.0)
+    point = 17.0 * np.exp(1j * angle)
+    pushed = {"name": "rim", "between": ("frame", "platform"), "point": (point.real, point.imag)}
+    made = stage.replace(actuator=[pushed | {"direction": angle + np.pi, "stack": "AE0505D16"}])
+    np.testing.assert_allclose(
+        drive_of(made).stacks[0].pushes[0].wrench, [*-np.array([np.cos(angle), np.sin(angle)]), 0.0], atol=1e-12
+    )
+    with pytest.raises(BadInput, match="off the metal"):
+        stage.replace(actuator=[pushed | {"point": (10.0, 0.0), "direction": np.pi, "stack": "AE0505D16"}])
+
+
+def test_the_drive_has_a_hash_of_its_own(stage):
+    passive = stage.replace(actuator=[])
+    assert stage.hash == passive.hash == "24fed7d518c264d804800da3529cf37373256a769eb952f271886cb679a3b011"
+    hashes = {passive.drive_hash, stage.drive_hash, stage.replace(neck=0.49).drive_hash}
+    changes = {
+        "between": ("link 2", "link 1"),
+        "arm": 11.0,
+        "hinge": "elbow",
+        "side": "right",
+        "tilt": 0.1,
+        "pair": False,
+        "stack": "AE0203D16",
+        "ball_radius": 1.0,
+        "ball_youngs_modulus": 3e5,
+        "ball_poissons_ratio": 0.2,
+        "preload": 20.0,
+    }
+    for key, value in changes.items():
+        first = stage.actuator[0].model_copy(update={key: value})
+        hashes.add(stage.replace(actuator=[first, stage.actuator[1]]).drive_hash)
+    assert len(hashes) == 3 + len(changes)
+    assert (
+        stage.replace(actuator=[stage.actuator[0].model_copy(update={"name": "other"}), stage.actuator[1]]).drive_hash
+        == stage.drive_hash
+    )
+    with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
+        drive_of(passive)
+
+
+def test_contacts_go_where_the_links_go_and_are_looked_at_when_driven(stage):
+    longer = stage.replace(chain={"link_lengths": (30.0, 34.0, 24.0), "link_width": 8.6})
+    assert contacts(longer, 1, 0)[0].point == pytest.approx(44 - 38.3j)
+    stubby = stage.replace(radius={"base": 4.2}, actuator=[stage.actuator[0].model_copy(update={"arm": 4.25})])
+    off = stubby.replace(radius={"base": 4.25}, neck=0.45).replace(radius={"base": 4.27})  # a passive stage as before
+    with pytest.raises(BadInput, match=r"arm_mm = 4.25, contact off the metal"):
+        drive_of(off)
+
+
+def test_passive_answers_do_not_count_the_numbers_of_the_drive(stage):
+    assert not any(key.startswith("actuator") for key in (*stage.assumed, *stage.not_stated))
+    doubts = stage.drive_doubts
+    assert "actuator.base.preload_n" in doubts.assumed
+    assert "actuator.elbow.ball (steel)" in doubts.assumed
+    assert doubts.not_stated == []
+
+
+def test_a_driven_stage_is_written_and_read_back(stage, tmp_path):
+    stage.save(tmp_path / "copy.toml")
+    again = load_feasible(tmp_path / "copy.toml")
+    assert again == stage
+    assert again.hash == stage.hash

@@ -1,0 +1,212 @@
+"""Strokes, forces and poses: known answers of springs, energy, (29), and the two witnesses of driven stages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.model import assemble
+from flexfem.analytic.stiffness import inverse_kinematics, stiffness
+from flexfem.refused import ComputationFailed
+from flexfem.stage.contacts import Push, Stack
+from flexfem.stage.drives import StageDrive, drive_of
+from flexfem.stage.schema import Stage, load_stage
+from flexfem.verify.command import calibration
+from flexfem.verify.driven import CRITERIA, commands_for, driven, limits_of_forces, moved, shares
+from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, rotations, stresses
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+LOAD = np.array([3.1, -1.7, 41.0])
+POSE = np.array([2.3e-3, -1.1e-3, 7.0e-5])
+LEVER = 24.0
+MESH = 4e-3  # four triangles across a neck and the beams of the links: 0.2 % seen, of C as of stiffness alone
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return load_stage(GEOMETRY / "mobility6.toml")
+
+
+def spring(stiffness: float, stack: float, stroke: float = 0.0174) -> tuple[np.ndarray, StageDrive]:
+    """The platform on one spring in x, pushed by one stack; y and theta go along with no one."""
+    nowhere = Stack(0, (Push(3, np.array([1.0, 0, 0]), None), Push(0, np.zeros(3), None)))
+    C = np.diag([1 / stiffness, 1.0, 1.0, 1 / stiffness])
+    C[0, 3] = C[3, 0] = 1 / stiffness
+    one = np.ones(1)
+    return C, StageDrive((nowhere,), ("one",), stack * one, 0 * one, 935.0 * one, np.eye(1), 0 * one, stroke * one)
+
+
+def test_ae0505d16_on_14_3_newtons_per_micrometre_travels_13_74_micrometres():
+    """NEC/Tokin, Multilayer Piezoelectric Actuators vol. 6, page 22: the spring load of their example."""
+    C, drive = spring(14.3e3, 935 / 0.0174)
+    found = moved(driven(C, drive), drive, drive.highest, np.zeros(3))
+    assert 1e3 * found.pose[0] == pytest.approx(13.74, abs=0.005)
+    assert found.force[0] == pytest.approx(14.3e3 * found.pose[0])
+
+
+def test_a_spring_as_stiff_as_the_stack_halves_its_stroke():
+    C, drive = spring(31e3, 31e3)
+    found = moved(driven(C, drive), drive, drive.highest, np.zeros(3))
+    assert found.pose[0] == pytest.approx(0.0087)
+    assert found.force[0] == pytest.approx(0.0087 * 31e3)
+    assert found.metal == pytest.approx(found.stacks)
+
+
+def test_stacks_of_no_stiffness_leave_the_passive_stage(stage):
+    drive = drive_of(stage)._replace(stiffness=np.zeros(12))
+    C = commanding(stage, 6, "paros-weisbord", False).model.compliance
+    of = driven(C, drive)
+    np.testing.assert_array_equal(of.engaged, C[:3, :3])
+    np.testing.assert_array_equal(of.poses, 0.0)
+
+
+def test_what_is_stored_is_the_work_done(stage):
+    """Strokes and load grow together: half of stroke times force and of load times pose."""
+    drive, x = drive_of(stage), 1e-3 * np.array([3.0, -2.0, 1.0, 5.0, -4.0, 2.5])
+    of = commanding(stage, None, "calibrated", True).of
+    found = moved(of, drive, x, LOAD)
+    work = (found.force @ (drive.differential @ x) + LOAD @ found.pose) / 2
+    assert found.metal + found.stacks == pytest.approx(work, rel=1e-10)
+    assert found.metal > 0 < found.stacks
+
+
+def test_engaged_stacks_make_the_platform_stiffer_and_a_load_moves_it_by_that(stage):
+    drive, of = drive_of(stage), commanding(stage, 6, "paros-weisbord", False).of
+    found = moved(of, drive, np.zeros(6), LOAD)
+    np.testing.assert_allclose(found.pose, of.engaged @ LOAD, rtol=1e-9)
+    passive, engaged = np.linalg.inv(of.C[:3, :3]), np.linalg.inv(of.engaged)
+    assert np.all(np.linalg.eigvalsh(engaged - passive) > 0)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("load", [np.zeros(3), LOAD], ids=["free", "loaded"])
+def test_pose_to_strokes_to_pose(stage, criterion, load):
+    drive = drive_of(stage)
+    for choice in ((3, "paros-weisbord", False), (6, "paros-weisbord", False), (None, "calibrated", True)):
+        of = commanding(stage, *choice).of
+        x = commands_for(of, drive, POSE, load, LEVER, criterion)
+        np.testing.assert_allclose(moved(of, drive, x, load).pose, POSE, rtol=1e-12)
+
+
+def test_least_energy_turns_the_joints_as_29_says(stage):
+    """Six sets command the six independent joints of mobility six, whatever their stiffness."""
+    drive = drive_of(stage)
+    one = commanding(stage, 6, "paros-weisbord", False)
+    motion = moved(one.of, drive, commands_for(one.of, drive, POSE, np.zeros(3), LEVER, "least energy"), np.zeros(3))
+    of = assemble(stage, 6)
+    joints = inverse_kinematics(of, stiffness(of), POSE).joints
+    turning = joints[of.joints.kind == 0].reshape(3, 3)
+    np.testing.assert_allclose(rotations(stage, one, motion, np.zeros(3)), turning, rtol=1e-7, atol=1e-12)
+    assert motion.metal == pytest.approx(POSE @ np.linalg.inv(one.of.C[:3, :3]) @ POSE / 2, rel=1e-9)
+
+
+def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
+    """One pair on link 1, 10 mm from its hinge: a stage of revolutes and stiff stacks has no other choice."""
+    stage = load_stage(GEOMETRY / "mobility3.toml")
+    drive = drive_of(stage)._replace(stiffness=np.full(12, 1e9))
+    one = commanding(stage, 3, "paros-weisbord", False)
+    of = driven(one.model.compliance, drive)
+    alone = np.array([True, True, False, False, False, False, False, False, False, False, False, False])
+    free = drive._replace(stiffness=np.where(alone, 1e9, 0.0))
+    of = driven(one.model.compliance, free)
+    found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
+    turned = rotations(stage, one._replace(of=of), found, np.zeros(3))
+    assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
+
+
+def test_no_strokes_have_a_smaller_largest_one(stage):
+    drive, of = drive_of(stage), commanding(stage, None, "calibrated", True).of
+    least = commands_for(of, drive, POSE, np.zeros(3), LEVER, "least stroke")
+    free = np.linalg.svd(of.poses * np.array([[1], [1], [LEVER]]))[2][3:]
+    rng = np.random.default_rng(5)
+    for step in 10 ** rng.uniform(-6, -3, 200):
+        other = least + step * rng.normal(size=3) @ free
+        np.testing.assert_allclose(moved(of, drive, other, np.zeros(3)).pose, POSE, rtol=1e-6, atol=1e-12)
+        assert np.max(np.abs(other)) > np.max(np.abs(least))
+    energies = [moved(of, drive, commands_for(of, drive, POSE, LOAD, LEVER, c), LOAD).metal for c in CRITERIA]
+    assert energies[0] == min(energies)
+
+
+def test_the_limits_of_every_stack_count(stage):
+    """Strokes to half of 17.4 um on either side at base and at elbow, and contacts to their preload."""
+    drive, of = drive_of(stage), commanding(stage, None, "calibrated", True).of
+    for command in range(6):
+        x = 8.7e-3 * np.eye(6)[command]
+        assert shares(of, drive, x, np.zeros(3))["stroke"] == pytest.approx(1.0)
+        force = moved(of, drive, x, LOAD).force
+        found = shares(of, drive, x, LOAD)
+        assert found["contact"] == pytest.approx(-np.min(force) / 50.0)
+        assert found["blocking"] == pytest.approx(np.max(force) / 885.0)
+
+
+def test_within_limits_uses_the_smallest_share_of_any(stage):
+    light = stage.replace(actuator=[{**each.model_dump(exclude_unset=True), "preload": 2.0} for each in stage.actuator])
+    drive, of = drive_of(light), commanding(light, None, "calibrated", True).of
+    used = {c: max(shares(of, drive, commands_for(of, drive, POSE, LOAD, LEVER, c), LOAD).values()) for c in CRITERIA}
+    assert used["within limits"] < 0.9 * used["least stroke"]
+    assert used["within limits"] <= used["least energy"]
+
+
+def test_a_contact_without_preload_can_only_be_pressed():
+    C, drive = spring(14.3e3, 50e3)
+    _, _, sizes = limits_of_forces(driven(C, drive), drive, np.zeros(3))
+    np.testing.assert_allclose(sizes, [935.0, 0.0])
+    assert shares(driven(C, drive), drive, np.array([-1e-3]), np.zeros(3))["contact"] == np.inf
+
+
+def test_one_direction_of_pushing_does_not_hold_three(stage):
+    C, drive = spring(14.3e3, 50e3)
+    with pytest.raises(ComputationFailed, match="three directions"):
+        commands_for(driven(C, drive), drive, POSE, np.zeros(3), LEVER, "least energy")
+
+
+@pytest.fixture(scope="module")
+def unlike(stage) -> Stage:
+    """Unlike chains, contacts off the links' normals, on straight and bent links and on the rim of the platform."""
+    rim = 17.0 * np.exp(1j * np.deg2rad(75.0))
+    return stage.replace(
+        override={(2, "elbow"): {"neck": 0.61}, (3, "base"): {"radius": 3.1}, (1, "platform"): {"neck": 0.43}},
+        actuator=[
+            stage.actuator[0].model_copy(update={"tilt": np.deg2rad(-15.0), "pair": False}),
+            stage.actuator[1].model_copy(update={"arm": 7.0, "side": "right", "tilt": np.deg2rad(10.0)}),
+            {
+                "name": "rim",
+                "between": ("link 1", "platform"),
+                "point": (rim.real, rim.imag),
+                "direction": np.deg2rad(260.0),
+                "stroke": 0.03,
+                "blocking_force": 410.0,
+            },
+        ],
+    )
+
+
+def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike):
+    model, metal = commanding(unlike, None, "calibrated", True), driven_metal(unlike, 4)
+    C, F = model.of.C, metal.of.C
+    size = np.sqrt(np.diag(F))
+    assert np.max(np.abs(C - F) / np.outer(size, size)) < MESH
+    drive, lever = drive_of(unlike), unlike.chain.link_lengths[2]
+    x = commands_for(model.of, drive, POSE, np.zeros(3), lever, "least energy")
+    reached = moved(metal.of, drive, x, np.zeros(3)).pose
+    scale = np.array([1.0, 1.0, lever])
+    assert np.linalg.norm((reached - POSE) * scale) < 1e-3 * np.linalg.norm(POSE * scale)
+    rigid = commanding(unlike, 21, "calibrated", False)
+    stiff = moved(metal.of, drive, commands_for(rigid.of, drive, POSE, np.zeros(3), lever, "least energy"), np.zeros(3))
+    assert np.linalg.norm((stiff.pose - POSE) * scale) > 3 * np.linalg.norm((reached - POSE) * scale)
+    full = calibration(metal.of, model.of, drive, lever)
+    x = commands_for(model.of, drive, full @ POSE, np.zeros(3), lever, "least energy")
+    np.testing.assert_allclose(moved(metal.of, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
+
+
+def test_neck_stresses_of_shear_are_those_of_finite_elements(stage):
+    """Strokes of least size set stacks against each other; before, of least energy, necks bend alone."""
+    drive, one, metal = drive_of(stage), commanding(stage, None, "calibrated", True), driven_metal(stage, 6)
+    for criterion, allowed in (("least energy", 0.012), ("least stroke", 0.12)):
+        x = commands_for(one.of, drive, POSE, np.zeros(3), LEVER, criterion)
+        found = stresses(stage, one, moved(one.of, drive, x, np.zeros(3)), np.zeros(3))
+        assert np.max(found) == pytest.approx(
+            np.max(element_stresses(stage, metal, drive, x, np.zeros(3))), rel=allowed
+        )
