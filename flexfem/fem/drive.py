@@ -15,13 +15,12 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, internal_forces, matrices_of, tied_lower
 from flexfem.fem.problem import shape_values
-from flexfem.fem.response import BALANCE, MOST_SOLVES, Tied, tie_hub
+from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, Tied, tie_hub
 from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Push, Stack, spread
 from flexfem.stage.designs import CHAIN_TURN, turned
 
 DEGREE = 8  # of the quadrature of pushes, whose weights are no polynomials in a triangle
-SETTLED = 1e-3 * BALANCE  # refined no further
 
 
 class DrivenResponse(NamedTuple):
