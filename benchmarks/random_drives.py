@@ -13,6 +13,7 @@ import argparse
 import numpy as np
 from random_stages import described, drawn
 
+from flexfem.analytic.model import CALIBRATED
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.stage.bodies import centrelines
@@ -20,7 +21,7 @@ from flexfem.stage.contacts import middle_at, tangent_at
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import Stage
 from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import CALIBRATED, commanding, driven_metal
+from flexfem.verify.driven_models import commanding, driven_metal
 
 CARRIERS = ("frame", "link 2")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.drives import StageDrive, drive_of
@@ -12,7 +12,6 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.driven import CRITERIA, ROUND_OFF, Criterion, Driven, commands_for, moved, shares
 from flexfem.verify.driven_models import (
-    CALIBRATED,
     Commanding,
     DrivenMetal,
     best_model,

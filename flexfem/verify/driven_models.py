@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.analytic.chains import concentration
 from flexfem.analytic.drive import DrivenModel, driven_model
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
 from flexfem.arrays import Array
 from flexfem.fem.drive import DrivenResponse, driven_response
 from flexfem.fem.mesh import StageMesh
@@ -21,7 +21,6 @@ from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.verify.driven import Driven, Motion, driven, moved
 
-CALIBRATED = "calibrated"
 BESIDE, SECTIONS = 0.7, 141  # how far beside a neck stress is looked for, per radius of the notch, and where
 
 
