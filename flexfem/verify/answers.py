@@ -87,7 +87,7 @@ class StageReport(NamedTuple):
     warnings: list[str]
     assumed: list[str]
     not_stated: list[str]
-    drive: DriveReport | None
+    drive: DriveReport | None = None
 
 
 class StiffnessReport(NamedTuple):
