@@ -40,6 +40,7 @@ UNITS = {  # by what keys of files and columns of studies end in
     "kg_m3": Unit(1.0, "kg/m³"),
     "percent": Unit(1.0, "%"),  # percentages are percentages inside, too
     "n_per_mm": Unit(1.0, "N/mm"),
+    "n_per_um": Unit(1e-3, "N/µm"),
     "n_mm_per_rad": Unit(1.0, "N mm/rad"),
     "mm_per_n": Unit(1.0, "mm/N"),
     "rad_per_n_mm": Unit(1.0, "rad/(N mm)"),
@@ -51,6 +52,7 @@ NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
 
 LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
+RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
 POSES = (UNITS["mm"], UNITS["mm"], UNITS["rad"])  # order x, y, theta, here and below
 COMMANDS = (UNITS["um"], UNITS["um"], UNITS["mrad"])
 FORCES = (UNITS["n"], UNITS["n"], UNITS["n_mm"])

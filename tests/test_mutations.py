@@ -81,9 +81,9 @@ MUTATIONS = [
     Mutation("shear stress twice as large", "stress_tensor", "mu * _a", "2 * mu * _a", "test_irons_patch_test"),
     Mutation(
         "straight triangles, middle nodes on chords",
-        "OPTIONS",
-        "OPTIONS = _a",
-        "OPTIONS = {**_a, 'Mesh.SecondOrderLinear': 1}",
+        "curved",
+        "middles[bent] = _a",
+        "middles[bent] = middles[bent]",
         "test_roache_manufactured_solution_has_orders_three_and_two",
     ),
     Mutation(

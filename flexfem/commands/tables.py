@@ -14,6 +14,7 @@ from flexfem.units import (
     LENGTH,
     MICROMETRE,
     POSES,
+    RATE,
     STIFFNESSES,
     STRESS,
     STRESSES,
@@ -88,10 +89,10 @@ def print_stage(of: StageReport) -> None:
 def _actuator(one: PlacedActuator) -> str:
     """An actuator in a line."""
     kind = "a pair of stacks" if len(one.contacts_mm) == 2 else "a stack"
-    k, with_contact = (value / MICROMETRE.factor for value in (one.stiffness, one.stiffness_with_contact))
+    k, with_contact = (value * RATE.factor for value in (one.stiffness, one.stiffness_with_contact))
     return (
         f"drive {one.name}: {kind} {one.stack or 'of its own'} on {one.between[0]} pushing {one.between[1]}, "
-        f"{one.stroke * MICROMETRE.factor:g} {MICROMETRE.plain}, {one.blocking_force:.4g} N, {k:.4g} N/um, "
+        f"{one.stroke * MICROMETRE.factor:g} {MICROMETRE.plain}, {one.blocking_force:.4g} N, {k:.4g} {RATE.plain}, "
         f"{with_contact:.4g} with its contact, preload {one.preload:g} N"
     )
 

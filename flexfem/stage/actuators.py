@@ -96,9 +96,9 @@ class Actuator(Dimensioned):
     pair: bool = False
     stack: Label | None = None
     stroke: Stroke | None = Field(default=None, alias="stroke_um")
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_um")
+    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um")
     blocking_force: Force | None = Field(default=None, alias="blocking_force_n")
-    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_um")
+    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um")
     ball_radius: Length | None = Field(default=None, alias="ball_radius_mm")
     ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
     ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
@@ -140,19 +140,21 @@ class Actuator(Dimensioned):
 
     @model_validator(mode="after")
     def _one_rating(self) -> Actuator:
-        own = {"stroke_um": self.stroke, "stiffness_n_um": self.stiffness, "blocking_force_n": self.blocking_force}
+        own = {"stroke_um": self.stroke, "stiffness_n_per_um": self.stiffness, "blocking_force_n": self.blocking_force}
         given = [key for key, value in own.items() if value is not None]
         if self.stack is not None and given:
             raise refusal(f"the numbers of the catalogue alone: leave out {given[0]} or stack", given[0])
         if self.stack is None and (self.stroke is None or len(given) != 2):
-            raise refusal("a stack: its name, or stroke_um with either stiffness_n_um or blocking_force_n", *given[:1])
+            raise refusal(
+                "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *given[:1]
+            )
         return self
 
     @model_validator(mode="after")
     def _one_contact(self) -> Actuator:
         ball = {"ball_youngs_modulus_gpa": self.ball_youngs_modulus, "ball_poissons_ratio": self.ball_poissons_ratio}
         if self.ball_radius is not None and self.contact_stiffness is not None:
-            raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_um")
+            raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key, value in ball.items():
             if value is not None and self.ball_radius is None:
                 raise refusal("ball_radius_mm with it", key)

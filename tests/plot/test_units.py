@@ -38,6 +38,7 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad
     "°": 0.017453292519943295,
     "GPa": 1e3,
     "MPa/µm": 1e3,
+    "N/µm": 1e3,
     "MPa/mrad": 1e3,
     **dict.fromkeys(
         ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
@@ -51,7 +52,7 @@ OUTPUTS = {
     "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
     "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
 }
-SPELLED = re.compile(r"N/mm|N mm|mm/N|MPa|GPa|µm|\bum\b|\bmrad\b|[ (]mm\b|kg/m")
+SPELLED = re.compile(r"N/mm|N/um|N/µm|N mm|mm/N|MPa|GPa|µm|\bum\b|\bmrad\b|[ (]mm\b|kg/m")
 
 
 def test_every_unit_has_its_size() -> None:
