@@ -1,12 +1,10 @@
 """Finite-element designs of a study, one after the other: seconds of processor time per design, and where they go.
 
-    python benchmarks/study_fe.py [--designs 500] [--references 20] [--extrapolated 10] [--resolution 4]
+    python benchmarks/study_fe.py [--designs 500] [--extrapolated 10] [--resolution 4]
 
 Random feasible stages, with chains alike and with nine hinges that differ, each checked, meshed inside the process,
-solved and asked for every output. `ordinary` is `verify.protocol.solve_stage` on some of the same designs, at the
-study's resolution and at that of cases, its mesher a process of its own, in the same run: the ratios hold on a slow
-machine too. The accuracy is that of the platform stiffness against meshes extrapolated from resolutions 6, 8 and 11.
-One thread.
+solved and asked for every output. The accuracy is that of the platform stiffness against meshes extrapolated from
+resolutions 6, 8 and 11. One thread.
 """
 
 from __future__ import annotations
@@ -25,7 +23,6 @@ from random_stages import draw
 
 from flexfem.arrays import Array
 from flexfem.fem import cyclic, response, sectors
-from flexfem.fem.mesh import RESOLUTION
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
@@ -129,28 +126,18 @@ def error(stage: Stage, values: Array) -> float:
 
 
 def measure(alike: bool, arguments: argparse.Namespace) -> None:
-    rng, loaded, runs, ordinary, errors = np.random.default_rng(SEED), study(arguments.resolution), [], [], []
+    rng, loaded, runs, errors = np.random.default_rng(SEED), study(arguments.resolution), [], []
     watched(feasible(rng, alike), loaded)  # imports
     for count in range(arguments.designs):
         stage = feasible(rng, alike)
         parts, values = watched(stage.model_copy(), loaded)  # of which nothing is remembered yet
         runs.append(parts)
-        if count < arguments.references:
-            clock = Clock()
-            for resolution in (arguments.resolution, RESOLUTION):
-                clock.watching(str(resolution), solve_stage)(stage, resolution)
-            ordinary.append([clock.seconds[str(n)] / parts["all"] for n in (arguments.resolution, RESOLUTION)])
         if count < arguments.extrapolated:
             errors.append(error(stage, values))
     print(f"\nchains {'alike' if alike else 'different'}, {len(runs)} designs at resolution {arguments.resolution}")
     for name in runs[0]:
         seconds = np.array([run[name] for run in runs])
         print(f"{name:12} median {np.median(seconds):7.4f} s, 95 % below {np.quantile(seconds, 0.95):7.4f} s")
-    if ordinary:
-        ratios = np.median(ordinary, axis=0)
-        print(
-            f"ordinary     {ratios[0]:.1f} times at resolution {arguments.resolution}, {ratios[1]:.1f} at {RESOLUTION}"
-        )
     if errors:
         print(f"stiffness    off by {np.median(errors):.3f} % median, {np.max(errors):.3f} % worst of {len(errors)}")
 
@@ -158,7 +145,6 @@ def measure(alike: bool, arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--designs", type=int, default=500)
-    parser.add_argument("--references", type=int, default=20)
     parser.add_argument("--extrapolated", type=int, default=10)
     parser.add_argument("--resolution", type=int, default=4)
     arguments = parser.parse_args()
