@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.commands.baseline import moves as gates
 from flexfem.commands.baseline import store
-from flexfem.commands.baseline.inputs import committed_mesh, read_mesh, write_mesh
+from flexfem.commands.baseline.inputs import changes, committed_mesh, inputs_of, read_mesh, write_mesh
 from flexfem.commands.baseline.moves import at, leaves
 from flexfem.commands.baseline.records import meshes, plain, sections
 from flexfem.commands.baseline.rules import rule_of
@@ -205,6 +205,39 @@ def test_curves_in_another_order_are_said(project):
     second, tail = second.split("[provenance]")
     project.path("cases/fig6.toml").write_text(f"{head}[[curve]]{second}[[curve]]{first}[provenance]{tail}")
     assert "curve[0].label was mobility three, is mobility six" in found(project.path("tests/baselines/fig6.json"))[0]
+
+
+OVERRIDES = [
+    '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.52\n',
+    '[[override]]\nchain = 3\nhinge = "base"\nneck_mm = 0.53\n',
+]
+
+
+def test_the_order_of_overrides_says_nothing(tmp_path):
+    text, path = (ROOT / "geometry/mobility3.toml").read_text().rstrip() + "\n", tmp_path / "q.toml"
+
+    def made(overrides):
+        path.write_text(text + "".join(overrides))
+        record = sections(path, tmp_path, nothing_is_solved)
+        return inputs_of(path), {name: plain(record[name]()) for name in ("check", "stiffness")}
+
+    (was, accepted), (now, fresh) = made(OVERRIDES), made(OVERRIDES[::-1])
+    assert [key for key in was["q.toml"] if key.startswith("override")] == [
+        "override.2.elbow.neck_mm",
+        "override.3.base.neck_mm",
+    ]
+    assert accepted["check"]["not_stated"] == fresh["check"]["not_stated"][::-1]
+    assert changes(None, was, now) == [] and gates.moves("q", accepted, fresh, rule_of=rule_of) == []
+    earlier = {"q.toml": was["q.toml"] | {"override[0].chain": 2, "override[0].hinge": "elbow", "override[1].chain": 3}}
+    assert changes(None, earlier, now) == []  # a baseline that lists the places
+    now, fresh = made([OVERRIDES[0], OVERRIDES[1].replace("base", "platform")])
+    assert [str(each) for each in changes(None, earlier, now)] == [
+        "the input changed: q.toml: override.3.base.neck_mm is gone, was 0.53",
+        "the input changed: q.toml: override.3.platform.neck_mm is new: 0.53",
+    ]
+    assert "q: check.not_stated[1] was override.3.base.neck_mm, is override.3.platform.neck_mm" in [
+        str(each) for each in gates.moves("q", accepted, fresh, rule_of=rule_of)
+    ]
 
 
 def test_a_mesh_of_another_stage_or_edited_by_hand_is_refused(project):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -73,7 +74,8 @@ def kind_of(path: Path) -> Kind:
 def keys_of(path: Path) -> Keys:
     """Every key of an input file by its path in the file, in file units; defaults are filled in.
 
-    A stage's drive is left out: no record is made of it.
+    A stage's drive is left out: no record is made of it. So is what says which hinge an override is about: the names of
+    its other keys say so too, and the order of overrides says nothing.
     """
     kind = kind_of(path)
     if kind == "chart":
@@ -83,7 +85,12 @@ def keys_of(path: Path) -> Keys:
         if kind in MODELS:
             data = _completed(MODELS[kind](path), data)
     found = {key_path(key, data): value for key, value in leaves(data).items()}
-    return {key: value for key, value in found.items() if kind != "stage" or not of_drive(key)}
+    return {key: value for key, value in found.items() if kind != "stage" or not (of_drive(key) or _by_place(key))}
+
+
+def _by_place(key: str) -> bool:
+    """Whether a key says which hinge an override is about; baselines of earlier versions hold such keys."""
+    return re.fullmatch(r"override\[\d+\]\.(chain|hinge)", key) is not None
 
 
 def _completed(table: BaseModel, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,7 +131,8 @@ def changes(folder: Path | None, was: Mapping[str, Keys], now: Mapping[str, Keys
     """Keys that are not what they were, by file; files are relative to the folder where one is given."""
     found = []
     for file in [*was, *(file for file in now if file not in was)]:
-        old, new = was.get(file, {}), now.get(file, {})
+        old = {key: value for key, value in was.get(file, {}).items() if not _by_place(key)}
+        new = now.get(file, {})
         shown = file if folder is None else os.path.normpath(folder / file)
         for key in [*old, *(key for key in new if key not in old)]:
             before, after = old.get(key, MISSING), new.get(key, MISSING)

@@ -18,6 +18,7 @@ Leaf: TypeAlias = float | int | str | bool | None
 MISSING = "\0missing"
 ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
 NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
+UNORDERED = ("assumed", "not_stated")  # lists of keys
 SENTENCES = (  # their numbers are rounded
     ("claims", "verdicts", "#", "found"),
     ("*", "warnings", "#"),
@@ -160,7 +161,7 @@ def allowed(record: Any, path: KeyPath, rule: Rule) -> float:
 
 def moves(file: str, accepted: Any, now: Any, rule_of: Callable[[KeyPath], Rule]) -> list[Move]:
     """Leaves that moved by more than allowed, came or went, in the order of the baseline."""
-    was, new = leaves(accepted), leaves(now)
+    was, new = leaves(accepted), leaves(_in_order_of(accepted, now))
     found = []
     for path in [*was, *(path for path in new if path not in was)]:
         old, fresh = was.get(path, MISSING), new.get(path, MISSING)
@@ -169,6 +170,17 @@ def moves(file: str, accepted: Any, now: Any, rule_of: Callable[[KeyPath], Rule]
         if compared(path) and not _stands(path, old, fresh, limit):
             found.append(Move(file, key_path(path), old, fresh, limit, rule.dimension.unit(path)))
     return found
+
+
+def _in_order_of(accepted: Any, now: Any, key: str = "") -> Any:
+    """What is now, with the lists of keys that differ in order alone, as their file's overrides may, as accepted."""
+    if isinstance(accepted, Mapping) and isinstance(now, Mapping):
+        return {name: _in_order_of(accepted.get(name), value, str(name)) for name, value in now.items()}
+    if isinstance(accepted, list | tuple) and isinstance(now, list | tuple):
+        if key in UNORDERED and sorted(map(str, accepted)) == sorted(map(str, now)):
+            return accepted
+        return [_in_order_of(*pair) for pair in zip(accepted, now, strict=False)] + list(now[len(accepted) :])
+    return now
 
 
 def _stands(path: KeyPath, was: Leaf, now: Leaf, limit: float | None) -> bool:
