@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexfem import arguments
 from flexfem.analytic.chains import Wrench, neck_stress, range_at_yield
 from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult
 from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.analytic.stiffness import apply
+from flexfem.arguments import vectors
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import load_case
 from flexfem.files.toml import Path
-from flexfem.refused import BadInput
 from flexfem.stage.cache import once
 from flexfem.stage.designs import lower
 from flexfem.stage.feasibility import check_feasible
@@ -252,12 +253,11 @@ def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
         The mesh or the solution does not pass its checks.
     """
     check_feasible(stage)
-    if not isinstance(resolution, int | np.integer) or isinstance(resolution, bool) or resolution < 2:
-        raise BadInput(f"resolution {resolution!r}, expected an integer from 2 upwards")
-    found = solved(stage, int(resolution))
+    resolution = arguments.resolution(resolution)
+    found = solved(stage, resolution)
     compliance = found.response.compliance
     stiffness = inverse(compliance)
-    return ElementModel(stage, (stiffness + stiffness.T) / 2, compliance, int(resolution), found)
+    return ElementModel(stage, (stiffness + stiffness.T) / 2, compliance, resolution, found)
 
 
 def errors(
@@ -278,20 +278,8 @@ def errors(
     BadInput, ComputationFailed
         As `analyse` and `solve`.
     """
+    resolution = arguments.resolution(resolution, 4)
     model = analyse(stage, mobility, formula, links)
     meshes = [solve(stage, level) for level in levels(resolution)]
     found = np.array([mesh.compliance for mesh in meshes])
     return Errors(*error_bands(model.stiffness, found, levels(resolution), stage.chain.link_lengths[2]))
-
-
-def vectors(what: str, values: ArrayLike, most: int | None = None) -> Array:
-    """Finite numbers of shape (..., 3), with at most `most` axes."""
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise BadInput(f"{what}: expected numbers of shape (..., 3)") from None
-    if found.shape[-1:] != (3,) or (most and found.ndim > most):
-        raise BadInput(f"{what} of shape {found.shape}, expected ({'..., ' * (most is None)}3): x, y, theta")
-    if not np.all(np.isfinite(found)):
-        raise BadInput(f"{what}: expected finite numbers")
-    return found

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from numpy.typing import ArrayLike
 
+from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.files.refusals import checked_path
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
 
@@ -33,6 +34,11 @@ if TYPE_CHECKING:
     from flexfem.verify.workspace import Workspace
 
 RESOLUTION = 8  # quadratic triangles across every neck: the default of `flexfem.solve`
+LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
+LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
+LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
+LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
+LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
 Progress = Callable[[str], object]
 PathLike = str | os.PathLike[str]
 
@@ -115,8 +121,9 @@ def summary(stage: Stage, formula: str | None = None, elements: bool = False, re
     from flexfem.verify import summary as verify
 
     check_feasible(stage)
-    formulas.formula(formula or CALIBRATED)
-    return verify.summary(stage, formula, _solver(None)(stage, resolution) if elements else None)
+    formulas.formula(CALIBRATED if formula is None else formula)
+    finest = arguments.resolution(resolution)
+    return verify.summary(stage, formula, _solver(None)(stage, finest) if elements else None)
 
 
 def mesh(stage: Stage, path: PathLike, resolution: int = RESOLUTION) -> MeshReport:
@@ -139,7 +146,7 @@ def mesh(stage: Stage, path: PathLike, resolution: int = RESOLUTION) -> MeshRepo
     from flexfem.files.writing import check_folder
     from flexfem.verify.answers import report_mesh
 
-    target = Path(path)
+    target, resolution = checked_path(path), arguments.resolution(resolution)
     check_feasible(stage)
     check_format(target)
     check_folder(target.parent)
@@ -183,16 +190,18 @@ def under_load(
 
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
-    if vtu is not None and Path(vtu).suffix != ".vtu":
+    target = None if vtu is None else checked_path(vtu)
+    if target is not None and target.suffix != ".vtu":
         raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
+    load = np.zeros(3) if force is None else arguments.vectors("force", force, 1, LARGEST_FORCE)
+    held = None if displacement is None else arguments.vectors("displacement", displacement, 1, LARGEST_DISPLACEMENT)
     model = solve(stage, resolution)
-    load = np.zeros(3) if force is None else np.asarray(force, dtype=float)
-    if displacement is not None:
-        load = np.linalg.solve(model.compliance, np.asarray(displacement, dtype=float))
+    if held is not None:
+        load = np.asarray(np.linalg.solve(model.compliance, held), dtype=np.float64)
     solved = model.solved
     case = load_case(stage, solved.mesh, solved.response, load)
-    if vtu is not None:
-        write_vtu(solved.mesh, Path(vtu), {"displacement": case.field, "von_mises": case.stress})
+    if target is not None:
+        write_vtu(solved.mesh, target, {"displacement": case.field, "von_mises": case.stress})
     return report_load(stage, solved, case, resolution)
 
 
@@ -229,14 +238,16 @@ def command(
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     from flexfem.analytic import formulas
-    from flexfem.api import vectors
     from flexfem.verify import command as verify
 
     check_feasible(stage)
-    formulas.formula(formula or DEFAULT_FORMULA)
+    formulas.formula(DEFAULT_FORMULA if formula is None else formula)
+    at = arguments.vectors("pose", pose, 1, LARGEST_POSE)
+    loaded = arguments.vectors("load", load, 1, LARGEST_LOAD)
+    finest = None if resolution is None else arguments.resolution(resolution)
     asked = formula is not None or mobility is not None or links
     model = (mobility, formula or DEFAULT_FORMULA, links) if asked else None
-    return verify.command(stage, vectors("pose", pose, 1), vectors("load", load, 1), model, resolution)
+    return verify.command(stage, at, loaded, model, finest)
 
 
 def budget(
@@ -261,7 +272,8 @@ def budget(
     from flexfem.verify import budget as verify
 
     check_feasible(stage)
-    return verify.budget(stage, dict(amplitudes or verify.AMPLITUDES), resolution, _solver(progress))
+    at = arguments.by_name("amplitudes", amplitudes, verify.AMPLITUDES, LARGEST_AMPLITUDE)
+    return verify.budget(stage, at, arguments.resolution(resolution, 4), _solver(progress))
 
 
 def workspace(stage: Stage, amplitude: float = 0.5, resolution: int = 4, progress: Progress | None = None) -> Workspace:
@@ -279,7 +291,8 @@ def workspace(stage: Stage, amplitude: float = 0.5, resolution: int = 4, progres
     from flexfem.verify import workspace as verify
 
     check_feasible(stage)
-    return verify.workspace(stage, amplitude, resolution, _solver(progress))
+    largest = arguments.positive("amplitude", amplitude, LARGEST_AMPLITUDE)
+    return verify.workspace(stage, largest, arguments.resolution(resolution), _solver(progress))
 
 
 def converge(stage: Stage, resolutions: Sequence[int] | None = None, progress: Progress | None = None) -> MeshStudy:
@@ -304,7 +317,8 @@ def converge(stage: Stage, resolutions: Sequence[int] | None = None, progress: P
     from flexfem.verify import converge as verify
 
     check_feasible(stage)
-    return verify.converge(stage, verify.checked_resolutions(resolutions or verify.RESOLUTIONS), _solver(progress))
+    levels = arguments.resolutions(verify.RESOLUTIONS if resolutions is None else resolutions)
+    return verify.converge(stage, verify.checked_resolutions(levels), _solver(progress))
 
 
 def verification(path: PathLike) -> Verification:
@@ -318,14 +332,14 @@ def verification(path: PathLike) -> Verification:
     from flexfem.verify.case import LoadedCase
     from flexfem.verify.protocol import run_case
 
-    return Verification(*run_case(LoadedCase(Path(path)), _solver(None)))
+    return Verification(*run_case(LoadedCase(checked_path(path)), _solver(None)))
 
 
 def claims(path: PathLike) -> ClaimsReport:
     """Measure what a file of claims says, with verdicts and alternatives. Raises BadInput, ComputationFailed."""
     from flexfem.verify.claims import report_claims
 
-    return report_claims(path)
+    return report_claims(checked_path(path))
 
 
 def cross_check(stage: Stage, solver: str = "ngsolve", resolution: int = RESOLUTION) -> CrossCheck:
@@ -339,7 +353,7 @@ def cross_check(stage: Stage, solver: str = "ngsolve", resolution: int = RESOLUT
     from flexfem.validate.compare import cross_check as compare
 
     check_feasible(stage)
-    return compare(stage, resolution, solver)
+    return compare(stage, arguments.resolution(resolution), solver)
 
 
 def benchmark(names: Sequence[str] | None = None, progress: Progress | None = None) -> BenchmarkTable:

@@ -41,10 +41,11 @@ def processors() -> int:
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
     """Where the parts of a study file lie below a folder. Raises BadInput."""
+    from flexfem.files.refusals import checked_path
     from flexfem.study import parts
     from flexfem.study.loaded import load_study
 
-    return parts.parts_of(load_study(Path(study)), Path(output))
+    return parts.parts_of(load_study(checked_path(study)), checked_path(output))
 
 
 def run_study(
@@ -149,10 +150,11 @@ def collect_study(
 
 
 def _collected(parts: Parts, to: PathLike | None, partitioned: bool, partial: bool) -> Collected:
+    from flexfem.files.refusals import checked_path
     from flexfem.files.writing import check_folder
     from flexfem.study.collect import check_target, collect, table_path
 
-    target = Path(to) if to is not None else table_path(parts, partitioned)
+    target = checked_path(to) if to is not None else table_path(parts, partitioned)
     check_target(target, partitioned or (to is None and target.suffix == ""))
     check_folder(target.parent)
     return collect(parts, target, partial)

@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 LAYERS = (  # each takes from those before it, and from no other folder of its own layer
-    ("arrays", "refused", "units", "clock", "own", "sources"),
+    ("arguments", "arrays", "refused", "units", "clock", "own", "sources"),
     ("files",),
     ("stage",),
     ("analytic", "fem"),

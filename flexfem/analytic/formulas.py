@@ -172,7 +172,7 @@ def _check_own(made: Formula) -> None:
 def formula(name: str) -> Formula:
     """The registered formula; raises BadInput with the list of names when there is none."""
     own.load()
-    if name not in FORMULAS:
+    if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]
 

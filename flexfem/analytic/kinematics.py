@@ -6,6 +6,7 @@ The pose of a chain comes with its first- and second-order influence coefficient
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from numbers import Integral
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -51,7 +52,7 @@ def stage_freedoms(prismatic: ArrayLike) -> Freedoms:
 
 def freedoms_of(mobility: int) -> Freedoms:
     """The uniform table of mobility 3, 6, 12 or 21; raises BadInput for any other number."""
-    if mobility not in FREEDOMS_BY_MOBILITY:
+    if not isinstance(mobility, Integral) or mobility not in FREEDOMS_BY_MOBILITY:
         known = ", ".join(map(str, FREEDOMS_BY_MOBILITY))
         raise BadInput(f"mobility = {mobility}, expected one of {known}, or none for the stage's own prismatic hinges")
     return FREEDOMS_BY_MOBILITY[mobility]

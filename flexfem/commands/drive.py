@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from flexfem.verify.driven import Criterion
 
 app = typer.Typer()
-LARGEST_POSE = 1e2  # mm, rad; no piezo drive goes a thousandth of it
-LARGEST_LOAD = 1e6  # N, N mm
 
 
 @app.command()
@@ -45,8 +43,8 @@ def command(
     from flexfem import reports
     from flexfem.stage.schema import load_feasible
 
-    check_within("--pose", pose, LARGEST_POSE)
-    check_within("--load", load, LARGEST_LOAD)
+    check_within("--pose", pose, reports.LARGEST_POSE)
+    check_within("--load", load, reports.LARGEST_LOAD)
     if links and mobility not in (None, 21):
         raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
     if analytic and resolution is not None:

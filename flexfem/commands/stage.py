@@ -12,8 +12,6 @@ from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_
 from flexfem.refused import BadInput
 
 app = typer.Typer()
-LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
-LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 Triple = tuple[float, float, float]
 
 
@@ -99,8 +97,8 @@ def solve(
     loaded = load_feasible(stage)
     if force is not None and displacement is not None:
         raise BadInput("--force and --displacement, expected one of the two")
-    check_within("--force", force, LARGEST_FORCE)
-    check_within("--displacement", displacement, LARGEST_DISPLACEMENT)
+    check_within("--force", force, reports.LARGEST_FORCE)
+    check_within("--displacement", displacement, reports.LARGEST_DISPLACEMENT)
     found = reports.under_load(loaded, force, displacement, resolution or reports.RESOLUTION, vtu)
     console.show(found, json, tables.print_load)
 

@@ -6,6 +6,7 @@ import difflib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
@@ -13,6 +14,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from flexfem.files.keypath import KeyPath, as_key, key_path
 from flexfem.files.lines import MAX_DEPTH
+from flexfem.refused import BadInput
 
 SHOWN = 60  # characters of a value or key in a message
 
@@ -38,6 +40,13 @@ def one_line(text: str, limit: int | None = None) -> str:
 def shown(value: Any) -> str:
     """Return `value` as TOML on one line of at most `SHOWN` characters."""
     return one_line(_as_toml(value), SHOWN)
+
+
+def checked_path(value: Any) -> Path:
+    """The path of a file that a function was given. Raises BadInput for anything else."""
+    if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
+        raise BadInput(f"{value!r}, expected the path of a file")
+    return Path(value)
 
 
 def place_of(path: str | os.PathLike[str], line: int | None = None) -> str:

@@ -21,6 +21,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, mod
 from flexfem.files.lines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 from flexfem.files.refusals import (
     SHOWN,
+    checked_path,
     merged,
     missing_sentence,
     needed,
@@ -191,6 +192,7 @@ def _text(path: Path) -> str:
 
 
 def _bytes(path: Path) -> bytes:
+    path = checked_path(path)
     try:
         _require_small_regular(path, os.stat(path))
         # never wait, should a pipe have taken the file's place since

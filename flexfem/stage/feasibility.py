@@ -120,6 +120,8 @@ def check_feasible(stage: Stage) -> None:
 
 def check_closed_form(stage: Stage) -> None:
     """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
+    if getattr(stage, "kind", None) != "stage file":  # of `Stage`, which imports this module
+        raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
     _raise(_refused(stage, _check_conditions))
 
 

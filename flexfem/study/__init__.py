@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 
@@ -27,9 +26,10 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     """
     from pyarrow import ArrowException, csv, dataset
 
+    from flexfem.files.refusals import checked_path
     from flexfem.refused import BadInput
 
-    place = Path(path)
+    place = checked_path(path)
     try:
         found = csv.read_csv(place) if place.suffix == ".csv" else dataset.dataset(place, format="parquet").to_table()
     except (OSError, ArrowException) as error:

@@ -1,0 +1,61 @@
+"""What functions of the Python API are given, refused in one line when it is not what they take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexfem.arrays import Array
+from flexfem.refused import BadInput
+
+Key = TypeVar("Key", bound=str)
+FINEST = 64  # triangles across a neck
+
+
+def vectors(what: str, values: ArrayLike, most: int | None = None, largest: float = np.inf) -> Array:
+    """Finite numbers of shape (..., 3), with at most `most` axes and no larger than `largest`. Raises BadInput."""
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"{what}: expected numbers of shape (..., 3)") from None
+    if found.shape[-1:] != (3,) or (most and found.ndim > most):
+        raise BadInput(f"{what} of shape {found.shape}, expected ({'..., ' * (most is None)}3): x, y, theta")
+    if not np.all(np.isfinite(found)):
+        raise BadInput(f"{what}: expected finite numbers")
+    if np.any(np.abs(found) > largest):
+        raise BadInput(f"{what}: expected numbers within ±{largest:g}")
+    return found
+
+
+def resolution(value: Any, least: int = 2) -> int:
+    """Triangles across every neck, `least` to `FINEST`. Raises BadInput."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= FINEST:
+        raise BadInput(f"resolution {value!r}, expected an integer from {least} to {FINEST}")
+    return int(value)
+
+
+def resolutions(values: Any) -> list[int]:
+    """Resolutions, each as `resolution`. Raises BadInput."""
+    if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray):
+        raise BadInput(f"resolutions {values!r}, expected three integers or more")
+    return [resolution(value) for value in values]
+
+
+def positive(what: str, value: Any, most: float) -> float:
+    """A number above zero and at most `most`. Raises BadInput."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not 0 < float(value) <= most:
+        raise BadInput(f"{what} {value!r}, expected a number above 0, at most {most:g}")
+    return float(value)
+
+
+def by_name(what: str, values: Any, known: Mapping[Key, float], most: float) -> dict[Key, float]:
+    """Positive numbers by name, those not given as `known`. Raises BadInput."""
+    if values is None:
+        return dict(known)
+    if not isinstance(values, Mapping) or not set(values) <= set(known):
+        raise BadInput(f"{what} {values!r}, expected numbers by name: {', '.join(known)}")
+    return {name: positive(f"{what} {name}", values.get(name, default), most) for name, default in known.items()}

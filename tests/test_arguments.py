@@ -1,0 +1,65 @@
+"""What the Python API is given wrongly is refused in one line, and nothing is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import flexfem
+
+ROOT = Path(__file__).parents[1]
+NAN, INF = float("nan"), float("inf")
+BAD = [
+    (lambda s, f: flexfem.under_load(s, force=[NAN, 0, 0], vtu=f), "force: expected finite"),
+    (lambda s, f: flexfem.under_load(s, displacement=[INF, 0, 0], vtu=f), "displacement: expected finite"),
+    (lambda s, f: flexfem.under_load(s, force=[1, 2]), r"force of shape \(2,\)"),
+    (lambda s, f: flexfem.under_load(s, force="abc"), "force: expected numbers"),
+    (lambda s, f: flexfem.under_load(s, force=[2e9, 0, 0]), r"within ±1e\+09"),
+    (lambda s, f: flexfem.under_load(s, vtu=3), "3, expected the path"),
+    (lambda s, f: flexfem.mesh(s, f, resolution=-1), "resolution -1, expected an integer from 2"),
+    (lambda s, f: flexfem.mesh(s, None), "None, expected the path"),
+    (lambda s, f: flexfem.cross_check(s, resolution=True), "resolution True"),
+    (lambda s, f: flexfem.summary(s, elements=True, resolution=2.5), "resolution 2.5"),
+    (lambda s, f: flexfem.summary(s, formula=""), "hinge formula '' is not known"),
+    (lambda s, f: flexfem.solve(s, 65), "resolution 65, expected an integer from 2 to 64"),
+    (lambda s, f: flexfem.errors(s, resolution=3), "resolution 3, expected an integer from 4"),
+    (lambda s, f: flexfem.budget(s, resolution=0), "resolution 0, expected an integer from 4"),
+    (lambda s, f: flexfem.budget(s, {"q": 1.0}), "amplitudes {'q': 1.0}, expected numbers by name: x, y, theta"),
+    (lambda s, f: flexfem.budget(s, {"y": NAN}), "amplitudes y nan"),
+    (lambda s, f: flexfem.budget(s, [1, 2, 3]), "amplitudes .* by name"),
+    (lambda s, f: flexfem.workspace(s, 0), "amplitude 0, expected a number above 0"),
+    (lambda s, f: flexfem.workspace(s, -0.5), "amplitude -0.5"),
+    (lambda s, f: flexfem.workspace(s, "x"), "amplitude 'x'"),
+    (lambda s, f: flexfem.workspace(s, resolution="8"), "resolution '8'"),
+    (lambda s, f: flexfem.converge(s, [2, 3.5, 5]), "resolution 3.5"),
+    (lambda s, f: flexfem.converge(s, []), "expected three or more"),
+    (lambda s, f: flexfem.converge(s, 8), "resolutions 8"),
+    (lambda s, f: flexfem.command(s, [1e300, 0, 0]), "pose: expected numbers within ±100"),
+    (lambda s, f: flexfem.command(s, [0, 0, 0], load=[0, 0, 2e6]), r"load: expected numbers within ±1e\+06"),
+    (lambda s, f: flexfem.command(s, [0, 0, 0], resolution=1), "resolution 1"),
+    (lambda s, f: flexfem.analyse(s, mobility=[6]), r"mobility = \[6\]"),
+    (lambda s, f: flexfem.analyse(s, formula=["x"]), "hinge formula"),
+    (lambda s, f: flexfem.analyse("geometry/mobility6.toml"), "expected a flexfem.Stage"),
+    (lambda s, f: flexfem.check(None), "None, expected a flexfem.Stage"),
+    (lambda s, f: flexfem.load(None), "None, expected the path"),
+    (lambda s, f: flexfem.load(b"a.toml"), "expected the path"),
+    (lambda s, f: flexfem.verification(3), "3, expected the path"),
+    (lambda s, f: flexfem.claims(None), "None, expected the path"),
+    (lambda s, f: flexfem.run_study(None), "None, expected the path"),
+    (lambda s, f: flexfem.study.table(3), "3, expected the path"),
+]
+
+
+def test_a_wrong_argument_is_refused_in_one_line_and_nothing_is_written(tmp_path):
+    stage, target = flexfem.load(ROOT / "geometry" / "mobility6.toml"), tmp_path / "a.vtu"
+    for ask, said in BAD:
+        with pytest.raises(flexfem.BadInput, match=said) as refused:
+            ask(stage, target)
+        assert "\n" not in str(refused.value), said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_amplitudes_that_are_not_given_keep_their_default():
+    found = flexfem.budget(flexfem.load(ROOT / "geometry" / "mobility6.toml"), {"x": 0.1}, resolution=4)
+    assert [found.split[name].amplitude for name in ("x", "y", "theta")] == [0.1, 0.05, 0.001]
