@@ -98,7 +98,7 @@ OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without na
 def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """The content of a changed stage; `held` is its `model_dump`, changes are as `Stage.replace` takes them.
 
-    Raises BadInput for an override that names no hinge.
+    Raises BadInput for an override that names no hinge or is no table.
     """
     content, given = plain(held), {name: _plain(value) for name, value in changes.items()}
     for name in [name for name in OF_HINGES if name in given]:
@@ -121,6 +121,9 @@ def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
         if chain not in CHAINS or hinge not in HINGE_NAMES:
             names = ", ".join(HINGE_NAMES)
             raise BadInput(f"override: no hinge {shown(str(place))}, expected (1, 2 or 3, one of {names})")
+        if not isinstance(values, Mapping):
+            expected = f"a table, any of {', '.join(OF_HINGES)}"
+            raise BadInput(f"{key_path(('override', str(chain), hinge))} = {shown(values)}, expected {expected}")
         found[chain, hinge] = found.get((chain, hinge), {"chain": chain, "hinge": hinge}) | dict(values)
     return list(found.values())
 
