@@ -152,6 +152,8 @@ HOSTILE = {
     "file key": ({"thickness_mm": 9.0}, "thickness_mm is an unknown name, did you mean thickness?"),
     "no hinge": ({"neck": {"elbw": 0.4}}, "hinges.elbw is an unknown name, did you mean elbow?"),
     "no chain": ({"override": {(4, "elbow"): {"neck": 0.4}}}, "override: no hinge"),
+    "no table": ({"override": {(2, "elbow"): 0.5}}, "override.2.elbow = 0.5, expected a table, any of radius, neck,"),
+    "nothing": ({"override": {(2, "elbow"): None}}, "override.2.elbow = None, expected a table, any of radius, neck,"),
     "hub": ({"platform": {"hub_radius": 17.0}}, "platform.hub_radius_mm = 17, hub larger than the platform"),
     "two at once": ({"thickness": 0, "neck": -1}, "(and 3 more)"),
 }  # fmt: skip
@@ -290,6 +292,37 @@ def test_a_formula_of_ones_own_answers_everywhere(stage):
     for valid, source in itertools.chain([((1.0, 0.1), "x"), ((0.0, 1.0), "x"), ((0.1, 1.0), " ")]):
         with pytest.raises(flexfem.BadInput):
             flexfem.register_formula("other", own.rotation, source=source, valid=valid)
+
+
+def raises(ratio):
+    raise ValueError("two\nlines")
+
+
+NO_FORMULA = [
+    ({"function": None}, "function = None, expected a function of t/R"),
+    ({"function": 3}, "function = 3, expected a function of t/R"),
+    ({"axial": 3}, "axial = 3, expected a function of t/R"),
+    ({"function": raises}, "function at t/R from 0.1 to 1: ValueError: two\\nlines, expected finite positive numbers"),
+    ({"bending": raises}, "bending at t/R from 0.1 to 1: ValueError: two\\nlines, expected finite positive numbers"),
+    ({"function": lambda: 1.0}, "function at t/R from 0.1 to 1: TypeError: "),
+    ({"function": lambda ratio: "soft"}, "function at t/R from 0.1 to 1: expected finite positive numbers"),
+    ({"function": lambda ratio: 1j * ratio}, "function at t/R from 0.1 to 1: "),
+    ({"valid": "ab"}, 'valid = "ab", expected 0 < smallest t/R < largest'),
+    ({"valid": None}, "valid = None, expected 0 < smallest t/R < largest"),
+    ({"valid": (0.1, "b")}, 'valid = [0.1, "b"], expected 0 < smallest t/R < largest'),
+]
+
+
+@pytest.mark.parametrize(("given", "said"), NO_FORMULA, ids=[said for _, said in NO_FORMULA])
+def test_what_is_no_formula_is_refused_when_it_is_registered(given, said):
+    wanted = {"function": lambda ratio: 15 * ratio**-2.5, "source": "a test", "valid": (0.1, 1.0)} | given
+    with pytest.raises(flexfem.BadInput) as refused:
+        flexfem.register_formula("not-one", **wanted)
+    assert str(refused.value).startswith(f"hinge formula 'not-one': {said}") and "\n" not in str(refused.value)
+    assert "not-one" not in flexfem.formulas()
+    for name in (None, 5, ["a"]):
+        with pytest.raises(flexfem.BadInput, match="expected a name of letters, digits and hyphens"):
+            flexfem.register_formula(name, abs, source="a test", valid=(0.1, 1.0))
 
 
 def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,12 @@ from flexfem.analytic import beam
 from flexfem.analytic.chart import hinge_chart
 from flexfem.analytic.notch import ChartedFormula, Compliance, Formula
 from flexfem.arrays import Array
+from flexfem.files.refusals import one_line, shown
 from flexfem.refused import BadInput
 
 BEAM_RANGE = (1e-4, 2.0)
+EXPECTED = "expected finite positive numbers of the shape of t/R"
+LONGEST_SAID = 120  # characters of what a user's function raises
 
 _ENTRIES = (
     Formula(
@@ -132,7 +136,8 @@ def register_formula(
     Raises
     ------
     BadInput
-        The name is taken by another formula, or a function does not give finite positive numbers over `valid`.
+        The name is taken by another formula or is none, `valid` is no range, or a function is none, raises, or does
+        not give finite positive numbers over `valid`.
 
     Examples
     --------
@@ -141,32 +146,45 @@ def register_formula(
     >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
     'plain'
     """
-    made = Formula(name, source, "registered by the user", valid, function, axial, bending)
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", name):
+        raise BadInput(f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens")
     known = FORMULAS.get(name)
     if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
         raise BadInput(f"hinge formula {name!r} is known already, expected another name")
-    _check_own(made)
-    FORMULAS[name] = made
-    return made
+    if not isinstance(source, str) or not source.strip():
+        raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
+    low, high = _ends(name, valid)
+    ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
+    for argument, given in (("function", function), ("axial", axial), ("bending", bending)):
+        if given is not None or argument == "function":
+            _check_own(f"hinge formula {name!r}: {argument}", given, ratio)
+    FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
+    return FORMULAS[name]
 
 
-def _check_own(made: Formula) -> None:
-    """Refuse a formula of the user's that has no name, no source, no range, or no values."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", str(made.name)):
-        raise BadInput(f"hinge formula {made.name!r}: expected a name of letters, digits and hyphens")
-    if not isinstance(made.source, str) or not made.source.strip():
-        raise BadInput(f"hinge formula {made.name!r}: expected a source, one line of text")
-    ends = np.asarray(made.valid, dtype=float)
-    if ends.shape != (2,) or not 0 < ends[0] < ends[1] < np.inf:
-        raise BadInput(f"hinge formula {made.name!r}: valid = {made.valid!r}, expected 0 < smallest t/R < largest")
-    ratio = np.geomspace(ends[0], ends[1], 24).reshape(2, 3, 4)
-    for function in (each for each in (made.rotation, made.axial, made.bending) if each is not None):
+def _ends(name: str, valid: Any) -> tuple[float, float]:
+    """The range of a formula of the user's. Raises BadInput when it is none."""
+    try:
+        low, high = map(float, valid)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 < low < high < np.inf:
+        raise BadInput(f"hinge formula {name!r}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
+    return low, high
+
+
+def _check_own(what: str, function: Any, ratio: Array) -> None:
+    """Refuse a function of the user's that is none, or has no values at t/R (...)."""
+    if not callable(function):
+        raise BadInput(f"{what} = {shown(function)}, expected a function of t/R")
+    try:
         found = np.asarray(function(ratio))
-        if found.shape != ratio.shape or not np.all(np.isfinite(found) & (found > 0)):
-            raise BadInput(
-                f"hinge formula {made.name!r}: expected finite positive numbers of the shape of t/R from "
-                f"{ends[0]:g} to {ends[1]:g}"
-            )
+        good = found.shape == ratio.shape and np.all(np.isfinite(found) & (found > 0))
+    except Exception as error:  # the user's
+        said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID)
+        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}, {EXPECTED}") from None
+    if not good or found.dtype.kind not in "iuf":
+        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
 
 
 def formula(name: str) -> Formula:
