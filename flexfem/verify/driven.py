@@ -17,6 +17,7 @@ import numpy as np
 
 from flexfem.arrays import Array, inverse
 from flexfem.refused import ComputationFailed
+from flexfem.stage.actuators import ROUND_OFF as BLOCKING_ROUND_OFF
 from flexfem.stage.drives import StageDrive
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
@@ -138,7 +139,9 @@ def limits_of_forces(of: Driven, drive: StageDrive, load: Array) -> tuple[Array,
     """As `limits_of_strokes`, (2n, m): no contact is lost, and no force is above the blocking force."""
     per_command, at_rest = of.Y @ of.T, of.Y @ of.C[3:, :3] @ load
     rows, offsets = np.concatenate([per_command, -per_command]), np.concatenate([at_rest, -at_rest])
-    return rows, offsets, np.concatenate([drive.blocking_force - drive.preload, drive.preload])
+    left = drive.blocking_force - drive.preload
+    left[np.abs(left) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
+    return rows, offsets, np.concatenate([left, drive.preload])
 
 
 def _of_all(of: Driven, drive: StageDrive, load: Array) -> tuple[Array, Array, Array]:

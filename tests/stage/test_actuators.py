@@ -9,6 +9,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.actuators import Actuator, CataloguedStack, catalogue, hertz
 from flexfem.stage.drives import contacts, drive_of
 from flexfem.stage.schema import Stage, load_feasible
+from flexfem.verify.driven import Driven, limits_of_forces
 
 BASE = {"name": "base", "between": ("frame", "link 1"), "point": (44.0, -36.5), "direction": np.pi / 2, "pair": True}
 ANY = {**BASE, "stack": "AE0505D16"}
@@ -47,6 +48,17 @@ def test_stiffness_is_blocking_force_over_stroke():
     assert Actuator(**ANY).rating.stiffness == pytest.approx(53.74e3, rel=1e-4)
     assert Actuator(**BASE, stroke=0.0174, blocking_force=935.0).rating == Actuator(**ANY).rating
     assert Actuator(**BASE, stroke=0.02, stiffness=30e3).rating.blocking_force == pytest.approx(600.0)
+
+
+def test_a_preload_of_the_blocking_force_itself_is_borne(stage):
+    """17.4 um times 50 N/um is 870 N, in floating point a little less; nothing is left to push harder with."""
+    full = BASE | {"pair": False, "stroke": 17.4e-3, "stiffness": 50e3}
+    assert 869.9999999 < Actuator(**full).rating.blocking_force < 870.0
+    drive = drive_of(stage.replace(actuator=[full | {"preload": 870.0}]))
+    left = limits_of_forces(Driven(np.eye(6), np.eye(3), np.eye(3)), drive, np.zeros(3))[2]
+    np.testing.assert_array_equal(left, [0.0, 0.0, 0.0, 870.0, 870.0, 870.0])
+    with pytest.raises(BadInput, match="at most the blocking force of the stack, 870"):
+        Actuator(**full, preload=870.00001)
 
 
 def test_a_steel_ball_on_aluminium_by_hertz():
