@@ -9,8 +9,19 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
+from flexfem.units import MICROMETRE
 from flexfem.verify import warning
-from flexfem.verify.driven import CRITERIA, ROUND_OFF, Criterion, Driven, commands_for, moved, shares
+from flexfem.verify.driven import (
+    CRITERIA,
+    ROUND_OFF,
+    Criterion,
+    Driven,
+    Unreachable,
+    commands_for,
+    moved,
+    shares,
+    shares_of_each,
+)
 from flexfem.verify.driven_models import (
     Commanding,
     DrivenMetal,
@@ -97,6 +108,7 @@ def command(
     metal = None if resolution is None else driven_metal(stage, resolution)
     found = _by_criterion(first.of, drive, pose, load, lever, warnings)
     criteria = {name: _strokes(stage, drive, first, metal, x, load) for name, x in found.items()}
+    warnings += [text for name, x in found.items() for text in _of_limits(first.of, drive, x, load, name)]
     warnings += [text for name, one in criteria.items() for text in _of_yield(stage, name, one)]
     warnings += warning.of_motion(stage, pose, "the pose")
     return Command(
@@ -126,9 +138,11 @@ def _by_criterion(
             found[name] = commands_for(of, drive, pose, load, lever, name)
         except ComputationFailed as failure:
             warnings.append(f"{name}: {failure}")
+            if isinstance(failure, Unreachable) and name == "within limits":
+                warnings.append(f"the drive does not reach this pose: {failure.reason}")
     used = shares(of, drive, found["within limits"], load) if "within limits" in found else {}
-    which = max(used, key=lambda name: used[name], default="")
-    if which and used[which] > 1 + ROUND_OFF:
+    which = max(used, key=lambda name: used[name], default=None)
+    if which is not None and used[which] > 1 + ROUND_OFF:
         warnings.append(f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}")
     return found
 
@@ -186,6 +200,28 @@ def _stack_names(drive: StageDrive) -> list[str]:
     signs = {1.0: "", -1.0: ", partner"}
     rows = [int(np.flatnonzero(row)[0]) for row in drive.differential]
     return [drive.names[k] + signs[float(row[k])] for k, row in zip(rows, drive.differential, strict=True)]
+
+
+def _of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> warning.Warnings:
+    """Every limit that commands (m,) break: strokes by actuator, a pair as one, and forces by stack."""
+    broken = {name: used > 1 + ROUND_OFF for name, used in shares_of_each(of, drive, x, load).items()}
+    force, stacks, um = drive.preload + moved(of, drive, x, load).force, _stack_names(drive), MICROMETRE
+    pairs = np.count_nonzero(drive.differential, axis=0) == 2
+    strokes = [
+        f"{'the pair' if pairs[k] else 'the stack'} {drive.names[k]} would need a stroke of {um.factor * x[k]:.4g} "
+        f"{um.plain}, outside {um.factor * drive.lowest[k]:.4g} to {um.factor * drive.highest[k]:.4g} {um.plain}"
+        for k in np.flatnonzero(np.any(broken["stroke"].reshape(2, -1), axis=0))
+    ]
+    pulls = [
+        f"the stack {stacks[k]} would have to pull with {-force[k]:.4g} N, but its contact opens at 0 N"
+        for k in np.flatnonzero(broken["contact"])
+    ]
+    pushes = [
+        f"the stack {stacks[k]} would have to push with {force[k]:.4g} N, above its blocking force of "
+        f"{drive.blocking_force[k]:.4g} N"
+        for k in np.flatnonzero(broken["blocking"])
+    ]
+    return [f"{criterion}: {said}" for said in strokes + pulls + pushes]
 
 
 def _of_yield(stage: Stage, criterion: str, found: Strokes) -> warning.Warnings:

@@ -10,7 +10,7 @@ for the commands x. Forces, openings and strokes are those beyond rest, where th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -23,7 +23,29 @@ from flexfem.stage.drives import StageDrive
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
 CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
 ROUND_OFF = 1e-9  # of the largest stroke or force
+Limit: TypeAlias = Literal["stroke", "contact", "blocking"]
+NOTHING_ALLOWED: dict[Limit, str] = {  # of limits that allow nothing at all in one direction, why no strokes do
+    "stroke": "some single stacks would need strokes below 0 um, their least",
+    "contact": "some stacks without preload would have to pull",
+    "blocking": "some stacks preloaded to their blocking force would have to push harder",
+}
 SINGULAR = 1e-9  # of the largest: a direction in which no command moves the platform
+
+
+class Unreachable(ComputationFailed):
+    """No strokes hold a pose, whatever their size; `reason` says which limit is why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"no strokes of any size hold this pose: {reason}")
+        self.reason = reason
+
+
+class DriveLimits(NamedTuple):
+    """Limits (k) of commands (m,): rows @ command <= offsets + sizes; sizes of zero allow nothing."""
+
+    rows: Array
+    offsets: Array
+    sizes: Array
 
 
 class Driven(NamedTuple):
@@ -104,8 +126,8 @@ def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever:
     check_reach(G)
     solve: dict[Criterion, Callable[[], Array]] = {
         "least energy": lambda: _least_energy(of, G, wanted, load),
-        "least stroke": lambda: _least_share(*limits_of_strokes(drive), G, wanted),
-        "within limits": lambda: _least_share(*_of_all(of, drive, load), G, wanted),
+        "least stroke": lambda: _least_share({"stroke": limits_of_strokes(drive)}, G, wanted),
+        "within limits": lambda: _least_share(limits_of(of, drive, load), G, wanted),
     }
     found = solve[criterion]()
     return np.asarray(found + np.linalg.lstsq(G, wanted - G @ found, rcond=None)[0])  # what the programs rounded off
@@ -129,34 +151,48 @@ def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
     return np.asarray(particular - free @ np.linalg.lstsq(H, F.T @ of.C[3:, 3:] @ force, rcond=None)[0])
 
 
-def limits_of_strokes(drive: StageDrive) -> tuple[Array, Array, Array]:
-    """Rows (2m, m), offsets and sizes (2m,) of the limits of the commands: row x <= offset + share size."""
+def limits_of_strokes(drive: StageDrive) -> DriveLimits:
+    """Of the commands (m,), the highest, then the lowest."""
     one, zero = np.eye(len(drive.lowest)), np.zeros(2 * len(drive.lowest))
-    return np.concatenate([one, -one]), zero, np.abs(np.concatenate([drive.highest, drive.lowest]))
+    return DriveLimits(np.concatenate([one, -one]), zero, np.abs(np.concatenate([drive.highest, drive.lowest])))
 
 
-def limits_of_forces(of: Driven, drive: StageDrive, load: Array) -> tuple[Array, Array, Array]:
-    """As `limits_of_strokes`, (2n, m): no contact is lost, and no force is above the blocking force."""
+def limits_of_forces(of: Driven, drive: StageDrive, load: Array) -> tuple[DriveLimits, DriveLimits]:
+    """Of the forces (n,): no contact is lost, and none is above the blocking force."""
     per_command, at_rest = of.Y @ of.T, of.Y @ of.C[3:, :3] @ load
-    rows, offsets = np.concatenate([per_command, -per_command]), np.concatenate([at_rest, -at_rest])
     left = drive.blocking_force - drive.preload
     left[np.abs(left) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
-    return rows, offsets, np.concatenate([left, drive.preload])
+    return DriveLimits(-per_command, -at_rest, drive.preload), DriveLimits(per_command, at_rest, left)
 
 
-def _of_all(of: Driven, drive: StageDrive, load: Array) -> tuple[Array, Array, Array]:
-    both = zip(limits_of_strokes(drive), limits_of_forces(of, drive, load), strict=True)
-    rows, offsets, sizes = (np.concatenate(parts) for parts in both)
-    return rows, offsets, sizes
+def limits_of(of: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
+    """Every limit of a drive under a load (3,), in the order in which programs have them."""
+    contact, blocking = limits_of_forces(of, drive, load)
+    return {"stroke": limits_of_strokes(drive), "blocking": blocking, "contact": contact}
 
 
-def _least_share(rows: Array, offsets: Array, sizes: Array, G: Array, wanted: Array) -> Array:
-    """min t with rows x <= offsets + t sizes and G x = wanted."""
+def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, wanted: Array) -> Array:
+    """min t with rows x <= offsets + t sizes, of all limits together, and G x = wanted.
+
+    Raises Unreachable, which says why, when no x does: then some of the limits allow nothing at all, whatever t.
+    """
+    rows, offsets, sizes = (np.concatenate(parts) for parts in zip(*limits.values(), strict=True))
+    found = _program(rows, offsets, sizes, G, wanted)
+    if found is not None:
+        return found
+    none = {name: DriveLimits(*(part[each.sizes == 0] for part in each)) for name, each in limits.items()}
+    binding = {name: each for name, each in none.items() if len(each.rows)}
+    alone = [name for name, each in binding.items() if _program(*each, G, wanted) is None]
+    raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
+
+
+def _program(rows: Array, offsets: Array, sizes: Array, G: Array, wanted: Array) -> Array | None:
+    """min t with rows x <= offsets + t sizes and G x = wanted; None where there is no such x."""
     from scipy.optimize import linprog
 
     unit = float(np.max(np.abs(np.linalg.lstsq(G, wanted, rcond=None)[0])))
     if unit == 0:
-        unit = float(np.max(sizes))
+        unit = float(np.max(sizes)) or 1.0
     reach = np.max(np.abs(G)) * unit
     norm = np.maximum(np.max(np.abs(rows), axis=1) * unit, np.finfo(float).tiny)
     found = linprog(
@@ -169,29 +205,31 @@ def _least_share(rows: Array, offsets: Array, sizes: Array, G: Array, wanted: Ar
         method="highs",
     )
     if found.status == 2:
-        raise ComputationFailed("no strokes of any size hold this pose: some stacks would have to pull")
+        return None
     if found.status != 0:
         raise ComputationFailed(f"linear program for strokes: {found.message}")
     return np.asarray(found.x[:-1] * unit)
 
 
-def shares(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[str, float]:
-    """Largest shares of the limits that a command takes, above one when it breaks them: stroke, contact, blocking.
+def shares(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[Limit, float]:
+    """Largest shares of the limits that a command takes, above one when it breaks them.
 
     inf where nothing is allowed: the contact of a stack without preload that would have to pull.
     """
-    n, (stroke_rows, _, sizes) = len(drive.stiffness), limits_of_strokes(drive)
-    rows, offsets, bounds = limits_of_forces(of, drive, load)
-    used = rows @ command - offsets
+    return {name: float(np.max(each)) for name, each in shares_of_each(of, drive, command, load).items()}
+
+
+def shares_of_each(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[Limit, Array]:
+    """Shares that a command takes of each limit in `limits_of`: stroke (2m,), contact and blocking (n,)."""
+    limits = limits_of(of, drive, load)
     return {
-        "stroke": _share(stroke_rows @ command, sizes),
-        "contact": _share(used[n:], bounds[n:]),
-        "blocking": _share(used[:n], bounds[:n]),
+        name: _shares(limits[name].rows @ command - limits[name].offsets, limits[name].sizes)
+        for name in get_args(Limit)
     }
 
 
-def _share(used: Array, sizes: Array) -> float:
-    """The largest of used over sizes, where what is used beyond nothing at all by round-off alone is nothing."""
+def _shares(used: Array, sizes: Array) -> Array:
+    """Used over sizes, where what is used beyond nothing at all by round-off alone is nothing."""
     none = used <= ROUND_OFF * np.max(np.abs(used), initial=0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.max(np.where(none, 0.0, used / sizes)))
+        return np.where(none, 0.0, used / sizes)

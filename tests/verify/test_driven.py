@@ -14,6 +14,7 @@ from flexfem.stage.contacts import Push, Stack
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.command import calibration
+from flexfem.verify.command import command as answer
 from flexfem.verify.driven import CRITERIA, commands_for, driven, limits_of_forces, moved, shares
 from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, rotations, stresses
 
@@ -151,8 +152,8 @@ def test_within_limits_uses_the_smallest_share_of_any(stage):
 
 def test_a_contact_without_preload_can_only_be_pressed():
     C, drive = spring(14.3e3, 50e3)
-    _, _, sizes = limits_of_forces(driven(C, drive), drive, np.zeros(3))
-    np.testing.assert_allclose(sizes, [935.0, 0.0])
+    contact, blocking = limits_of_forces(driven(C, drive), drive, np.zeros(3))
+    np.testing.assert_allclose([contact.sizes, blocking.sizes], [[0.0], [935.0]])
     assert shares(driven(C, drive), drive, np.array([-1e-3]), np.zeros(3))["contact"] == np.inf
 
 
@@ -210,3 +211,78 @@ def test_neck_stresses_of_shear_are_those_of_finite_elements(stage):
         assert np.max(found) == pytest.approx(
             np.max(element_stresses(stage, metal, drive, x, np.zeros(3))), rel=allowed
         )
+
+
+def single(stage: Stage, **changes: float | None) -> Stage:
+    """The stage with a stack and no pair on link 1 of every chain, which together only turn the platform one way."""
+    return stage.replace(actuator=[stage.actuator[0].model_copy(update={"pair": False} | changes)])
+
+
+def said_of(stage: Stage, pose: list[float], load: list[float]) -> list[str]:
+    return answer(stage, np.array(pose), np.array(load), (None, "calibrated", True)).warnings
+
+
+BELOW = "some single stacks would need strokes below 0 um, their least"
+
+
+def test_strokes_that_a_single_stack_cannot_do_are_warned_of(stage):
+    """3 N in X turn links 1 to both sides: no strokes without one below zero hold them, though no contact is lost."""
+    assert said_of(single(stage), [0.0, 0.0, 0.0], [3.0, 0.0, 0.0]) == [
+        f"least stroke: no strokes of any size hold this pose: {BELOW}",
+        f"within limits: no strokes of any size hold this pose: {BELOW}",
+        f"the drive does not reach this pose: {BELOW}",
+        "least energy: the stack base, chain 3 would need a stroke of -1.059 um, outside 0 to 17.4 um",
+    ]
+    assert said_of(single(stage), [0.0, 0.0, 1e-4], [0.0, 0.0, 0.0]) == []
+    both = stage.replace(actuator=[each.model_copy(update={"pair": False}) for each in stage.actuator])
+    assert said_of(both, [0.0023, -0.0011, 7e-5], [0.0, 0.0, 0.0]) == [  # other criteria find strokes above zero
+        "least energy: the stack elbow, chain 2 would need a stroke of -0.7424 um, outside 0 to 17.4 um",
+        "least energy: the stack elbow, chain 3 would need a stroke of -1.482 um, outside 0 to 17.4 um",
+    ]
+
+
+def test_strokes_that_a_pair_cannot_do_are_warned_of(stage):
+    assert said_of(stage, [0.03, -0.0011, 7e-5], [0.0, 0.0, 0.0])[:4] == [
+        "the drive does not reach this pose: it takes 1.296 times its limit of stroke",
+        "least energy: the pair elbow, chain 1 would need a stroke of 9.21 um, outside -8.7 to 8.7 um",
+        "least energy: the pair base, chain 3 would need a stroke of 9.535 um, outside -8.7 to 8.7 um",
+        "least energy: the pair elbow, chain 3 would need a stroke of -13.84 um, outside -8.7 to 8.7 um",
+    ]
+
+
+def test_forces_that_a_stack_cannot_do_are_warned_of(stage):
+    load = [40.0, 0.0, 0.0]
+    assert said_of(single(stage), [0.0, 0.0, 1e-4], load)[3:] == [
+        "least energy: the stack base, chain 3 would need a stroke of -13.28 um, outside 0 to 17.4 um",
+        "least energy: the stack base, chain 3 would have to pull with 18.97 N, but its contact opens at 0 N",
+    ]
+    assert said_of(single(stage, preload=900.0), [0.0, 0.0, 1e-4], load)[4:] == [
+        "least energy: the stack base, chain 2 would have to push with 969.1 N, above its blocking force of 935 N"
+    ]
+    light = stage.replace(actuator=[each.model_copy(update={"preload": 10.0}) for each in stage.actuator])
+    found = said_of(light, [0.0, 0.0, 0.0], [60.0, 0.0, 0.0])
+    assert found[0] == "the drive does not reach this pose: it takes 2.186 times its limit of contact"
+    said = (
+        "within limits: the stack base, chain 2, partner would have to pull with 11.86 N, but its contact opens at 0 N"
+    )
+    assert said in found
+
+
+PULL = "some stacks without preload would have to pull"
+PUSH = "some stacks preloaded to their blocking force would have to push harder"
+
+
+@pytest.mark.parametrize(
+    ("preload", "pose", "load", "why"),
+    [
+        (50.0, -1e-4, 0.0, BELOW),
+        (0.0, 1e-3, 1000.0, PULL),
+        (0.0, 1e-4, 1000.0, f"{BELOW}, and {PULL}"),
+        (935.0, 1e-3, -1000.0, PUSH),
+    ],
+)
+def test_which_limit_leaves_no_strokes_for_a_pose_is_said(stage, preload, pose, load, why):
+    bare = single(stage, preload=preload, ball_radius=None)
+    found = said_of(bare, [0.0, 0.0, pose], [0.0, 0.0, load])
+    assert f"within limits: no strokes of any size hold this pose: {why}" in found
+    assert f"the drive does not reach this pose: {why}" in found
