@@ -12,9 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.files.refusals import shown
 from flexfem.plot.curves import COLOURS, NAMES, curve_style
 from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
 from flexfem.plot.text import scientific
+from flexfem.refused import BadInput
 from flexfem.validate.bending import SMALL, Elastica, Remainders
 from flexfem.verify.budget import Budget
 from flexfem.verify.case import DIRECTIONS, Direction
@@ -55,7 +57,12 @@ def _outside(budget: Budget) -> str:
 
 
 def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
-    """Draw the shares of the error of the command in one direction, their total and its band; returns `ax`."""
+    """Draw the shares of the error of the command in one direction, their total and its band; returns `ax`.
+
+    Raises BadInput for another direction than x, y or theta.
+    """
+    if direction not in DIRECTIONS:
+        raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
     split = budget.split[direction]
     values = np.array([getattr(share.points, direction) for share in split.shares])
     total = float(getattr(split.total, direction))

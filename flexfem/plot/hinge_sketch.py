@@ -11,6 +11,7 @@ from matplotlib.patches import FancyArrowPatch
 
 from flexfem.arrays import Array
 from flexfem.plot.marks import Point, arrow
+from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.plot.text import significant
 from flexfem.units import LENGTH
@@ -60,7 +61,7 @@ def outline() -> Array:
     return np.concatenate([[[-1 - BLOCK, -top]], lower, corners, -lower, [[-1 - BLOCK, top]]])
 
 
-def hinge_rows(model: Model) -> list[tuple[str, ...]]:
+def hinge_rows(model: Model | Placed) -> list[tuple[str, ...]]:
     """Rows of the table of hinges: which, R, t, h in mm, t/R; hinges that are alike in one row."""
     groups: dict[tuple[float, float], list[str]] = {}
     for number, hinge in enumerate(model.hinges, start=1):
@@ -162,9 +163,12 @@ def _label(axes: Axes, at: Point, name: str, side: str, size: float = 13, colour
     axes.text(at[0], at[1], name, ha=side, va="center", size=size, color=colour, zorder=7, parse_math=True)
 
 
-def plot_hinge_table(ax: Axes, model: Model) -> Axes:
-    """Write the dimensions of a stage's hinges as a table, those that are alike in one row; returns `ax`."""
-    rows = hinge_rows(model)
+def plot_hinge_table(ax: Axes, stage: HasHinges) -> Axes:
+    """Write the dimensions of a stage's hinges as a table, those that are alike in one row; returns `ax`.
+
+    `stage` may be the record of `flexfem.check`. Raises BadInput when it is no stage.
+    """
+    rows = hinge_rows(placed(stage))
     ax.set_axis_off()
     head = ("hinge", f"R ({LENGTH})", f"t ({LENGTH})", f"h ({LENGTH})", "t/R")
     across = (0.0, 0.4, 0.55, 0.7, 0.85)

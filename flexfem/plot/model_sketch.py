@@ -11,6 +11,7 @@ from matplotlib.patches import Circle, Polygon
 
 from flexfem.arrays import Array
 from flexfem.plot.marks import clear_spot, frame_cross, hatch_ground, write
+from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, inches, panels, text_width
 from flexfem.units import DEGREE, LENGTH
 from flexfem.verify.result import HingeDrawing, Model
@@ -49,11 +50,13 @@ def model_sketch(model: Model) -> Figure:
     return figure
 
 
-def plot_model(ax: Axes, model: Model) -> Axes:
+def plot_model(ax: Axes, stage: HasHinges) -> Axes:
     """Draw links, joints with their freedoms, ground, platform and its frame, with the lengths and angles of chain 1.
 
-    Labels stand where there is room at the size that `ax` has when this is called; returns `ax`.
+    `stage` may be the record of `flexfem.check`. Labels stand where there is room at the size that `ax` has when this
+    is called; returns `ax`. Raises BadInput when it is no stage.
     """
+    model = placed(stage)
     points = np.array([hinge.centre for hinge in model.hinges])
     size = float(np.max(np.ptp(points, axis=0)))
     low, up = points.min(axis=0) - 0.15 * size, points.max(axis=0) + 0.15 * size
@@ -75,7 +78,7 @@ def mobility_line(model: Model) -> str:
     )
 
 
-def links_of_chain(model: Model) -> tuple[Array, Array]:
+def links_of_chain(model: Model | Placed) -> tuple[Array, Array]:
     """Lengths l1, l2, l3 (3,), mm, and angles phi_1 to phi_3 (3,), rad in (-pi, pi], of chain 1 as in (19), (20)."""
     points = np.array([*(hinge.centre for hinge in model.hinges[:3]), (0.0, 0.0)])
     links = np.diff(points, axis=0)
@@ -85,7 +88,7 @@ def links_of_chain(model: Model) -> tuple[Array, Array]:
     return np.linalg.norm(links, axis=1), wrapped
 
 
-def _draw_platform(axes: Axes, model: Model, size: float) -> None:
+def _draw_platform(axes: Axes, model: Placed, size: float) -> None:
     corners = [model.hinges[k].centre for k in (2, 5, 8)]
     axes.add_patch(Polygon(corners, facecolor="#DDE3EA", edgecolor=LINK, linewidth=2.0, joinstyle="round", zorder=1))
     frame_cross(axes, 0.09 * size)
@@ -102,7 +105,7 @@ def _draw_chain(axes: Axes, hinges: list[HingeDrawing], radius: float) -> None:
         _draw_joint(axes, np.array(hinge.centre), hinge.axis, hinge.freedoms, _side_of(hinge) * radius)
 
 
-def _write_labels(axes: Axes, model: Model, size: float) -> None:
+def _write_labels(axes: Axes, model: Placed, size: float) -> None:
     """Write lengths and angles at chain 1 and the chains' numbers at their ground."""
     points = np.array([*(hinge.centre for hinge in model.hinges[:3]), (0.0, 0.0)])
     lengths, angles = links_of_chain(model)
@@ -123,7 +126,7 @@ def _write_labels(axes: Axes, model: Model, size: float) -> None:
         _place(axes, _behind(hinge, 4.0 * radius), f"chain {hinge.chain}", taken, size, INK)
 
 
-def _occupied(model: Model, size: float, radius: float) -> list[Array]:
+def _occupied(model: Placed, size: float, radius: float) -> list[Array]:
     """Points along all that is drawn before the labels."""
     chains = [np.array([hinge.centre for hinge in model.hinges[3 * k : 3 * k + 3]]) for k in range(3)]
     corners = np.array([chain[2] for chain in (*chains, chains[0])])
@@ -177,7 +180,7 @@ def _along(corners: Array) -> Array:
     return np.concatenate([a + steps * (b - a) for a, b in pairwise(corners)])
 
 
-def _symbol_radius(model: Model, size: float) -> float:
+def _symbol_radius(model: Placed, size: float) -> float:
     """Radius of the joints' circles, mm, with which all symbols find room on their links."""
     radii = [SYMBOL * size]
     for base, elbow, platform in (model.hinges[k : k + 3] for k in (0, 3, 6)):

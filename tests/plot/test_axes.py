@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pytest
 from matplotlib import pyplot
 
 import flexfem
@@ -98,3 +99,26 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
         assert state(figure, other) == before, name
         figure.draw_without_rendering()
         pyplot.close(figure)
+
+
+@pytest.mark.parametrize("name", ["plot_model", "plot_hinge_table"])
+def test_a_stage_and_its_record_are_drawn_as_the_stored_model_is(name):
+    stage, said = flexfem.load(STAGE), []
+    for given in (stage, flexfem.check(stage)):
+        figure, ax = pyplot.subplots()
+        assert getattr(flexfem.plot, name)(ax, given) is ax
+        said.append([text.get_text() for text in ax.texts])
+        pyplot.close(figure)
+    wanted = {"plot_model": {"$l_2$ = 32 mm", "chain 3"}, "plot_hinge_table": {"1, 4, 7", "t (mm)"}}
+    assert said[0] == said[1] and wanted[name] <= set(said[0])
+    for wrong in (None, "geometry/mobility6.toml"):
+        with pytest.raises(flexfem.BadInput, match=r"expected a stage, or the record of flexfem\.check"):
+            getattr(flexfem.plot, name)(pyplot.figure().subplots(), wrong)
+        pyplot.close()
+
+
+def test_a_budget_in_no_direction_is_refused(made):
+    for direction, shown in (("q", '"q"'), (None, "None"), (["x"], r'\["x"\]')):
+        with pytest.raises(flexfem.BadInput, match=f"direction {shown}, expected one of x, y, theta"):
+            flexfem.plot.plot_budget(pyplot.figure().subplots(), made.budget(), direction)
+        pyplot.close()
