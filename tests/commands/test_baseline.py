@@ -299,7 +299,7 @@ def test_a_deleted_or_added_value_is_new_or_gone():
         for each in gates.moves("s", accepted, {"check": {"kept": 1.5, "stress": [2.5, None]}}, rule_of=rule_of)
     ]
     assert lines == [
-        "s: check.gate.allowed is gone: 1000000",
+        "s: check.gate.allowed is gone, was 1000000",
         "s: check.stress[0] is new: 2.5",
         "s: check.stress[1] is new: none",
     ]

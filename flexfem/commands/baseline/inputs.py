@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.commands.baseline.moves import MISSING, Leaf, leaves, printable
+from flexfem.commands.baseline.moves import MISSING, Leaf, became, leaves, printable
 from flexfem.fem.mesh import StageMesh, check_mesh
 from flexfem.fem.sectors import build_mesh
 from flexfem.files.keypath import key_path
@@ -51,13 +51,7 @@ class Change(NamedTuple):
 
     def __str__(self) -> str:
         """One line for people."""
-        if self.was == MISSING:
-            said = f"is new: {self.now}"
-        elif self.now == MISSING:
-            said = f"is gone, was {self.was}"
-        else:
-            said = f"was {self.was}, is {self.now}"
-        return printable(f"the input changed: {self.file}: {self.key} {said}")
+        return printable(f"the input changed: {self.file}: {self.key} {became(self.was, self.now)}")
 
 
 def kind_of(path: Path) -> Kind:

@@ -74,6 +74,15 @@ def _matches(wanted: str, part: str | int) -> bool:
     return part == wanted or (wanted.endswith("*") and part.startswith(wanted[:-1]))
 
 
+def became(was: Leaf, now: Leaf, said: Callable[[Leaf], str] = str) -> str:
+    """What became of a leaf, in words; `MISSING` where there is none."""
+    if was == MISSING:
+        return f"is new: {said(now)}"
+    if now == MISSING:
+        return f"is gone, was {said(was)}"
+    return f"was {said(was)}, is {said(now)}"
+
+
 class Gate(NamedTuple):
     """What a number may move by: a part of itself, and a part of the size of its neighbours.
 
@@ -122,13 +131,7 @@ class Move(NamedTuple):
 
     def __str__(self) -> str:
         """One line for people: was, is, moved, allowed."""
-        if self.was == MISSING:
-            said = f"is new: {_said(self.now)}"
-        elif self.now == MISSING:
-            said = f"is gone: {_said(self.was)}"
-        else:
-            said = f"was {_said(self.was)}, is {_said(self.now)}{self._moved}"
-        return printable(f"{self.file}: {self.name} {said}")
+        return printable(f"{self.file}: {self.name} {became(self.was, self.now, _said)}{self._moved}")
 
     @property
     def _moved(self) -> str:
