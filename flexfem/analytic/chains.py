@@ -127,7 +127,12 @@ def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, ou
     area = thickness[..., None, None] * neck
     bending = np.abs(wrench.moment) * (6.0 * K.bending / (area * neck))[..., None]
     along: Array = bending + np.abs(wrench.normal) * (K.tension / area)[..., None]
-    return along * np.sqrt(1.0 - out_of_plane + out_of_plane**2)[..., None, None, None]
+    return along * von_mises_along(out_of_plane)[..., None, None, None]
+
+
+def von_mises_along(out_of_plane: Array) -> Array:
+    """Von Mises stress over the stress along a free surface (...), for ratios (...) of `out_of_plane`."""
+    return np.asarray(np.sqrt(1.0 - out_of_plane + out_of_plane**2))
 
 
 def range_at_yield(stress: Array, yield_strength: Array) -> Array:

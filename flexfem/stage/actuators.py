@@ -21,7 +21,7 @@ BODY_NAMES: tuple[Body, ...] = get_args(Body)
 CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
 ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
 STEEL = (206e3, 0.3)  # of balls whose metal no file states: Young's modulus, MPa, and Poisson's ratio of bearing steel
-ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
+BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
 Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
@@ -166,7 +166,7 @@ class Actuator(Dimensioned):
     @model_validator(mode="after")
     def _preload_is_borne(self) -> Actuator:
         most = self.rating.blocking_force
-        if self.preload > most * (1 + ROUND_OFF):
+        if self.preload > most * (1 + BLOCKING_ROUND_OFF):
             raise refusal(f"at most the blocking force of the stack, {most:g}", "preload_n")
         return self
 

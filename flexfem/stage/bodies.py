@@ -15,7 +15,7 @@ Drawing rules (the stage file gives lines between hinges, these the bodies about
 from __future__ import annotations
 
 import cmath
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -46,7 +46,8 @@ def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
     return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
 
 
-def centrelines(stage: Stage, chain: int) -> list[list[Segment]]:
+@once
+def centrelines(stage: Stage, chain: int) -> tuple[tuple[Segment, ...], ...]:
     """Paths along the middle of pad, link 1 and link 2 of one chain, from notch to notch.
 
     Raises BadInput when a link finds no room between its hinges.
@@ -54,7 +55,7 @@ def centrelines(stage: Stage, chain: int) -> list[list[Segment]]:
     poses, width = necks(stage, chain), stage.chain.link_width
     radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
     stub = FILLET * width
-    lines = [polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point)]
+    lines = [tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))]
     for k in (1, 2):
         leave, arrive = poses[k - 1].ahead(radii[k - 1]), poses[k].ahead(-radii[k])
         bend = shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
@@ -63,11 +64,11 @@ def centrelines(stage: Stage, chain: int) -> list[list[Segment]]:
                 f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for link {k} of "
                 f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge"
             )
-        lines.append([*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)])
-    return lines
+        lines.append((*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)))
+    return tuple(lines)
 
 
-def turn(path: list[Segment], chain: int) -> list[Segment]:
+def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
     """A path of one chain (1 to 3) in its place on the stage."""
     return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
 

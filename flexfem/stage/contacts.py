@@ -15,7 +15,6 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.actuators import BODY_NAMES, Body
 from flexfem.stage.bodies import centrelines
-from flexfem.stage.cache import once
 from flexfem.stage.designs import CHAIN_TURN
 from flexfem.stage.outline import Segment
 
@@ -52,17 +51,11 @@ class Station(NamedTuple):
 
 def station(stage: Stage, chain: int, link: int, point: complex) -> Station:
     """The station of link 1 or 2 of a chain (1 to 3) nearest to a point in the frame of chain 1, within its strip."""
-    path = link_paths(stage, chain)[link]
+    path = centrelines(stage, chain)[link]
     length = sum(segment.length for segment in path)
     half = min(SPREAD * stage.chain.link_width, length / 2)
     middle = min(max(_nearest(path, point), half), length - half)
     return Station(path, stage.chain.link_width, middle, half)
-
-
-@once
-def link_paths(stage: Stage, chain: int) -> tuple[tuple[Segment, ...], ...]:
-    """As `bodies.centrelines`, drawn once."""
-    return tuple(tuple(line) for line in centrelines(stage, chain))
 
 
 def _nearest(path: tuple[Segment, ...], point: complex) -> float:

@@ -10,9 +10,9 @@ from flexfem.arrays import Array
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import BODY_NAMES, ENDS, Actuator
-from flexfem.stage.bodies import draw_sector, turn
+from flexfem.stage.bodies import centrelines, draw_sector, turn
 from flexfem.stage.cache import once
-from flexfem.stage.contacts import Stack, chain_rotation, link_paths, middle_at, placed_stack, tangent_at
+from flexfem.stage.contacts import Stack, chain_rotation, middle_at, placed_stack, tangent_at
 from flexfem.stage.origin import located
 from flexfem.stage.outline import Segment
 from flexfem.stage.tables import CHAINS
@@ -128,7 +128,7 @@ def _on_link(stage: Stage, chain: int, index: int) -> Contact:
     actuator = stage.actuator[index]
     assert actuator.hinge is not None and actuator.arm is not None
     body, width = actuator.between[1], stage.chain.link_width
-    path = link_paths(stage, chain)[BODY_NAMES.index(body)]
+    path = centrelines(stage, chain)[BODY_NAMES.index(body)]
     length, radius = sum(segment.length for segment in path), stage.hinge(chain, actuator.hinge).radius
     s = actuator.arm - radius
     if not 0 <= s <= length:

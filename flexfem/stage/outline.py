@@ -146,7 +146,7 @@ def _wrap(angle: float) -> float:
     return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)
 
 
-def offset(path: list[Segment], distance: float) -> list[Segment]:
+def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
     """The path moved to its left by `distance`, mm (to its right when negative); lines and arcs stay lines and arcs."""
     return [_offset_segment(segment, distance) for segment in path]
 

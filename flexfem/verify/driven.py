@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem.arrays import Array, inverse
 from flexfem.refused import ComputationFailed
-from flexfem.stage.actuators import ROUND_OFF as BLOCKING_ROUND_OFF
+from flexfem.stage.actuators import BLOCKING_ROUND_OFF
 from flexfem.stage.drives import StageDrive
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import concentration
+from flexfem.analytic.chains import concentration, von_mises_along
 from flexfem.analytic.drive import DrivenModel, driven_model
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
 from flexfem.arrays import Array
@@ -16,7 +16,7 @@ from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.refused import BadInput
-from flexfem.stage.designs import out_of_plane, stage_frames
+from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.verify.driven import Driven, Motion, driven, moved
@@ -94,22 +94,18 @@ def stresses(stage: Stage, of: Commanding, motion: Motion, load: Array) -> Array
 
     Notes
     -----
-    As `stress.neck_stress`, but stacks that work against each other shear necks, and beside the centre of a neck a
+    As `chains.neck_stress`, but stacks that work against each other shear necks, and beside the centre of a neck a
     shear force bends: the largest over x of `|6 (M + V x) K_b / (b h^2)| + |N K_t / (b h)|`, h the height of the notch
     at x, whose concentrations are taken to be those of its centre.
     """
-    carried, radius, neck = (
-        neck_forces(stage, of.model, motion, load),
-        stage.array("radius")[..., None],
-        stage.array("neck")[..., None],
-    )
-    M, N, V = (each[..., None] for each in carried)
+    design = lower(stage)
+    radius, neck = design.radius[0, ..., None], design.neck[0, ..., None]
+    M, N, V = (each[..., None] for each in neck_forces(stage, of.model, motion, load))
     x = radius * np.linspace(-BESIDE, BESIDE, SECTIONS)
     high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
     K = concentration(neck / radius)
     along = np.abs(6 * (M + V * x) * K.bending / high**2) + np.abs(N * K.tension / high)
-    pull = out_of_plane(stage.model, stage.material.poissons_ratio)
-    return np.asarray(np.max(along, axis=-1) / stage.thickness * np.sqrt(1 - pull + pull**2))
+    return np.asarray(np.max(along, axis=-1) / stage.thickness * von_mises_along(design.out_of_plane[0]))
 
 
 def element_stresses(stage: Stage, metal: DrivenMetal, drive: StageDrive, x: Array, load: Array) -> Array:

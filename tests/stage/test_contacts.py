@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.stage.contacts import SPREAD, bend_stresses, link_paths, share_beyond, spread, station
+from flexfem.stage.bodies import centrelines
+from flexfem.stage.contacts import SPREAD, bend_stresses, share_beyond, spread, station
 from flexfem.stage.schema import load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -43,7 +44,7 @@ def test_a_station_bears_the_wrench_of_its_push(link, point):
 
 def test_a_station_is_as_long_as_links_are_wide_and_stays_on_its_strip():
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    length = sum(segment.length for segment in link_paths(stage, 1)[1])  # from 50 to 25.5 mm
+    length = sum(segment.length for segment in centrelines(stage, 1)[1])  # from 50 to 25.5 mm
     assert length == pytest.approx(24.5)
     for x, middle in ((40.0, 10.0), (49.0, 6.75), (26.0, 24.5 - 6.75)):
         of = station(stage, 1, 1, complex(x, -36.5))
