@@ -8,13 +8,14 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from flexfem.commands import drive, stage, streams, study, validation, verification
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 
+USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(
     help=ABOUT, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
@@ -64,9 +65,11 @@ def _run() -> int:
     """Exit code of the command."""
     try:
         try:
-            app(prog_name="flexfem")
+            return int(app(prog_name="flexfem", standalone_mode=False) or 0)
         except SystemExit as stop:
             return int(stop.code or 0)
+        except USAGE_ERROR as error:
+            return _say_usage(error)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
@@ -85,6 +88,16 @@ def _run() -> int:
             raise
         return _say(streams.reason_of(error), 1)
     return 0
+
+
+def _say_usage(error: Any) -> int:
+    """One line on an unknown option or command, a missing argument; for a command without any, its help."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        error.show()
+        return 2
+    said = " ".join(error.format_message().split()).removesuffix(".")
+    help_of = f" (see {error.ctx.command_path} --help)" if error.ctx is not None else ""
+    return _say(f"{said[:1].lower()}{said[1:]}{help_of}", 2)
 
 
 def _silence(code: int) -> int:

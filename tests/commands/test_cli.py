@@ -411,3 +411,31 @@ def test_a_check_that_fails_exits_with_one(flexfem, monkeypatch):
     )
     code, out, _ = flexfem("benchmark")
     assert code == 1 and "FAILED" in out and "passed: False" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("stiffness", STAGE, "--formla", "koster"), ["--formla", "--formula", "(see flexfem stiffness --help)"]),
+        (("--bogus",), ["--bogus", "(see flexfem --help)"]),
+        (("stiffness",), ["'STAGE'", "(see flexfem stiffness --help)"]),
+        (("command", STAGE), ["'--pose'", "(see flexfem command --help)"]),
+        (("command", STAGE, "--pose", "1", "2"), ["--pose", "3 arguments"]),
+        (("stifness", STAGE), ["'stifness'", "Did you mean 'stiffness'?", "(see flexfem --help)"]),
+        (("study", "rn"), ["'rn'", "Did you mean 'run'?", "(see flexfem study --help)"]),
+        (("stiffness", STAGE, "--mobility", "six"), ["'--mobility'", "integer"]),
+        (("stiffness", STAGE, "no.toml"), ["no.toml"]),
+    ],
+)
+def test_a_wrong_command_line_is_refused_in_one_line(flexfem, arguments, said):
+    code, out, err = flexfem(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("flexfem: ")
+    assert [part for part in said if part not in err] == []
+
+
+def test_a_command_without_arguments_shows_its_help(flexfem):
+    for arguments, commands in (((), ("stiffness", "study")), (("study",), ("run", "collect"))):
+        code, _, err = flexfem(*arguments)
+        assert code == 2 and "Usage: flexfem" in err
+        assert all(f"\n  {name} " in err for name in commands)
