@@ -72,6 +72,8 @@ class DaskPool:
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
             logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line
         self._address, self._say = address, say
+        closed = getattr(getattr(distributed, "client", None), "ClosedClientError", CancelledError)
+        self._lost_by = (*LOST, closed)  # that one of a client which has ended between two calls
         self._client = self._connected(distributed)
         self._asked: list[_Asked] = []
         self._threads, self._paused_keys = 0, frozenset[str]()
@@ -106,7 +108,7 @@ class DaskPool:
         self._require_scheduler()
         try:
             asked = self._client.submit(supervised, task, limit, sources, pure=False)
-        except LOST:
+        except self._lost_by:
             raise self._lost() from None
         self._asked.append(_Asked(asked, future, AHEAD * limit + SLACK))
         asked.add_done_callback(lambda done: _settle(future, done))
@@ -130,7 +132,7 @@ class DaskPool:
         self._counted -= passed
         if self._counted <= 0:
             self._counted = COUNTED
-            with suppress(*LOST):  # told by `outcome`
+            with suppress(*self._lost_by):  # told by `outcome`
                 self._count()
         self._wait_for_workers(passed)
         self._asked = [asked for asked in self._asked if not asked.future.done()]
@@ -170,13 +172,13 @@ class DaskPool:
         asked.left -= passed
         asked.paused = asked.paused + passed if asked.dask.key in self._paused_keys else 0.0
         if asked.left <= 0 or asked.paused > PAUSED:
-            with suppress(InvalidStateError):  # done meanwhile
+            with suppress(InvalidStateError, *self._lost_by):  # done meanwhile, or lost
                 asked.future.set_exception(Died())
                 asked.dask.cancel()
 
     def close(self) -> None:
         """Cancel what is under way, and leave."""
-        with suppress(*LOST):
+        with suppress(*self._lost_by):
             for asked in self._asked:
                 asked.dask.release()
             self._client.close(timeout=SHUTDOWN)

@@ -14,6 +14,10 @@ from flexfem.study.cluster import DaskPool
 ADDRESS = "tcp://127.0.0.1:8786"
 
 
+class Closed(Exception):
+    """As Dask's ClosedClientError, whose only base is Exception."""
+
+
 @pytest.fixture
 def dask(monkeypatch):
     """Dask by a client that is told which workers there are."""
@@ -32,7 +36,14 @@ def dask(monkeypatch):
         def processing(self, workers):
             return {}
 
-    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
+        def submit(self, *task, pure):
+            raise Closed("Client is closed")
+
+        def close(self, timeout):
+            raise Closed("Client is closed")
+
+    made = SimpleNamespace(Client=Client, client=SimpleNamespace(ClosedClientError=Closed))
+    monkeypatch.setitem(sys.modules, "distributed", made)
     return about
 
 
@@ -65,3 +76,11 @@ def test_a_run_without_workers_says_for_whom_it_waits_and_ends(dask, monkeypatch
     assert len(told) == 2
     with pytest.raises(ComputationFailed, match="no worker was running for 10 min; parts are kept, run again to go on"):
         pass_time(20)
+
+
+def test_a_client_that_ends_between_two_calls_is_said_in_one_line(dask):
+    pool = DaskPool(ADDRESS)
+    loaded = SimpleNamespace(study=SimpleNamespace(model="analytic"))
+    with pytest.raises(ComputationFailed, match=f"--scheduler {ADDRESS}: lost; parts are kept, run again to go on"):
+        pool.submit(None, loaded, 0, 1, 1.0)
+    pool.close()
