@@ -14,6 +14,7 @@ import typer
 
 from flexfem.commands import drive, stage, streams, study, validation, verification
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
+from flexfem.sources import manifest
 
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
 ABOUT = "Verification and design of planar flexure-hinge stages."
@@ -43,6 +44,7 @@ def _common(
         typer.Option("--with", metavar="FILE", help="Python file, run to register formulas and materials."),
     ] = None,
 ) -> None:
+    manifest()  # before what computes is loaded
     if formulas is not None:
         from flexfem.own import use
 

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
+from flexfem.refused import SourcesChanged
+
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
 ENDING = 5.0  # s that a stopped command has to end in order, before the next signal ends it at once
 
@@ -125,6 +127,7 @@ def stoppable() -> Iterator[list[int]]:
 def reason_of(error: BaseException) -> str:
     """What went wrong in one line, for an error that nobody has put into words."""
     from flexfem.files.refusals import one_line  # heavy
+    from flexfem.sources import require_unchanged
 
     if isinstance(error, MemoryError):
         return "out of memory"
@@ -133,6 +136,10 @@ def reason_of(error: BaseException) -> str:
         return what or type(error).__name__
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {what}"
+    try:
+        require_unchanged()  # parts of two versions together can fail anywhere
+    except SourcesChanged as changed:
+        return str(changed)
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
         frame = frame.tb_next

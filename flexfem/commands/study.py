@@ -29,9 +29,6 @@ app = typer.Typer(
 @app.callback()
 def _begin() -> None:
     """Study many designs: run, see how far it is, collect the table, plot."""
-    from flexfem.sources import manifest
-
-    manifest()  # before what computes is loaded
     os.environ.update(ONE_THREAD)  # as for the workers, before numpy is loaded: threads change last bits
 
 

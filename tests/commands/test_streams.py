@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import pytest
 
 from flexfem.clock import Stopwatch
-from flexfem.commands.streams import Plain
+from flexfem.commands.streams import Plain, reason_of
 from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
@@ -101,3 +101,21 @@ def test_files_respect_the_umask(tmp_path):
     finally:
         os.umask(before)
     assert (tmp_path / "x").stat().st_mode & 0o777 == 0o660
+
+
+def test_an_error_under_edited_sources_is_said_to_be_that(monkeypatch):
+    """Modules are loaded when they are needed: parts of two versions together can fail anywhere."""
+    monkeypatch.setattr("flexfem.sources.manifest", lambda: {"one.py": "0" * 64})
+    monkeypatch.setattr("flexfem.sources.hashes", lambda: {"one.py": "1" * 64})
+    assert reason_of(TypeError("an unexpected argument")).startswith("flexfem/one.py is not what it was when this comm")
+    monkeypatch.setattr("flexfem.sources.hashes", lambda: {"one.py": "0" * 64})
+    assert "TypeError: an unexpected argument" in reason_of(TypeError("an unexpected argument"))
+
+
+def test_every_command_hashes_its_sources_before_it_loads_what_computes(flexfem, monkeypatch):
+    """Else a mesher that starts later would load sources that its command did not begin with."""
+    asked = []
+    monkeypatch.setattr("flexfem.commands.cli.manifest", lambda: asked.append(1))
+    for number, arguments in enumerate((("regression", "none"), ("check", "none"), ("study", "status", "none")), 1):
+        assert flexfem(*arguments)[0] in (1, 2)
+        assert len(asked) == number
