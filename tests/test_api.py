@@ -17,6 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 import flexfem
 from flexfem import own
@@ -328,8 +329,13 @@ def test_what_is_no_formula_is_refused_when_it_is_registered(given, said):
 def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.syspath_prepend(ROOT / "examples")
+    made, close = [], pyplot.close
+    monkeypatch.setattr(pyplot, "close", made.append)
     rows = import_module("thin_neck").compare(tmp_path / "figure.png", resolution=2)
     assert (tmp_path / "figure.png").stat().st_size > 10_000
+    made[0].draw_without_rendering()
+    assert made[0].axes[0].title.get_window_extent().y1 <= made[0].bbox.y1  # the title is whole
+    close(made[0])
     (thin, stiff_thin, far_thin), (thick, stiff_thick, far_thick) = rows
     assert (thin, thick) == (0.4, 0.5) and stiff_thin < stiff_thick and far_thin != far_thick
     assert "range at yield" in capsys.readouterr().out

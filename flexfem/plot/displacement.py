@@ -59,7 +59,6 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         axes.remove()
     for axes, label in zip(found, result.curves, strict=False):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        axes.set_anchor("N")
         plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=result.models[label].hub_radius)
         _name_largest(axes, result.models[label], fields[label], factor)
     _draw_scale(figure, norm)
@@ -139,7 +138,8 @@ def plot_displacement(
         ax.add_collection(collection, autolim=False)
     both = np.concatenate([fields.nodes, moved])
     low, high, pad = both.min(axis=0), both.max(axis=0), 0.03 * np.ptp(both, axis=0)
-    ax.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(low[1] - pad[1], high[1] + pad[1]), aspect="equal")
+    ax.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(low[1] - pad[1], high[1] + pad[1]))
+    ax.set_aspect("equal", anchor="N")  # else a layout engine sees room above the stage that its title does not have
     ax.set_axis_off()
     return ax
 

@@ -14,7 +14,7 @@ from flexfem.study.cluster import DaskPool
 ADDRESS = "tcp://127.0.0.1:8786"
 
 
-class Closed(Exception):
+class Closed(Exception):  # noqa: N818  as there
     """As Dask's ClosedClientError, whose only base is Exception."""
 
 
