@@ -43,7 +43,7 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """What elastic links add to A (3 chains, 3, 3), B (3, 3, n) and D (n, n); platform (9, 9) to all three chains."""
+    """What elastic links add to A (..., 3 chains, 3, 3), B (..., 3, 3, n) and D (..., n, n), `platform` (..., 9, 9)."""
 
     A: Array
     B: Array
@@ -68,17 +68,18 @@ def driven(
     stacks: tuple[Stack, ...],
     elastic: LinkParts | None = None,
 ) -> DrivenModel:
-    """The driven stage; frames (..., 3, 3, 2) and hinges (..., 3, 3) of any number of designs.
+    """The driven stage; frames (..., 3, 3, 2), hinges (..., 3, 3) and wrenches of stacks of any number of designs.
 
     nan for a design with a chain that has no compliance in some direction.
     """
     c, Q = hinge_compliances(frames, hinges, freedoms), beyond_hinges(stacks)
-    A, B = np.sum(c, axis=-3), np.einsum("...chab,chbn->...can", c, Q)
-    D = np.einsum("chan,...chab,chbm->...nm", Q, c, Q)
+    moving = c @ Q
+    A, B = np.sum(c, axis=-3), np.sum(moving, axis=-3)
+    D = np.einsum("...chan,...cham->...nm", Q, moving)
     body = np.zeros((9, 9))
     if elastic is not None:
         A, B, D, body = A + elastic.A, B + elastic.B, D + elastic.D, elastic.platform
-    lead, n = A.shape[:-3], len(stacks)
+    lead, n = B.shape[:-3], len(stacks)
     W = inverse(body + np.einsum("ij,...iab->...iajb", np.eye(3), A).reshape(*lead, 9, 9))  # wrenches per opening
     one, B = np.tile(np.eye(3), (3, 1)), B.reshape(*lead, 9, n)
     C_uu = inverse(one.T @ W @ one)
@@ -88,7 +89,7 @@ def driven(
     w = W @ (one @ moved - closed)
     opened = np.swapaxes(T, -1, -2) @ moved
     opened[..., 3:] += D - np.swapaxes(B, -1, -2) @ W @ B
-    carried = np.concatenate([np.zeros((3, 3, 3, 3)), Q], axis=-1)
+    carried = np.concatenate([np.zeros((*Q.shape[:-1], 3)), Q], axis=-1)
     necks = w.reshape(*lead, 3, 1, 3, 3 + n) + carried
     return DrivenModel(np.concatenate([moved, opened], axis=-2), necks)
 
@@ -107,23 +108,27 @@ def hinge_compliances(frames: Frames, hinges: Compliance, freedoms: Freedoms) ->
 
 
 def beyond_hinges(stacks: tuple[Stack, ...]) -> Array:
-    """Wrench (3 chains, 3 hinges, 3, n) of one newton of each stack beyond each hinge, at the platform centre."""
-    Q = np.zeros((3, 3, 3, len(stacks)))
+    """Wrench (..., 3 chains, 3 hinges, 3, n) of one newton of each stack beyond each hinge, at the platform centre."""
+    Q = np.zeros((*_lead(stacks), 3, 3, 3, len(stacks)))
     for j, stack in enumerate(stacks):
         for push in stack.pushes:
             if push.body in LINKS:
-                Q[stack.chain, : push.body, :, j] += stack.placed(push)
+                Q[..., stack.chain, : push.body, :, j] += stack.placed(push)[..., None, :]
     return Q
 
 
 def on_hub(stacks: tuple[Stack, ...]) -> Array:
-    """Wrench (3, n) of one newton of each stack on the platform."""
-    P = np.zeros((3, len(stacks)))
+    """Wrench (..., 3, n) of one newton of each stack on the platform."""
+    P = np.zeros((*_lead(stacks), 3, len(stacks)))
     for j, stack in enumerate(stacks):
         for push in stack.pushes:
             if push.body == PLATFORM:
-                P[:, j] += stack.placed(push)
+                P[..., :, j] += stack.placed(push)
     return P
+
+
+def _lead(stacks: tuple[Stack, ...]) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
 
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:

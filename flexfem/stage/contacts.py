@@ -160,7 +160,7 @@ class Push(NamedTuple):
     """What one newton of a stack does to one body of a chain.
 
     body : index into `actuators.BODY_NAMES`.
-    wrench : (3,), of that newton at the platform centre, frame of chain 1: N, N, N mm.
+    wrench : (..., 3), of that newton at the platform centre, frame of chain 1: N, N, N mm; leading axes are designs.
     station : where a link takes it, None on the platform and the frame.
     """
 
@@ -176,8 +176,8 @@ class Stack(NamedTuple):
     pushes: tuple[Push, Push]
 
     def placed(self, push: Push) -> Array:
-        """Wrench (3,) of one of its pushes in the frame of the stage."""
-        return chain_rotation(self.chain) @ push.wrench
+        """Wrench (..., 3) of one of its pushes in the frame of the stage."""
+        return np.asarray(push.wrench @ chain_rotation(self.chain).T)
 
 
 def chain_rotation(chain: int) -> Array:

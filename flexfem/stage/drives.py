@@ -27,10 +27,12 @@ INTO = 0.1  # least cosine between the direction of a push and the inward normal
 class StageDrive(NamedTuple):
     """The stacks (n) of a stage and the commands (m) that drive them, chain by chain, actuator by actuator.
 
+    Of many designs the numbers have a leading axis; what stacks there are, and their names, is the same for all.
+
     stacks : in their places.   names : (m,), of the commands.
-    stiffness : (n,), N/mm, of stack and contact in series.   preload, blocking_force : (n,), N.
+    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
     differential : (n, m), stroke of each stack beyond its rest per command: 1, and -1 for the partner of a pair.
-    lowest, highest : (m,), mm, the commands that the strokes allow; a pair rests at half its stroke.
+    lowest, highest : (..., m), mm, the commands that the strokes allow; a pair rests at half its stroke.
     """
 
     stacks: tuple[Stack, ...]

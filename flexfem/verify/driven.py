@@ -41,7 +41,7 @@ class Unreachable(ComputationFailed):
 
 
 class DriveLimits(NamedTuple):
-    """Limits (k) of commands (m,): rows @ command <= offsets + sizes; sizes of zero allow nothing."""
+    """Limits (..., k) of commands (m,): rows (..., k, m) @ command <= offsets + sizes; sizes of zero allow nothing."""
 
     rows: Array
     offsets: Array
@@ -93,8 +93,8 @@ def driven(C: Array, drive: StageDrive) -> Driven:
     `Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2`, which is zero for stacks of no stiffness.
     """
     root = np.sqrt(drive.stiffness)
-    inner = inverse(np.eye(len(root)) + root[:, None] * C[..., 3:, 3:] * root)
-    return Driven(C, root[:, None] * inner * root, drive.differential)
+    inner = inverse(np.eye(root.shape[-1]) + root[..., :, None] * C[..., 3:, 3:] * root[..., None, :])
+    return Driven(C, root[..., :, None] * inner * root[..., None, :], drive.differential)
 
 
 def moved(of: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
@@ -153,13 +153,13 @@ def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
 
 def limits_of_strokes(drive: StageDrive) -> DriveLimits:
     """Of the commands (m,), the highest, then the lowest."""
-    one, zero = np.eye(len(drive.lowest)), np.zeros(2 * len(drive.lowest))
-    return DriveLimits(np.concatenate([one, -one]), zero, np.abs(np.concatenate([drive.highest, drive.lowest])))
+    one, sizes = np.eye(drive.lowest.shape[-1]), np.abs(np.concatenate([drive.highest, drive.lowest], axis=-1))
+    return DriveLimits(np.concatenate([one, -one]), np.zeros_like(sizes), sizes)
 
 
 def limits_of_forces(of: Driven, drive: StageDrive, load: Array) -> tuple[DriveLimits, DriveLimits]:
     """Of the forces (n,): no contact is lost, and none is above the blocking force."""
-    per_command, at_rest = of.Y @ of.T, of.Y @ of.C[3:, :3] @ load
+    per_command, at_rest = of.Y @ of.T, of.Y @ of.C[..., 3:, :3] @ load
     left = drive.blocking_force - drive.preload
     left[np.abs(left) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
     return DriveLimits(-per_command, -at_rest, drive.preload), DriveLimits(per_command, at_rest, left)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import concentration, von_mises_along
 from flexfem.analytic.drive import DrivenModel, driven_model
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
 from flexfem.arrays import Array
@@ -20,8 +19,7 @@ from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.verify.driven import Driven, Motion, driven, moved
-
-BESIDE, SECTIONS = 0.7, 141  # how far beside a neck stress is looked for, per radius of the notch, and where
+from flexfem.verify.neck_limits import NeckForces, NeckSections, neck_forces, sections_of, stress_along
 
 
 class Commanding(NamedTuple):
@@ -67,45 +65,21 @@ def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:
     return DrivenMetal(mesh, response, driven(response.compliance, drive))
 
 
-class NeckForces(NamedTuple):
-    """What the necks carry, (3 chains, 3 hinges): moments about their centres, forces along and across, N mm and N."""
-
-    moment: Array
-    normal: Array
-    shear: Array
-
-
-def neck_forces(stage: Stage, model: DrivenModel, motion: Motion, load: Array) -> NeckForces:
-    """What the necks carry under a load (3,) and the stacks of a motion."""
-    F_x, F_y, M = np.moveaxis(model.necks @ np.concatenate([load, motion.force]), -1, 0)
-    placed = stage_frames(stage)
-    x, y = np.moveaxis(placed.centres, -1, 0)
-    c, s = np.cos(placed.axes), np.sin(placed.axes)
-    return NeckForces(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
+def carried_by(stage: Stage, model: DrivenModel, motion: Motion, load: Array) -> NeckForces:
+    """What the necks carry, each (3 chains, 3 hinges), under a load (3,) and the stacks of a motion."""
+    wrenches = model.necks @ np.concatenate([load, motion.force])
+    return NeckForces(*(each[..., 0] for each in neck_forces(stage_frames(stage), wrenches[..., None])))
 
 
 def rotations(stage: Stage, of: Commanding, motion: Motion, load: Array) -> Array:
     """Rotation (3 chains, 3 hinges) of every hinge, rad."""
-    return np.asarray(of.result.hinges.rotation * neck_forces(stage, of.model, motion, load).moment)
+    return np.asarray(of.result.hinges.rotation * carried_by(stage, of.model, motion, load).moment)
 
 
 def stresses(stage: Stage, of: Commanding, motion: Motion, load: Array) -> Array:
-    """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa.
-
-    Notes
-    -----
-    As `chains.neck_stress`, but stacks that work against each other shear necks, and beside the centre of a neck a
-    shear force bends: the largest over x of `|6 (M + V x) K_b / (b h^2)| + |N K_t / (b h)|`, h the height of the notch
-    at x, whose concentrations are taken to be those of its centre.
-    """
-    design = lower(stage)
-    radius, neck = design.radius[0, ..., None], design.neck[0, ..., None]
-    M, N, V = (each[..., None] for each in neck_forces(stage, of.model, motion, load))
-    x = radius * np.linspace(-BESIDE, BESIDE, SECTIONS)
-    high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
-    K = concentration(neck / radius)
-    along = np.abs(6 * (M + V * x) * K.bending / high**2) + np.abs(N * K.tension / high)
-    return np.asarray(np.max(along, axis=-1) / stage.thickness * von_mises_along(design.out_of_plane[0]))
+    """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, shear included, as `neck_limits` has it."""
+    sections = NeckSections(*(each[0] for each in sections_of(lower(stage))))
+    return np.asarray(np.max(stress_along(sections, carried_by(stage, of.model, motion, load)), axis=-1))
 
 
 def element_stresses(stage: Stage, metal: DrivenMetal, drive: StageDrive, x: Array, load: Array) -> Array:
