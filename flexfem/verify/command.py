@@ -34,6 +34,8 @@ from flexfem.verify.driven_models import (
 )
 from flexfem.verify.result import Matrix, OfStage, Record, about
 
+MOST_NAMED = 3  # stacks beyond one kind of limit that are warned of one by one; the record has the numbers of all
+
 
 class Strokes(Record):
     """What one criterion commands: command (m,), stroke beyond rest and force (n,), mm and N, by actuator and stack.
@@ -203,25 +205,38 @@ def _stack_names(drive: StageDrive) -> list[str]:
 
 
 def _of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> warning.Warnings:
-    """Every limit that commands (m,) break: strokes by actuator, a pair as one, and forces by stack."""
+    """Limits that commands (m,) break: strokes by actuator, a pair as one, and forces by stack; of many the worst."""
     broken = {name: used > 1 + ROUND_OFF for name, used in shares_of_each(of, drive, x, load).items()}
     force, stacks, um = drive.preload + moved(of, drive, x, load).force, _stack_names(drive), MICROMETRE
     pairs = np.count_nonzero(drive.differential, axis=0) == 2
-    strokes = [
-        f"{'the pair' if pairs[k] else 'the stack'} {drive.names[k]} would need a stroke of {um.factor * x[k]:.4g} "
+    strokes = {
+        k: f"{'the pair' if pairs[k] else 'the stack'} {drive.names[k]} would need a stroke of {um.factor * x[k]:.4g} "
         f"{um.plain}, outside {um.factor * drive.lowest[k]:.4g} to {um.factor * drive.highest[k]:.4g} {um.plain}"
         for k in np.flatnonzero(np.any(broken["stroke"].reshape(2, -1), axis=0))
-    ]
-    pulls = [
-        f"the stack {stacks[k]} would have to pull with {-force[k]:.4g} N, but its contact opens at 0 N"
+    }
+    pulls = {
+        k: f"the stack {stacks[k]} would have to pull with {-force[k]:.4g} N, but its contact opens at 0 N"
         for k in np.flatnonzero(broken["contact"])
-    ]
-    pushes = [
-        f"the stack {stacks[k]} would have to push with {force[k]:.4g} N, above its blocking force of "
+    }
+    pushes = {
+        k: f"the stack {stacks[k]} would have to push with {force[k]:.4g} N, above its blocking force of "
         f"{drive.blocking_force[k]:.4g} N"
         for k in np.flatnonzero(broken["blocking"])
-    ]
-    return [f"{criterion}: {said}" for said in strokes + pulls + pushes]
+    }
+    kinds = (
+        _summed_up(strokes, "strokes are", np.maximum(x - drive.highest, drive.lowest - x)),
+        _summed_up(pulls, "contacts are", -force),
+        _summed_up(pushes, "forces are", force - drive.blocking_force),
+    )
+    return [f"{criterion}: {said}" for kind in kinds for said in kind]
+
+
+def _summed_up(sentences: dict[int, str], what: str, beyond: Array) -> list[str]:
+    """Sentences by stack, or of more than `MOST_NAMED` their number and that on the one farthest beyond its limit."""
+    if len(sentences) <= MOST_NAMED:
+        return list(sentences.values())
+    worst = max(sentences, key=lambda k: float(beyond[k]))
+    return [f"{len(sentences)} {what} beyond their limits; the worst: {sentences[worst]}"]
 
 
 def _of_yield(stage: Stage, criterion: str, found: Strokes) -> warning.Warnings:

@@ -262,10 +262,34 @@ def test_forces_that_a_stack_cannot_do_are_warned_of(stage):
     light = stage.replace(actuator=[each.model_copy(update={"preload": 10.0}) for each in stage.actuator])
     found = said_of(light, [0.0, 0.0, 0.0], [60.0, 0.0, 0.0])
     assert found[0] == "the drive does not reach this pose: it takes 2.186 times its limit of contact"
-    said = (
-        "within limits: the stack base, chain 2, partner would have to pull with 11.86 N, but its contact opens at 0 N"
+    (said,) = (text for text in found if text.startswith("within limits: "))
+    assert said.startswith("within limits: 4 contacts are beyond their limits; the worst: the stack ")
+    assert said.endswith(" would have to pull with 11.86 N, but its contact opens at 0 N")
+
+
+def test_many_limits_are_said_by_their_number_and_the_worst(stage):
+    """Six pairs far out of reach under 3 kN, by least energy: three stacks of a kind are named, of more the worst."""
+    found = said_of(stage, [0.3, 0.0, 0.0], [0.0, 3000.0, 0.0])
+    assert [text.removeprefix("least energy: ") for text in found if text.startswith("least energy: ")] == [
+        "6 strokes are beyond their limits; the worst: the pair elbow, chain 1 would need a stroke of 317.2 um, "
+        "outside -8.7 to 8.7 um",
+        "5 contacts are beyond their limits; the worst: the stack elbow, chain 2 would have to pull with 1190 N, but "
+        "its contact opens at 0 N",
+        "the stack base, chain 1, partner would have to push with 1161 N, above its blocking force of 935 N",
+        "the stack elbow, chain 1 would have to push with 1249 N, above its blocking force of 935 N",
+        "the stack elbow, chain 2, partner would have to push with 1290 N, above its blocking force of 935 N",
+    ]
+    single_stacks = [each.model_copy(update={"pair": False, "preload": 900.0}) for each in stage.actuator]
+    found = said_of(stage.replace(actuator=single_stacks), [0.02, 0.03, -3e-3], [0.0, 3000.0, 0.0])
+    first, *_, last = [text.removeprefix("least energy: ") for text in found if text.startswith("least energy: ")]
+    assert first == (  # by 230.1 um; another, that would need 243.7 um, by 226.3
+        "6 strokes are beyond their limits; the worst: the stack base, chain 1 would need a stroke of -230.1 um, "
+        "outside 0 to 17.4 um"
     )
-    assert said in found
+    assert last == (
+        "4 forces are beyond their limits; the worst: the stack elbow, chain 1 would have to push with 3294 N, above "
+        "its blocking force of 935 N"
+    )
 
 
 PULL = "some stacks without preload would have to pull"
