@@ -50,7 +50,7 @@ def _run(named: str) -> None:
         exec(compile(content, path, "exec"), {"__name__": "flexfem_with", "__file__": str(path)})
     except BadInput as refusal:
         raise BadInput(f"{_place(path, refusal)}: {refusal}") from None
-    except Exception as error:
+    except Exception as error:  # the user's file may raise anything
         place = _place(path, error)
         said = f"{type(error).__name__}: {error}, expected Python that registers formulas or materials"
         raise BadInput(f"{place}: {' '.join(said.split())}") from None

@@ -241,12 +241,13 @@ def command(
     from flexfem.verify import command as verify
 
     check_feasible(stage)
-    formulas.formula(DEFAULT_FORMULA if formula is None else formula)
+    name = DEFAULT_FORMULA if formula is None else formula
+    formulas.formula(name)
     at = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     loaded = arguments.vectors("load", load, 1, LARGEST_LOAD)
     finest = None if resolution is None else arguments.resolution(resolution)
     asked = formula is not None or mobility is not None or links
-    model = (mobility, formula or DEFAULT_FORMULA, links) if asked else None
+    model = (mobility, name, links) if asked else None
     return verify.command(stage, at, loaded, model, finest)
 
 

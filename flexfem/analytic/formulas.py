@@ -180,7 +180,7 @@ def _check_own(what: str, function: Any, ratio: Array) -> None:
     try:
         found = np.asarray(function(ratio))
         good = found.shape == ratio.shape and np.all(np.isfinite(found) & (found > 0))
-    except Exception as error:  # the user's
+    except Exception as error:  # the user's function may raise anything
         said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID)
         raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}, {EXPECTED}") from None
     if not good or found.dtype.kind not in "iuf":

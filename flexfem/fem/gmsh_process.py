@@ -45,7 +45,7 @@ def run_jobs(jobs: Sequence[Job | Export], time_limit: float | Limit) -> list[Ma
     process = _idle()
     try:
         made = process.answer(list(jobs), time_limit if isinstance(time_limit, Limit) else Limit(time_limit))
-    except BaseException:
+    except BaseException:  # Ctrl-C too: what it still answers would be taken for the answer to the next question
         process.end()
         raise
     if sum(array.nbytes for each in made for array in each.values()) > MOST_KEPT:
