@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
@@ -231,7 +233,7 @@ def _of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: 
     return [f"{criterion}: {said}" for kind in kinds for said in kind]
 
 
-def _summed_up(sentences: dict[int, str], what: str, beyond: Array) -> list[str]:
+def _summed_up(sentences: dict[Any, str], what: str, beyond: Array) -> list[str]:
     """Sentences by stack, or of more than `MOST_NAMED` their number and that on the one farthest beyond its limit."""
     if len(sentences) <= MOST_NAMED:
         return list(sentences.values())
