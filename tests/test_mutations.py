@@ -251,8 +251,8 @@ MUTATIONS = [
     Mutation(
         "a contact pushes the wrong way",
         "beyond_hinges",
-        "Q[stack.chain, :push.body, :, j] += stack.placed(push)",
-        "Q[stack.chain, :push.body, :, j] -= stack.placed(push)",
+        "Q[..., stack.chain, :push.body, :, j] += _a",
+        "Q[..., stack.chain, :push.body, :, j] -= _a",
         "test_openings_and_poses_are_those_of_the_joints",
     ),
     Mutation(
@@ -282,6 +282,55 @@ MUTATIONS = [
         "np.eye(len(drive.lowest))",
         "np.diag(np.arange(len(drive.lowest)) % 2 == 0) * 1.0",
         "test_the_limits_of_every_stack_count",
+    ),
+    Mutation(
+        "rotations of platform hinges imposed instead of elbow hinges",
+        "turned_hinges",
+        "(0, 1)",
+        "(0, 2)",
+        "test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energy",
+    ),
+    Mutation(
+        "hinges of chains and positions mixed up",
+        "hinge_couples",
+        "tuple(_couple(stage, chain, position) for position in positions for chain in CHAINS)",
+        "tuple(_couple(stage, chain, position) for chain in CHAINS for position in positions)",
+        "test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energy",
+    ),
+    Mutation(
+        "couples of a hinge in the same sense",
+        "_couple",
+        "-unit",
+        "unit",
+        "test_a_rotation_is_read_between_the_two_ends_of_a_notch",
+    ),
+    Mutation(
+        "rotations read at the far ends of the links",
+        "_station",
+        "half if beyond else length - half",
+        "length - half if beyond else half",
+        "test_a_rotation_is_read_between_the_two_ends_of_a_notch",
+    ),
+    Mutation(
+        "half the strokes and rotations imposed",
+        "poses",
+        "self.on(compliance).poses @ self.given",
+        "0.5 * (self.on(compliance).poses @ self.given)",
+        "test_errors_of_the_reference_stages_with_joints_commanded",
+    ),
+    Mutation(
+        "rotations of mobility three imposed with the wrong sign",
+        "_rotations",
+        "C[3:, :3] @ inverse(C[:3, :3])",
+        "-C[3:, :3] @ inverse(C[:3, :3])",
+        "test_a_result_says_what_was_imposed",
+    ),
+    Mutation(
+        "displacement without the command",
+        "plot_displaced",
+        "x + np.array(_a) * command.factor",
+        "np.array(_a) * command.factor",
+        "test_the_commanded_direction_may_show_displacement_over_command",
     ),
 ]
 

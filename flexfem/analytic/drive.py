@@ -51,12 +51,16 @@ class LinkParts(NamedTuple):
     platform: Array
 
 
-def driven_model(stage: Stage, result: AnalyticResult) -> DrivenModel:
+def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None) -> DrivenModel:
     """The driven stage by the hinges and freedoms of an analytic model of it, with elastic links where it has them.
+
+    Parameters
+    ----------
+    stacks : None takes the stage's own.
 
     Raises BadInput for a stage without actuators.
     """
-    stacks = drive_of(stage).stacks
+    stacks = drive_of(stage).stacks if stacks is None else stacks
     elastic = link_parts(stage, stacks) if result.links else None
     return driven(stage_frames(stage), result.hinges, result.freedoms, stacks, elastic)
 

@@ -41,10 +41,12 @@ def print_results(results: Sequence[Result], output: Path) -> None:
 
 
 def _errors(result: Result) -> Iterator[tuple[str, ...]]:
+    from flexfem.plot.driven_text import COMMANDED
+
     for label, percent in result.error_percent.items():
         bands = result.uncertainty[label]
         numbers = (f"{getattr(percent, axis):z.3f} ± {bands[axis].band:.3f}" for axis in DIRECTIONS)
-        yield (result.case, result.direction, label, *numbers)
+        yield (result.case, f"{result.direction}{COMMANDED[result.drive]}", label, *numbers)
 
 
 def print_convergence(of: MeshStudy) -> None:

@@ -24,7 +24,7 @@ def verify(
     baselines: Baselines = None,
     json: Json = False,
 ) -> None:
-    """Apply the analytic force of (18) to the finite elements and report the errors (Section V, Figs. 5 to 7)."""
+    """Apply the analytic force of (18), or joint commands, to the finite elements; errors as in Figs. 5 to 7."""
     from flexfem.commands.baseline import store
     from flexfem.verify.result import write_result
 
@@ -144,6 +144,9 @@ def claims(
 def plot(
     results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
     output: Output = studies.REPORTS,
+    displacement: Annotated[
+        bool, typer.Option("--displacement", help="Show displacements in the commanded direction, errors across.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
@@ -153,4 +156,4 @@ def plot(
     read = [(path, read_result(path)) for path in results]
     stored = [(result, read_fields(path, result)) for path, result in read]
     with console.side_by_side() as each:
-        console.show_written(write_figures(stored, output, each), json)
+        console.show_written(write_figures(stored, output, each, displacement), json)

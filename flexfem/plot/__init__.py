@@ -12,7 +12,7 @@ from typing import Any
 
 _HOMES = {
     "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
-    "curves": ("plot_errors",),
+    "curves": ("plot_displaced", "plot_errors"),
     "displacement": ("plot_displacement",),
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),

@@ -9,15 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.plot.driven_text import BRIEF
 from flexfem.plot.style import GREY, INK, in_house_style, inches, legend_beside, panels, wrapped
 from flexfem.plot.text import banded, scientific
 from flexfem.units import LENGTH, Unit, unit_for
-from flexfem.verify.case import DIRECTIONS, Analysis, Direction
+from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.result import Result
 
 ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
 HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
-FORCES: dict[Analysis, str] = {"linear": "force by (18)", "nonlinear": "large displacements in both models"}
+EXACT = "large displacements in both models"
 NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
@@ -73,6 +74,11 @@ def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
     return np.abs(result.commanded) * comparable * result.uncertainty[label][freedom].band / 100.0
 
 
+def driven_by(result: Result) -> str:
+    """What the finite elements were given, in words."""
+    return EXACT if result.analysis == "nonlinear" else BRIEF[result.drive]
+
+
 def normalisation(result: Result) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = sorted({model.lever for model in result.models.values()})
@@ -87,29 +93,61 @@ def normalisation(result: Result) -> str:
 
 
 @in_house_style
-def error_figure(result: Result) -> Figure:
+def error_figure(result: Result, displacement: bool = False) -> Figure:
     """Draw a verification as one page of three panels, X, Y and theta.
 
     Parameters
     ----------
     result : a stored verification; mm and rad, shown with the SI prefix that suits the numbers.
+    displacement : draw the displacement itself in the commanded direction, as the captions of the paper's Figs. 5(a)
+        and 7(c) have it, instead of its error.
 
     Notes
     -----
     Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
+    shown = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
     lines = [
-        f"Finite-element displacement minus commanded displacement, {FORCES[result.analysis]}. ±, shaded: mesh band.",
+        f"Finite-element displacement {shown}, {driven_by(result)}. ±, shaded: mesh band.",
         normalisation(result),
     ]
     figure, found = panels((WIDTH, HEIGHT), result.name, lines, 3, doubts=(result.assumed, result.not_stated))
     for row, (axes, freedom) in enumerate(zip(found, DIRECTIONS, strict=True)):
-        kind = "commanded direction" if freedom == result.direction else "cross direction"
+        along = freedom == result.direction
+        kind = "commanded direction" if along else "cross direction"
         axes.set_title(f"({'abc'[row]}) {NAMES[freedom]}, {kind}", loc="left")
-        plot_errors(axes, result, freedom)
+        if along and displacement:
+            plot_displaced(axes, result)
+        else:
+            plot_errors(axes, result, freedom)
         axes.label_outer()
     figure.align_ylabels()
     return figure
+
+
+def plot_displaced(ax: Axes, result: Result) -> Axes:
+    """Draw displacement over command of every curve in the commanded direction; returns `ax`.
+
+    The grey line is the command itself, where an exact model has every curve. Mesh bands are drawn, and errors stated,
+    as by `plot_errors`.
+    """
+    freedom = result.direction
+    command = unit_for(freedom, max(map(abs, result.commanded)))
+    x = np.array(result.commanded) * command.factor
+    ax.plot(x, x, color=GREY, linewidth=0.8, zorder=1, label="_command")
+    for index, (label, series) in enumerate(result.curves.items()):
+        y = x + np.array(getattr(series, freedom)) * command.factor
+        style = curve_style(index, len(result.curves), len(x))
+        ax.plot(x, y, label=f"{label} ", **style)
+        band = mesh_band(result, label, freedom) * command.factor
+        ax.fill_between(x, y - band, y + band, color=style["color"], alpha=0.3, linewidth=0, zorder=1.5)
+    ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
+    ax.margins(x=0.03)
+    ax.grid()
+    ax.set_ylabel(f"displacement in {NAMES[freedom]} ({command.name})")
+    ax.set_xlabel(f"commanded {NAMES[freedom]} ({command.name})")
+    _draw_legend(ax, result, freedom, "error ")
+    return ax
 
 
 def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
@@ -165,12 +203,12 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     }
 
 
-def _draw_legend(ax: Axes, result: Result, freedom: Direction) -> None:
+def _draw_legend(ax: Axes, result: Result, freedom: Direction, said: str = "") -> None:
     """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
     height = inches(ax)[1]
     entries = {label: error_text(result, label, freedom) for label in result.curves}
     for size in np.arange(9.0, 4.0, -0.5):
-        texts = [wrapped(f"{label}: {value}", LEGEND, size) for label, value in entries.items()]
+        texts = [wrapped(f"{label}: {said}{value}", LEGEND, size) for label, value in entries.items()]
         if sum((text.count("\n") + 1) * 1.25 + 0.6 for text in texts) * size / 72 <= height:
             break
     shown = [text.replace("_", " _", 1) if text.startswith("_") else text for text in texts]  # matplotlib hides "_..."

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem.files.writing import markdown_table
+from flexfem.plot.driven_text import COMMANDED, METHOD
 from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.result import Model, Result
@@ -64,10 +65,13 @@ def markdown_report(results: Sequence[Result]) -> str:
     ----------
     results : stored verifications, in the order in which they are to appear.
     """
+    forced = [each for each in results if each.drive == "force"]
+    joints = [each for each in results if each.drive != "force"]
     parts = ["# Verification: analytic stage against finite elements", _opening(results)]
     parts += ["## Errors at the largest command", _errors(results), _normalisation(results)]
     parts += ["## Uncertainty of the meshes", UNCERTAINTY_NOTE, _uncertainty(results)]
-    parts += ["## Forces of the analytic model at the largest command", _forces(results)]
+    parts += ["## Forces of the analytic model at the largest command", _forces(forced)] if forced else []
+    parts += ["## Rotations and strokes imposed at the largest command", _imposed(joints)] if joints else []
     parts += ["## Stiffness of the platform", STIFFNESS_NOTE, _stiffness(results)]
     parts += ["## Meshes", _meshes(results), "## Versions", _versions(results)]
     parts += ["## Warnings", _warnings(results)] if any(result.warnings for result in results) else []
@@ -107,10 +111,8 @@ def _opening(results: Sequence[Result]) -> str:
         if any(each.analysis == "nonlinear" for each in results)
         else ""
     )
-    text = (
-        f"The force that the analytic model predicts for a platform displacement by (18){exact} is applied to the "
-        "finite-element stage. The error is the finite-element displacement minus the commanded one."
-    )
+    text = " ".join(METHOD[kind] for kind in METHOD if any(each.drive == kind for each in results)).format(exact=exact)
+    text += " The error is the finite-element displacement minus the commanded one."
     return f"{text}\n\n{warning}" if note else text
 
 
@@ -128,7 +130,7 @@ def _command(result: Result) -> str:
     largest = max(result.commanded)
     unit = unit_for(result.direction, largest)
     name = {"x": "X", "y": "Y", "theta": "θ"}[result.direction]
-    return f"{name} = {largest * unit.factor:.6g} {unit.name}"
+    return f"{name} = {largest * unit.factor:.6g} {unit.name}{COMMANDED[result.drive]}"
 
 
 def _normalisation(results: Sequence[Result]) -> str:
@@ -164,6 +166,25 @@ def _forces(results: Sequence[Result]) -> str:
             rows.append([result.case, label, *cells, f"{stress} {STRESS}"])
     head = ["case", "curve", "F_x", "F_y", "M", "largest stress at the necks (finite elements)"]
     return _numbered(head, rows, 4)
+
+
+def _imposed(results: Sequence[Result]) -> str:
+    rows = []
+    for result in results:
+        last = int(np.argmax(result.commanded))
+        for label, model in result.models.items():
+            stress = significant(float(np.max(model.neck_stress)), 3)
+            said = "; ".join(f"{name}: {joint_value(result, model, last, k)}" for k, name in enumerate(model.joints))
+            rows.append([result.case, label, said, f"{stress} {STRESS}"])
+    return _numbered(["case", "curve", "imposed", "largest stress at the necks (finite elements)"], rows, 1)
+
+
+def joint_value(result: Result, model: Model, point: int, joint: int) -> str:
+    """A rotation or stroke that the finite elements were given, with its unit; one that is round-off is 0."""
+    values = model.imposed[point]
+    unit = unit_for("theta" if result.drive == "joints" else "x", max(map(abs, values)))
+    tiny = abs(values[joint]) <= 1e-9 * max(map(abs, values))
+    return "0" if tiny else f"{significant(values[joint] * unit.factor)} {unit.name}"
 
 
 def _scales(model: Model) -> tuple[float, float, float]:

@@ -32,7 +32,12 @@ class Plan(NamedTuple):
     draw: Callable[[], Figure]
 
 
-def write_figures(results: list[Stored], folder: Path, each: Callable[..., Iterable[list[bytes]]] = map) -> list[Path]:
+def write_figures(
+    results: list[Stored],
+    folder: Path,
+    each: Callable[..., Iterable[list[bytes]]] = map,
+    displacement: bool = False,
+) -> list[Path]:
     """Draw every figure of the results as PNG and PDF and write the page of text beside them.
 
     Parameters
@@ -40,10 +45,11 @@ def write_figures(results: list[Stored], folder: Path, each: Callable[..., Itera
     results : stored verifications, each with its fields by label.
     folder : where the files go; made when missing.
     each : applies a function to every figure, in order, as `map` does; that of a pool of processes draws side by side.
+    displacement : show displacements in the commanded direction instead of errors, see `curves.error_figure`.
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
-    planned, paths = plans(results), []
+    planned, paths = plans(results, displacement), []
     for plan, contents in zip(planned, each(drawn, planned), strict=True):
         for form, content in zip(FORMS, contents, strict=True):
             paths.append(_written(folder / f"{plan.name}.{form}", content))
@@ -63,10 +69,10 @@ def write_beside(stored: Path, figure: Figure) -> list[Path]:
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
-def plans(results: list[Stored]) -> list[Plan]:
+def plans(results: list[Stored], displacement: bool = False) -> list[Plan]:
     """The figures of the results, each stage once, under names that differ even where case does not matter."""
     named: dict[str, Plan] = {}
-    for wanted, draw in [*_of_cases(results), *_of_stages(results)]:
+    for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results)]:
         name, count = wanted, 1
         while name.casefold() in named:
             count += 1
@@ -75,10 +81,10 @@ def plans(results: list[Stored]) -> list[Plan]:
     return list(named.values())
 
 
-def _of_cases(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Callable[[], Figure]]]:
     for result, fields in results:
         stem = _file_name(result.case)
-        yield stem, partial(error_figure, result)
+        yield f"{stem}-displacement" if displacement else stem, partial(error_figure, result, displacement)
         yield f"{stem}-deformed", partial(deformed_figure, result, fields)
 
 

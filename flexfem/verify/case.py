@@ -22,6 +22,7 @@ from flexfem.units import DIRECTIONS as DIRECTIONS
 from flexfem.units import Direction as Direction
 
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
+Drive: TypeAlias = Literal["force", "joints", "strokes"]
 
 
 def known_formula(name: str) -> str:
@@ -58,6 +59,8 @@ class Case(Sourced):
     points : odd number of commanded displacements between minus and plus the amplitude.
     analysis : `nonlinear` takes the force from the exact equilibrium of the pseudo-rigid stage instead of (18), and
         the displacement from geometrically nonlinear finite elements.
+    drive : what the finite elements are given: the `force` of (18) on the platform, or, of the pose commanded, the
+        rotations of the hinges that the model calls independent (`joints`), or the `strokes` of the stage's stacks.
     resolution : triangles across every neck.
     """
 
@@ -69,6 +72,7 @@ class Case(Sourced):
     amplitude_mrad: float | None = Field(default=None, gt=0, le=1e3)
     points: int = Field(ge=3, le=10_001)
     analysis: Analysis = "linear"
+    drive: Drive = "force"
     resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
 
@@ -97,6 +101,12 @@ class Case(Sourced):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _joints_are_linear(self) -> Case:
+        if self.drive != "force" and self.analysis == "nonlinear":
+            raise refusal('"force" with analysis = "nonlinear", whose loads are on the platform', "drive")
+        return self
+
     @property
     def commanded(self) -> Array:
         """Commanded displacements (points,), mm or rad."""
@@ -119,7 +129,13 @@ class LoadedCase:
         self.case = validate(Case, path)
         self.stages: dict[str, Stage] = {}
         for curve in self.case.curve:
-            self.stages[curve.label] = load_feasible(self.stage_path(curve))
+            stage = load_feasible(self.stage_path(curve))
+            if self.case.drive == "strokes" and not stage.actuator:
+                raise BadInput(
+                    f'{path}: drive = "strokes", expected "force" or "joints": the stage of curve {curve.label!r}, '
+                    f"{self.stage_path(curve)}, has no [[actuator]]"
+                )
+            self.stages[curve.label] = stage
 
     def stage_path(self, curve: Curve) -> Path:
         """Where the stage file of a curve is."""

@@ -112,7 +112,7 @@ def command(
     metal = None if resolution is None else driven_metal(stage, resolution)
     found = _by_criterion(first.of, drive, pose, load, lever, warnings)
     criteria = {name: _strokes(stage, drive, first, metal, x, load) for name, x in found.items()}
-    warnings += [text for name, x in found.items() for text in _of_limits(first.of, drive, x, load, name)]
+    warnings += [text for name, x in found.items() for text in of_limits(first.of, drive, x, load, name)]
     warnings += [text for name, one in criteria.items() for text in _of_yield(stage, name, one)]
     warnings += warning.of_motion(stage, pose, "the pose")
     return Command(
@@ -206,7 +206,7 @@ def _stack_names(drive: StageDrive) -> list[str]:
     return [drive.names[k] + signs[float(row[k])] for k, row in zip(rows, drive.differential, strict=True)]
 
 
-def _of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> warning.Warnings:
+def of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> warning.Warnings:
     """Limits that commands (m,) break: strokes by actuator, a pair as one, and forces by stack; of many the worst."""
     broken = {name: used > 1 + ROUND_OFF for name, used in shares_of_each(of, drive, x, load).items()}
     force, stacks, um = drive.preload + moved(of, drive, x, load).force, _stack_names(drive), MICROMETRE

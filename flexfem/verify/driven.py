@@ -97,6 +97,11 @@ def driven(C: Array, drive: StageDrive) -> Driven:
     return Driven(C, root[..., :, None] * inner * root[..., None, :], drive.differential)
 
 
+def held(C: Array) -> Driven:
+    """A stage (..., 3 + n, 3 + n) whose openings are the commands themselves, by whatever forces that takes."""
+    return Driven(C, inverse(C[..., 3:, 3:]), np.eye(C.shape[-1] - 3))
+
+
 def moved(of: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
     """What commands (m,), mm, and a load (3,), N, N, N mm, do to one stage."""
     stroke = of.T @ command
@@ -141,14 +146,22 @@ def check_reach(G: Array) -> None:
 
 
 def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
-    """min f' C_dd f with f = Y (T x - C_dF F) and G x = wanted, in the null space of G."""
+    """min f' C_dd f with f = Y (T x - C_dF F) and G x = wanted, in the null space of G.
+
+    Notes
+    -----
+    Commands against each other that a rigid model gives no energy, as six pairs on mobility three, are left at the
+    smallest strokes: their energy is round-off.
+    """
     particular = np.linalg.lstsq(G, wanted, rcond=None)[0]
     free = np.linalg.svd(G)[2][3:].T
     per_command = of.Y @ of.T
     force = per_command @ particular - of.Y @ of.C[3:, :3] @ load
     F = per_command @ free
-    H = F.T @ of.C[3:, 3:] @ F
-    return np.asarray(particular - free @ np.linalg.lstsq(H, F.T @ of.C[3:, 3:] @ force, rcond=None)[0])
+    energy, turned = np.linalg.eigh(F.T @ of.C[3:, 3:] @ F)
+    kept = energy > SINGULAR * np.linalg.norm(per_command.T @ of.C[3:, 3:] @ per_command, 2)
+    F, free = F @ turned[:, kept], free @ turned[:, kept]
+    return np.asarray(particular - free @ (F.T @ of.C[3:, 3:] @ force / energy[kept]))
 
 
 def limits_of_strokes(drive: StageDrive) -> DriveLimits:

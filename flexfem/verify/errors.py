@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import eigh
 
 from flexfem.arrays import Array
 from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.energy import relative_error
 
 
 class Comparison(NamedTuple):
@@ -122,30 +122,40 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
 
 
 def command_convergence(
-    resolutions: Array, percents: Array, axis: int, compliances: Array, force: Array, lever: float
+    resolutions: Array,
+    percents: Array,
+    axis: int,
+    compliances: Array,
+    force: Array,
+    lever: float,
+    readings: Array | None = None,
 ) -> tuple[Convergence, ...]:
     """Grid convergence of the three error percentages of one command.
 
     Parameters
     ----------
     percents : (levels, 3), coarse to fine.   axis : of the command.
-    compliances : (levels, 3, 3), order x, y, theta.   force : (3,), per unit of the command, by which they err.
+    compliances : (levels, n, n), order x, y, theta, then of other loads.   force : (n,), per unit of the command, by
+        which they err.   readings : (n, 3), loads with which the pose is read, by default unit loads of x, y, theta.
 
     Notes
     -----
-    Along the command, `grid_convergence`. Across, so too where symmetry leaves round-off on every mesh; otherwise the
-    error of the compliance C is split into a multiple of it and a rest, dC = m C + D, with m midway between the extreme
-    eigenvalues of dC x = e C x. The first moves a pose c = C f by m c; for the rest, half the spread h of the
-    eigenvalues bounds |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product), whatever r is read
-    and f applied. m and h come from both differences between the finest three levels, each taken to the finest by the
-    theoretical order; the larger counts, times `CAUTIOUS`. Differences of one entry may vanish by chance; a spread
-    vanishes only when five independent differences do at once.
+    Along the command, `grid_convergence`, unless readings are given: where joints are held the error along is as much
+    a small difference of large numbers as that across. Across, so too where symmetry leaves round-off on every mesh;
+    otherwise the error of the compliance C is split into a multiple of it and a rest, dC = m C + D, with m midway
+    between the extreme eigenvalues of dC x = e C x. The first moves a pose c = C f by m c; for the rest, half the
+    spread h of the eigenvalues bounds |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product),
+    whatever r is read and f applied. m and h come from both differences between the finest three levels, each taken
+    to the finest by the theoretical order; the larger counts, times `CAUTIOUS`. Differences of one entry may vanish by
+    chance; a spread vanishes only when five independent differences do at once.
     """
     found = [grid_convergence(resolutions, values) for values in np.transpose(percents)]
     comparable = 100.0 * np.array([1.0, 1.0, lever]) / (lever if axis == 2 else 1.0)
-    bands = comparable * _bands_across(np.asarray(resolutions, dtype=float), np.asarray(compliances), force)
+    C = np.asarray(compliances)
+    read = np.eye(len(force), 3) if readings is None else readings
+    bands = comparable * _bands_across(np.asarray(resolutions, dtype=float), C, force, read)
     return tuple(
-        each if k == axis or each.verdict == "round-off" else _across(each, float(band))
+        each if (k == axis and readings is None) or each.verdict == "round-off" else _across(each, float(band))
         for k, (each, band) in enumerate(zip(found, bands, strict=True))
     )
 
@@ -188,7 +198,7 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     """
     C, n = np.asarray(compliances), np.asarray(resolutions, dtype=float)
     size = np.sqrt(np.outer(np.diag(C[-1]), np.diag(C[-1])))
-    found, error = np.max(np.abs(C), axis=0), _error_of(n, C)
+    found, error = np.max(np.abs(C), axis=0), relative_error(n**ORDER, C)
     bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
     bands = np.where(found <= ROUND_OFF * size, np.maximum(found, np.finfo(float).eps * size), bound)
     for k in range(3):
@@ -196,26 +206,13 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     return np.asarray(bands)
 
 
-class _RelativeError(NamedTuple):
-    """Of the finest compliance C, dC = m C + D: largest |m|, and half the spread of the eigenvalues of dC x = e C x."""
-
-    common: float
-    spread: float
-
-
-def _error_of(resolutions: Array, compliances: Array) -> _RelativeError:
-    C3, C2, C1 = compliances[-3:]
-    n3, n2, n1 = resolutions[-3:] ** ORDER
-    errors = (C1 - C2) / (n1 / n2 - 1), (C2 - C3) / (n1 / n3 - n1 / n2)
-    ends = np.array([eigh(error, C1, eigvals_only=True)[[0, -1]] for error in errors])
-    return _RelativeError(float(np.max(np.abs(ends))), float(np.max(ends[:, 1] - ends[:, 0]) / 2))
-
-
-def _bands_across(resolutions: Array, compliances: Array, force: Array) -> Array:
-    """Half-widths (3,), mm, mm, rad, of the pose under a force (3,), by Cauchy-Schwarz: see `command_convergence`."""
-    C, error = compliances[-1], _error_of(resolutions, compliances)
-    rest = error.spread * np.sqrt(np.diag(C) * (force @ C @ force))
-    return np.asarray(CAUTIOUS * (error.common * np.abs(C @ force) + rest))
+def _bands_across(resolutions: Array, compliances: Array, force: Array, readings: Array) -> Array:
+    """Half-widths (3,), mm, mm, rad, of the pose under a force (n,), by Cauchy-Schwarz: see `command_convergence`."""
+    C = compliances[-1]
+    error = relative_error(resolutions**ORDER, compliances, np.column_stack([readings, force]))
+    own = np.einsum("ik,ij,jk->k", readings, C, readings)
+    rest = error.spread * np.sqrt(own * (force @ C @ force))
+    return np.asarray(CAUTIOUS * (error.common * np.abs(readings.T @ C @ force) + rest))
 
 
 def _across(found: Convergence, band: float) -> Convergence:

@@ -1,9 +1,13 @@
-"""The protocol of Section V: the force that (18) predicts for a command is applied to the finite elements."""
+"""The protocol of Section V: the force that (18) predicts for a command is applied to the finite elements.
+
+With joints commanded, `imposed`, they are given rotations or strokes instead.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -14,17 +18,18 @@ from flexfem.arrays import Array
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import LoadCase, Response, load_case, plate_of
+from flexfem.fem.response import Response, load_case, plate_of
 from flexfem.fem.sectors import mesh_sectors
-from flexfem.files.provenance import doubts
+from flexfem.files.provenance import Doubts, doubts
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import stage_frames
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
-from flexfem.verify.errors import Comparison, command_errors, compare, levels, percentages
-from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty, stamp, versions
+from flexfem.verify.errors import Comparison, Convergence, command_errors, compare, levels, percentages
+from flexfem.verify.imposed import CurveAnswer, FullCommand, answer_to_joints
+from flexfem.verify.result import Fields, Model, Result, Series, Triple, Uncertainty, stamp, versions
+from flexfem.verify.stored import fields_record, model_record
 
 
 class Solved(NamedTuple):
@@ -113,12 +118,13 @@ def run_case(loaded: LoadedCase, solve: Solve = solve_stage) -> tuple[Result, di
     started = time.perf_counter()
     case = loaded.case
     runs = {curve.label: _run_curve(loaded, curve, solve) for curve in case.curve}
-    found = doubts([("case: ", case), *(("", stage) for stage in loaded.stages.values())])
+    found = _doubts(loaded)
     result = Result(
         case=loaded.stem,
         name=case.name,
         direction=case.direction,
         analysis=case.analysis,
+        drive=case.drive,
         commanded=case.commanded.tolist(),
         curves={label: run.series for label, run in runs.items()},
         error_percent={label: run.percent for label, run in runs.items()},
@@ -134,25 +140,48 @@ def run_case(loaded: LoadedCase, solve: Solve = solve_stage) -> tuple[Result, di
     return result, {label: run.fields for label, run in runs.items()}
 
 
+def _doubts(loaded: LoadedCase) -> Doubts:
+    """What is assumed or not stated of a case and its stages, of their drives where these are used."""
+    stages = loaded.stages.values()
+    if loaded.case.drive != "strokes":
+        return doubts([("case: ", loaded.case), *(("", stage) for stage in stages)])
+    all_of_them = [doubts([("case: ", loaded.case)]), *(stage.drive_doubts for stage in stages)]
+    return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*all_of_them, strict=True)))
+
+
 def _run_curve(loaded: LoadedCase, curve: Curve, solve: Solve) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
     analytic = analyse(stage, curve.mobility, curve.formula, curve.links)
     plate_of(stage)
+    driven = case.drive != "force"
+    of = answer_to_joints(stage, analytic, case) if driven else _answer_to_force(loaded, curve, analytic, solve)
+    percent = Triple.of(of.found.percent)
+    uncertainty = _by_direction(of.bands)
+    return CurveRun(
+        series=Series(**dict(zip(DIRECTIONS, of.found.error.T.tolist(), strict=True))),
+        percent=percent,
+        uncertainty=uncertainty,
+        model=model_record(loaded, curve, analytic, of),
+        fields=fields_record(of),
+        warnings=_warnings(case, curve, stage, analytic, of)
+        + warning.of_bands(uncertainty, percent, f"curve {curve.label!r}"),
+    )
+
+
+def _answer_to_force(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solve: Solve) -> CurveAnswer:
+    """Finite elements under the force of a model, on three meshes."""
+    case, stage = loaded.case, loaded.stages[curve.label]
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
     solved = meshes[-1]
     found = _compared(loaded, curve, analytic, solved)
     full = load_case(stage, solved.mesh, solved.response, found.force[-1])
-    percent = Triple.of(found.percent)
-    compliances = np.array([each.response.compliance for each in meshes])
-    uncertainty = _uncertainty(case, analytic.stiffness, compliances, stage.chain.link_lengths[2])
-    return CurveRun(
-        series=Series(**dict(zip(DIRECTIONS, found.error.T.tolist(), strict=True))),
-        percent=percent,
-        uncertainty=uncertainty,
-        model=_model(loaded, curve, analytic, solved, found, full),
-        fields=_fields(solved.mesh, full),
-        warnings=_warnings(case, curve, stage, analytic, full)
-        + warning.of_bands(uncertainty, percent, f"curve {curve.label!r}"),
+    return CurveAnswer(
+        found=found,
+        full=FullCommand(full.pose, full.field, full.stress, full.neck_stress),
+        bands=_bands(case, analytic.stiffness, np.array([each.response.compliance for each in meshes]), _lever(stage)),
+        compliance=solved.response.compliance,
+        mesh=solved.mesh,
+        unknowns=solved.response.unknowns,
     )
 
 
@@ -168,70 +197,24 @@ def _compared(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solved
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
-def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, full: LoadCase) -> warning.Warnings:
-    """Warnings on one curve: its model, and its load at full command."""
-    of_curve = [*warning.of_formula(stage, analytic.formula), *warning.of_model(stage, analytic)]
+def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, of: CurveAnswer) -> warning.Warnings:
+    """Warnings on one curve: its model, and what it does at full command."""
+    of_curve = [*warning.of_formula(stage, analytic.formula), *warning.of_model(stage, analytic), *of.warnings]
     where = f"curve {curve.label!r}, full command"
-    found = warning.of_yield(float(np.max(full.neck_stress)), stage.material.yield_strength, where)
+    found = warning.of_yield(float(np.max(of.full.neck_stress)), stage.material.yield_strength, where)
     if case.analysis == "linear":
-        found += warning.of_motion(stage, full.pose, where)
+        found += warning.of_motion(stage, of.full.pose, where)
     return [f"curve {curve.label!r}: {text}" for text in of_curve] + found
 
 
-def _uncertainty(case: Case, stiffness: Array, compliances: Array, lever: float) -> dict[Direction, Uncertainty]:
-    """Mesh uncertainty of the three percentages from the compliances (levels, 3, 3), coarse to fine."""
-    found = command_errors(np.array(levels(case.resolution)), compliances, stiffness, case.direction, lever)
-    return {name: Uncertainty.of(each) for name, each in zip(DIRECTIONS, found, strict=True)}
+def _bands(case: Case, stiffness: Array, compliances: Array, lever: float) -> tuple[Convergence, ...]:
+    """Grid convergence of the three percentages from the compliances (levels, 3, 3), coarse to fine."""
+    return command_errors(np.array(levels(case.resolution)), compliances, stiffness, case.direction, lever)
 
 
-def _model(
-    loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solved: Solved, found: Comparison, full: LoadCase
-) -> Model:
-    stage = loaded.stages[curve.label]
-    return Model(
-        stage=stage.name,
-        file=curve.stage,
-        hash=stage.hash,
-        plane=stage.model,
-        mobility=analytic.mobility,
-        formula=analytic.formula,
-        formula_in_range=bool(np.all(analytic.in_range)),
-        links=curve.links,
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
-        stiffness=analytic.stiffness.tolist(),
-        compliance=solved.response.compliance.tolist(),
-        force=found.force.tolist(),
-        neck_stress=full.neck_stress.tolist(),
-        lever=stage.chain.link_lengths[2],
-        link_width=stage.chain.link_width,
-        platform_radius=stage.platform.radius,
-        hub_radius=stage.platform.hub_radius,
-        hinges=_hinges(stage, analytic),
-        resolution=loaded.case.resolution,
-        triangles=solved.triangles,
-        unknowns=solved.response.unknowns,
-    )
+def _by_direction(bands: tuple[Convergence, ...]) -> dict[Direction, Uncertainty]:
+    return {name: Uncertainty.of(each) for name, each in zip(DIRECTIONS, bands, strict=True)}
 
 
-def _hinges(stage: Stage, analytic: AnalyticResult) -> list[HingeDrawing]:
-    placed = stage_frames(stage)
-    return [
-        HingeDrawing(
-            chain=chain + 1,
-            hinge=name,
-            centre=(float(placed.centres[chain, position, 0]), float(placed.centres[chain, position, 1])),
-            axis=float(placed.axes[chain, position]),
-            radius=stage.hinge(chain + 1, name).radius,
-            neck=stage.hinge(chain + 1, name).neck,
-            freedoms=list(analytic.freedoms[chain][position]),
-        )
-        for chain in range(3)
-        for position, name in enumerate(HINGE_NAMES)
-    ]
-
-
-def _fields(mesh: StageMesh, full: LoadCase) -> Fields:
-    return Fields(
-        nodes=mesh.nodes, triangles=mesh.triangles, bodies=mesh.bodies, displacement=full.field, stress=full.stress
-    )
+def _lever(stage: Stage) -> float:
+    return stage.chain.link_lengths[2]

@@ -19,7 +19,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
-from flexfem.verify.case import DIRECTIONS, Analysis, Direction
+from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive
 from flexfem.verify.errors import Convergence, Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
@@ -110,7 +110,10 @@ class Model(Record):
 
     plane : the stage's own choice of plane problem.
     stiffness : (3, 3) analytic, order x, y, theta; compliance : (3, 3) of the finite elements.
-    force : (points, 3) applied loads, N, N, N mm: by (18), or in a nonlinear case by the exact equilibrium.
+    force : (points, 3) loads on the platform, N, N, N mm: by (18), or in a nonlinear case by the exact equilibrium;
+        zero where joints are commanded.
+    joints, imposed : hinges or pairs of stacks (m,), and (points, m) what they were given: rotations, rad, or strokes,
+        mm; empty under a force.
     lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
     """
 
@@ -127,6 +130,8 @@ class Model(Record):
     stiffness: Matrix
     compliance: Matrix
     force: Matrix
+    joints: list[str] = []
+    imposed: Matrix = []
     neck_stress: Matrix
     lever: float
     link_width: float
@@ -141,6 +146,7 @@ class Model(Record):
 class Result(Record):
     """A verification: `curves` holds finite-element minus commanded displacement; percentages as in CONVENTIONS.md.
 
+    drive : what the finite elements were given, see `case.Case`.
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).
     uncertainty : for each percentage the band of the mesh, in percentage points.
@@ -152,6 +158,7 @@ class Result(Record):
     name: str
     direction: Direction
     analysis: Analysis = "linear"
+    drive: Drive = "force"
     commanded: list[float]
     curves: dict[str, Series]
     error_percent: dict[str, Triple]

@@ -58,6 +58,7 @@ DRAWN: dict[str, Any] = {
     "plot_along": lambda made: (made.workspace(), "x"),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
+    "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
     "plot_displacement": lambda made: (made.fields(),),
     "plot_elastica": lambda made: (elastica(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),

@@ -113,6 +113,35 @@ def test_the_caption_says_where_the_force_comes_from_and_how_percentages_are_nor
     assert "large displacements in both models" in " ".join(made.texts(figure))
 
 
+@pytest.mark.parametrize(("drive", "said"), [("joints", "joints imposed by (29)"), ("strokes", "strokes commanded by")])
+def test_the_caption_says_that_joints_were_commanded(made, drive, said):
+    text = " ".join(made.texts(error_figure(made.result(ERRORS, drive=drive))))
+    assert said in text and "(18)" not in text
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_the_commanded_direction_may_show_displacement_over_command(made, direction):
+    command = np.array([-0.05, 0.0, 0.02, 0.05])
+    result = made.result(ERRORS, direction=direction, commanded=command.tolist(), drive="joints")
+    figure = error_figure(result, displacement=True)
+    k = DIRECTIONS.index(direction)
+    for row, axes in enumerate(figure.axes):
+        assert axes.get_ylabel().startswith(f"{'displacement' if row == k else 'error'} in {NAMES[DIRECTIONS[row]]} (")
+    axes = figure.axes[k]
+    across, up = made.size_in(figure.axes[2].get_xlabel()), made.size_in(axes.get_ylabel())
+    model, *curves = axes.get_lines()
+    np.testing.assert_allclose(up * model.get_ydata(), command, rtol=1e-12)
+    for line, fill, (label, error) in zip(curves, axes.collections, ERRORS.items(), strict=True):
+        np.testing.assert_allclose(across * line.get_xdata(), command, rtol=1e-12)
+        np.testing.assert_allclose(up * line.get_ydata(), (1 + error[k]) * command, rtol=1e-12, atol=1e-18)
+        band, moved = BANDS[label][k] / 100 * np.abs(command), (1 + error[k]) * command
+        expected = np.column_stack([command / across, (moved - band) / up, (moved + band) / up])
+        np.testing.assert_allclose(made.extent(fill), expected, rtol=1e-9, atol=1e-12)
+    shown = [text.get_text().replace("\n", " ") for text in axes.get_legend().get_texts()]
+    assert len(shown) == 2 and all(": error " in text for text in shown)
+    assert "in the commanded direction, its error across, joints imposed" in " ".join(made.texts(figure))
+
+
 def test_labels_of_any_kind_and_what_is_assumed_are_said(made, drawn):
     labels = ["_under", "a $dollar_{ label", "long " * 30]
     for assumed, note in ((["thickness_mm", "case: points"], "assumed dimensions"), (["case: points"], "assumed comm")):

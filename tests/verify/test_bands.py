@@ -16,7 +16,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import command_convergence, compliance_bands, grid_convergence
 from flexfem.verify.measures import errors_of_model
-from flexfem.verify.protocol import _uncertainty, solve_stage
+from flexfem.verify.protocol import _bands, _by_direction, solve_stage
 
 ROOT = Path(__file__).parents[2]
 LEVELS, FINE = (4, 6, 8), (11, 16)
@@ -159,7 +159,8 @@ def test_two_meshes_that_agree_throughout_leave_the_difference_to_the_third(patt
 def test_a_case_has_the_bands_of_its_own_command(direction):
     compliance, stiffness, lever = (KEPT[name][7] for name in KEPT.files[:3])
     case = SimpleNamespace(direction=direction, resolution=8, commanded=np.array([-0.03, 0.0, 0.03]))
-    made, column = _uncertainty(case, stiffness, list(compliance[:3]), lever), DIRECTIONS.index(direction)
+    made = _by_direction(_bands(case, stiffness, list(compliance[:3]), lever))
+    column = DIRECTIONS.index(direction)
     levels = percents(compliance[:3], stiffness, lever)[:, :, column]
     bands = command_convergence(LEVELS, levels, column, compliance[:3], stiffness[:, column], lever)
     for name, each, values in zip(DIRECTIONS, bands, levels.T, strict=True):

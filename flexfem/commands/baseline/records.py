@@ -18,12 +18,13 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, 
 from flexfem.commands.baseline.inputs import COARSE, Kind, committed_mesh, kind_of, mesh_name
 from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.console import plain
+from flexfem.fem.drive import driven_response
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage, load_feasible
-from flexfem.verify import answers, budget, hinges, workspace
+from flexfem.verify import answers, budget, hinges, imposed, workspace
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.claims import load_claims, report_claims
 from flexfem.verify.converge import converge
@@ -128,12 +129,24 @@ def _of_case(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
 def _curve(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
     """The linear comparison of one curve on its committed mesh."""
     case, stage, file = loaded.case, loaded.stages[curve.label], loaded.stage_path(curve)
+    if case.drive != "force":
+        return _imposed(loaded, curve, folder)
     K, lever = analyse(stage, curve.mobility, curve.formula).stiffness, stage.chain.link_lengths[2]
     solved = _on_committed(stage, folder / mesh_name(file, stage))
     found = compare(K, solved.response.compliance, case.direction, case.commanded, lever)
     model = {"stiffness": K.tolist(), "force": found.force.tolist()}
     full = _solution(stage, solved, found.force[-1], COARSE)
     return {"model": model, "percent": found.percent.tolist(), **_by_name(full)}
+
+
+def _imposed(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
+    """Of a curve with joints commanded: what it imposes, and the poses per command of its committed mesh."""
+    case, stage, file = loaded.case, loaded.stages[curve.label], loaded.stage_path(curve)
+    given = imposed.imposed(stage, analyse(stage, curve.mobility, curve.formula, curve.links), case.drive)
+    mesh = committed_mesh(stage, folder / mesh_name(file, stage))
+    found = driven_response(mesh, plate_of(stage), given.stacks).compliance
+    percent = imposed.compared(given, found, case, stage.chain.link_lengths[2]).percent
+    return {"model": {"given": given.given.tolist()}, "percent": percent.tolist()}
 
 
 def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:

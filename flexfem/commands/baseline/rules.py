@@ -129,10 +129,12 @@ RULES = _rules(
     *_uncertainty("result uncertainty * *", POINTS),
     ("result models * stiffness # #", EXACT, STIFFNESS),
     ("result models * force # #", EXACT, WRENCH),
+    ("result models * imposed # #", SOLVED, LIST),
     ("result models * hinges # centre #", EXACT, LENGTH),
     *_solution("result models *", FRESH, PEAK, MESH_SIZE),
     ("committed * model stiffness # #", EXACT, STIFFNESS),
     ("committed * model force # #", EXACT, WRENCH),
+    ("committed * model given # #", SOLVED, LIST),
     ("committed * percent #", COMMITTED, PERCENT),
     *_solution("committed *", COMMITTED, COMMITTED, EXACT),
     # a stage: `check`, `stiffness`, `solve`, `budget`, `workspace`, `converge`
