@@ -9,7 +9,8 @@ TEST_SETUP := .venv/installed-for-tests
 CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
 STAGES := $(wildcard geometry/*.toml)
-ACCEPTED := $(CASES) cases/claims.toml $(STAGES) $(wildcard tests/baselines/studies/*.toml flexfem/data/*.json)
+JOINTS := $(wildcard cases/joints-*.toml)
+ACCEPTED := $(CASES) $(JOINTS) cases/claims.toml $(STAGES) $(wildcard tests/baselines/studies/*.toml flexfem/data/*.json)
 PLOT_CODE := $(wildcard flexfem/plot/*.py)
 OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
@@ -37,7 +38,9 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 $(RESULTS) &: $(CASES) $(STAGES) $(MODEL_CODE) $(SETUP) # one command for all cases: it solves each stage once
 	@$(FLEXFEM) verify $(CASES) --output reports
 
-full-report: reproduce-figures ## also error budgets, large displacements, mesh studies, benchmarks, hinge formulas and the paper's claims
+full-report: reproduce-figures ## also joints commanded, error budgets, large displacements, mesh studies, benchmarks, hinge formulas and the paper's claims
+	@$(FLEXFEM) verify $(JOINTS) --output reports/joints && \
+	    $(FLEXFEM) plot $(JOINTS:cases/%.toml=reports/joints/%.json) --output reports/joints >/dev/null
 	@for stage in mobility3 mobility6; do \
 	    $(FLEXFEM) budget geometry/$$stage.toml --output reports && \
 	    $(FLEXFEM) workspace geometry/$$stage.toml --output reports && \

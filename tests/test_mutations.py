@@ -265,7 +265,7 @@ MUTATIONS = [
     Mutation(
         "an arm in the frame of chain 1",
         "placed",
-        "chain_rotation(self.chain) @ push.wrench",
+        "push.wrench @ chain_rotation(self.chain).T",
         "push.wrench",
         "test_the_contacts_of_the_other_chains_are_turned_with_them",
     ),
@@ -279,8 +279,8 @@ MUTATIONS = [
     Mutation(
         "limits of the base hinges only",
         "limits_of_strokes",
-        "np.eye(len(drive.lowest))",
-        "np.diag(np.arange(len(drive.lowest)) % 2 == 0) * 1.0",
+        "np.eye(drive.lowest.shape[-1])",
+        "np.diag(np.arange(drive.lowest.shape[-1]) % 2 == 0) * 1.0",
         "test_the_limits_of_every_stack_count",
     ),
     Mutation(

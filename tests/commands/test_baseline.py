@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 ACCEPTED = sorted((ROOT / "tests/baselines").glob("*.json"))
 INPUTS = [
     *sorted((ROOT / "cases").glob("fig*.toml")),
+    *sorted((ROOT / "cases").glob("joints-*.toml")),
     ROOT / "cases/claims.toml",
     *sorted((ROOT / "geometry").glob("*.toml")),
     *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
