@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from flexfem.reports import converge as converge
     from flexfem.reports import cross_check as cross_check
     from flexfem.reports import mesh as mesh
+    from flexfem.reports import reach as reach
     from flexfem.reports import stiffness as stiffness
     from flexfem.reports import summary as summary
     from flexfem.reports import under_load as under_load
@@ -84,6 +85,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "converge",
             "cross_check",
             "mesh",
+            "reach",
             "stiffness",
         ),
         *("summary", "under_load", "verification", "workspace"),

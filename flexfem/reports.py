@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.refusals import checked_path
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.protocol import Solved
+    from flexfem.verify.reach import Reach
     from flexfem.verify.result import Fields, Result
     from flexfem.verify.summary import Summary
     from flexfem.verify.workspace import Workspace
@@ -251,6 +252,46 @@ def command(
     return verify.command(stage, at, loaded, model, finest)
 
 
+def reach(
+    stage: Stage,
+    load: ArrayLike = (0.0, 0.0, 0.0),
+    mobility: int | None = None,
+    formula: str | None = None,
+    links: bool = False,
+    resolution: int | None = RESOLUTION,
+) -> Reach:
+    """The poses that a drive reaches within its limits: strokes, contacts that only push, blocking forces, yield.
+
+    Parameters
+    ----------
+    load : (3,), on the platform, N, N, N mm.   mobility, formula, links, resolution : as of `command`.
+
+    Raises
+    ------
+    BadInput
+        As `command`.
+    ComputationFailed
+        The limits allow no pose at all, or as `flexfem.solve`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.reach(flexfem.load("geometry/mobility6.toml"), resolution=None)
+    >>> x = found.ranges["x"]
+    >>> round(1e3 * x.held.high, 1), round(1e3 * x.free.high, 1), len(found.faces)  # um
+    (24.0, 28.7, 30)
+    """
+    from flexfem.analytic import formulas
+    from flexfem.verify import reach as verify
+
+    check_feasible(stage)
+    formulas.formula(DEFAULT_FORMULA if formula is None else formula)
+    loaded = arguments.vectors("load", load, 1, LARGEST_LOAD)
+    finest = None if resolution is None else arguments.resolution(resolution)
+    asked = formula is not None or mobility is not None or links
+    return verify.reach(stage, loaded, (mobility, formula or DEFAULT_FORMULA, links) if asked else None, finest)
+
+
 def budget(
     stage: Stage,
     amplitudes: Mapping[Direction, float] | None = None,
@@ -277,12 +318,20 @@ def budget(
     return verify.budget(stage, at, arguments.resolution(resolution, 4), _solver(progress))
 
 
-def workspace(stage: Stage, amplitude: float = 0.5, resolution: int = 4, progress: Progress | None = None) -> Workspace:
-    """Large displacements up to `amplitude`, mm, in X and Y, and 0.02 rad in theta for every mm.
+def workspace(
+    stage: Stage,
+    amplitude: float = 0.5,
+    resolution: int = 4,
+    progress: Progress | None = None,
+    load: ArrayLike = (0.0, 0.0, 0.0),
+) -> Workspace:
+    """What large displacements do, and the poses that a drive reaches.
 
     Parameters
     ----------
+    amplitude : mm, of displacements in X and Y; in theta 0.02 rad for every mm.
     resolution : of the finite elements.   progress : called with a line after the mesh is solved.
+    load : (3,), on the platform of a driven stage, N, N, N mm, see `reach`.
 
     Raises
     ------
@@ -293,7 +342,16 @@ def workspace(stage: Stage, amplitude: float = 0.5, resolution: int = 4, progres
 
     check_feasible(stage)
     largest = arguments.positive("amplitude", amplitude, LARGEST_AMPLITUDE)
-    return verify.workspace(stage, largest, arguments.resolution(resolution), _solver(progress))
+    loaded = arguments.vectors("load", load, 1, LARGEST_LOAD)
+    if loaded.any() and not stage.actuator:
+        raise BadInput("load: expected none, it is for the poses of a drive and the stage has no [[actuator]]")
+    found = verify.workspace(stage, largest, arguments.resolution(resolution), _solver(progress))
+    if not stage.actuator:
+        return found.model_copy(update={"no_reach": "no [[actuator]]: which poses a drive reaches is not known"})
+    try:
+        return found.model_copy(update={"reach": reach(stage, loaded, resolution=resolution)})
+    except ComputationFailed as failure:
+        return found.model_copy(update={"no_reach": str(failure)})
 
 
 def converge(stage: Stage, resolutions: Sequence[int] | None = None, progress: Progress | None = None) -> MeshStudy:

@@ -89,7 +89,7 @@ def test_stages_that_cannot_be_made_are_refused_by_every_question():
     """Replaced without a check, the hinges are wider than the links."""
     stage = public.load(STAGE)
     bad = stage.model_copy(update={"chain": stage.chain.model_copy(update={"link_width": 0.3})})
-    for ask in (public.check, public.stiffness, public.summary, public.budget, public.workspace, public.converge):
+    for ask in (public.check, public.stiffness, public.summary, public.budget, public.workspace, public.reach):
         with pytest.raises(public.BadInput, match="expected"):
             ask(bad)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
 from flexfem.units import COMMANDS, COMPLIANCES
 
@@ -118,6 +119,10 @@ def print_workspace(of: Workspace) -> None:
             f"(16) change the tangent compliance by up to {box.terms:.3f} %"
         )
     print_ending(out, of)
+    if of.reach is None:
+        out.print(of.no_reach)
+    else:
+        print_reach(out, of.reach)
 
 
 def _travelled(of: Workspace) -> Iterator[tuple[str, ...]]:

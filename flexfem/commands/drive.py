@@ -9,7 +9,7 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Resolution, StageFile, check_within
-from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, numbers, people, print_ending, table
 from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
 
@@ -57,8 +57,7 @@ def command(
 def print_command(of: Command) -> None:
     """Print strokes and forces by stack, and where the metal goes with them."""
     out = people()
-    pose = ", ".join(f"{value * unit.factor:.5g} {unit.plain}" for value, unit in zip(of.pose, COMMANDS, strict=True))
-    out.print(f"{of.name}: pose {pose}; strokes by {of.model}")
+    out.print(f"{of.name}: pose {numbers(of.pose, COMMANDS)}; strokes by {of.model}")
     criteria = of.criteria
     head = ("stack", *(cell for name in criteria for cell in (f"{name}: {MICROMETRE.plain}", FORCES[0].plain)))
     out.print(table(head, _stack_rows(of)))

@@ -59,6 +59,11 @@ def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
     return made
 
 
+def numbers(values: Sequence[float], units: Sequence[Unit]) -> str:
+    """Numbers with their units, in a line."""
+    return ", ".join(f"{value * unit.factor:.5g} {unit.plain}" for value, unit in zip(values, units, strict=True))
+
+
 def _plane(model: str) -> str:
     """How the stage is made a plane problem, in words."""
     words = {"plane_stress": "plane stress", "plane_strain": "plane strain"}

@@ -78,21 +78,33 @@ def workspace(
     amplitude_um: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Largest command in X and Y; in theta 0.02 mrad for every um.")
     ] = 500.0,
+    load: Annotated[
+        tuple[float, float, float],
+        typer.Option(metavar="FX FY M", help="Load on the platform of a driven stage: N, N, N mm."),
+    ] = (0.0, 0.0, 0.0),
     output: Wanted = None,
     json: Json = False,
 ) -> None:
-    """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements."""
+    """Large displacements: linear, tangent (16) with and without its second-order terms, exact, finite elements.
+
+    Of a driven stage also the poses that strokes, contacts, blocking forces and yield allow together.
+    """
     from flexfem import reports
     from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
-    found = reports.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor)
+    console.check_within("--load", load, reports.LARGEST_LOAD)
+    found = reports.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor, load=load)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
 
         console.keep(found, output / f"{stage.stem}-workspace.json", workspace_figure)
+        if found.reach is not None:
+            from flexfem.plot.reach import reach_figure
+
+            console.keep(found.reach, output / f"{stage.stem}-reach.json", reach_figure)
     console.show(found, json, comparisons.print_workspace)
 
 

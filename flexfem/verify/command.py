@@ -122,7 +122,7 @@ def command(
         pose=pose.tolist(),
         load=load.tolist(),
         actuators=list(drive.names),
-        stacks=_stack_names(drive),
+        stacks=stack_names(drive),
         engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
         criteria=criteria,
@@ -186,21 +186,23 @@ def _strokes(
     stage: Stage, drive: StageDrive, first: Commanding, metal: DrivenMetal | None, x: Array, load: Array
 ) -> Strokes:
     motion, limits = moved(first.of, drive, x, load), shares(first.of, drive, x, load)
+    pushing = motion._replace(force=drive.preload + motion.force)
     return Strokes(
         command=x.tolist(),
         stroke=(drive.differential @ x).tolist(),
-        force=(drive.preload + motion.force).tolist(),
+        force=pushing.force.tolist(),
         pose=motion.pose.tolist(),
         metal=motion.metal,
         stacks=motion.stacks,
         rotation=rotations(stage, first, motion, load).tolist(),
-        stress=stresses(stage, first, motion, load).tolist(),
+        stress=stresses(stage, first, pushing, load).tolist(),
         element_stress=None if metal is None else element_stresses(stage, metal, drive, x, load).tolist(),
         share={name: used if np.isfinite(used) else None for name, used in limits.items()},
     )
 
 
-def _stack_names(drive: StageDrive) -> list[str]:
+def stack_names(drive: StageDrive) -> list[str]:
+    """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
     signs = {1.0: "", -1.0: ", partner"}
     rows = [int(np.flatnonzero(row)[0]) for row in drive.differential]
     return [drive.names[k] + signs[float(row[k])] for k, row in zip(rows, drive.differential, strict=True)]
@@ -209,7 +211,7 @@ def _stack_names(drive: StageDrive) -> list[str]:
 def of_limits(of: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> warning.Warnings:
     """Limits that commands (m,) break: strokes by actuator, a pair as one, and forces by stack; of many the worst."""
     broken = {name: used > 1 + ROUND_OFF for name, used in shares_of_each(of, drive, x, load).items()}
-    force, stacks, um = drive.preload + moved(of, drive, x, load).force, _stack_names(drive), MICROMETRE
+    force, stacks, um = drive.preload + moved(of, drive, x, load).force, stack_names(drive), MICROMETRE
     pairs = np.count_nonzero(drive.differential, axis=0) == 2
     strokes = {
         k: f"{'the pair' if pairs[k] else 'the stack'} {drive.names[k]} would need a stroke of {um.factor * x[k]:.4g} "

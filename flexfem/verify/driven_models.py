@@ -83,8 +83,8 @@ def stresses(stage: Stage, of: Commanding, motion: Motion, load: Array) -> Array
 
 
 def element_stresses(stage: Stage, metal: DrivenMetal, drive: StageDrive, x: Array, load: Array) -> Array:
-    """As `stresses`, of finite elements with the same commands."""
-    force = moved(metal.of, drive, x, load).force
+    """As `stresses`, of finite elements with the same commands and with the preloads."""
+    force = drive.preload + moved(metal.of, drive, x, load).force
     field = np.tensordot(np.concatenate([load, force]), metal.response.fields, axes=1)
     stress = von_mises(nodal_stress(metal.mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
     return neck_maxima(stage, metal.mesh, stress)

@@ -22,6 +22,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
+from flexfem.verify.reach import Reach
 from flexfem.verify.result import Matrix, OfStage, Record, about
 
 
@@ -88,7 +89,8 @@ class Workspace(OfStage):
     """Travel of a stage's own analytic model and of its finite elements in the three directions.
 
     plane : the stage's own choice of plane problem.   amplitude : mm, mm, rad.   resolution, unknowns : of the finite
-    elements.   small, box : a tenth of the amplitudes, and all of them.
+    elements.   small, box : a tenth of the amplitudes, and all of them.   reach : the poses that the drive reaches,
+    None where `no_reach` says why not.
     """
 
     stage: str
@@ -101,6 +103,8 @@ class Workspace(OfStage):
     travel: dict[Direction, Travel]
     small: Box
     box: Box
+    reach: Reach | None = None
+    no_reach: str = ""
 
 
 AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml

@@ -341,6 +341,11 @@ def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
     assert facts["amplitude"] == pytest.approx({"x": 0.1, "y": 0.1, "theta": 0.002})
     assert (tmp_path / "mobility6-workspace.png").stat().st_size > 10_000
     assert json.loads((tmp_path / "mobility6-workspace.json").read_text()) == facts
+    assert json.loads((tmp_path / "mobility6-reach.json").read_text()) == facts["reach"]
+    assert (tmp_path / "mobility6-reach.png").stat().st_size > 10_000
+    held = facts["reach"]["ranges"]["x"]["held"]
+    assert held["high"] == pytest.approx(0.0239894, rel=1e-4)
+    assert facts["reach"]["elements"]["x"]["held"]["high"] == pytest.approx(held["high"], rel=1e-3)
 
 
 @pytest.mark.parametrize("amplitude", ["nan", "-1", "inf", "1e9"])

@@ -84,12 +84,12 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     stage = load_feasible(path)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: {key: each for key, each in _by_name(answers.report_stage(stage)).items() if key != "drive"},
+        "check": lambda: _less(("drive",), _by_name(answers.report_stage(stage))),
         "stiffness": lambda: _stiffness(stage),
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
         "budget": lambda: _or_refused(lambda: budget.budget(stage, solve=solve)),
-        "workspace": lambda: _or_refused(lambda: workspace.workspace(stage, solve=solve)),
+        "workspace": lambda: _less(("reach", "no_reach"), _or_refused(lambda: workspace.workspace(stage, solve=solve))),
         "converge": lambda: _or_refused(lambda: converge(stage, LEVELS, solve)),
     }
 
@@ -206,6 +206,11 @@ def _by_name(found: Any) -> dict[str, Any]:
     """An answer on a stage with the name of its file alone: a baseline may lie in any folder."""
     data: dict[str, Any] = plain(found)
     return data | {"file": Path(data["file"]).name}
+
+
+def _less(parts: tuple[str, ...], found: dict[str, Any]) -> dict[str, Any]:
+    """What is recorded of an answer, less the parts that a drive adds."""
+    return {key: each for key, each in found.items() if key not in parts}
 
 
 def _or_refused(make: Section) -> Any:
