@@ -214,6 +214,7 @@ def test_strokes_half_as_long_reach_half_as_far(stage):
     assert short.volume == pytest.approx(whole.volume / 8, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage):
     def limited(force: float) -> Reach:
         one, drive = modelled(stage)
@@ -227,6 +228,7 @@ def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage)
     assert any("blocking force of elbow, chain 2, partner" in by for by in less.by)
 
 
+@pytest.mark.slow
 def test_yield_stops_the_poses_where_a_neck_bears_its_strength(stage):
     weak = stage.replace(material={"yield_strength": 24.0})
     found, (one, drive) = reach(weak, 0.1 * LOAD), modelled(weak)
