@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports import Verification as Verification
+    from flexfem.reports import as_built as as_built
     from flexfem.reports import benchmark as benchmark
     from flexfem.reports import budget as budget
     from flexfem.reports import check as check
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from flexfem.reports import command as command
     from flexfem.reports import converge as converge
     from flexfem.reports import cross_check as cross_check
+    from flexfem.reports import experiment as experiment
+    from flexfem.reports import identify as identify
     from flexfem.reports import mesh as mesh
     from flexfem.reports import reach as reach
     from flexfem.reports import stiffness as stiffness
@@ -77,6 +80,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "reports": (
         *(
             "Verification",
+            "as_built",
             "benchmark",
             "budget",
             "check",
@@ -84,6 +88,8 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "command",
             "converge",
             "cross_check",
+            "experiment",
+            "identify",
             "mesh",
             "reach",
             "stiffness",

@@ -23,11 +23,15 @@ if TYPE_CHECKING:
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.registry import BenchmarkTable
     from flexfem.verify.answers import LoadReport, MeshReport, StageReport, StiffnessReport
+    from flexfem.verify.as_built import AsBuilt
     from flexfem.verify.budget import Budget
     from flexfem.verify.case import Direction
     from flexfem.verify.claims import ClaimsReport
     from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
+    from flexfem.verify.experiment import Experiment
+    from flexfem.verify.fixture import Fixture, Measurement
+    from flexfem.verify.identify import Identification, Unknown
     from flexfem.verify.protocol import Solved
     from flexfem.verify.reach import Reach
     from flexfem.verify.result import Fields, Result
@@ -290,6 +294,105 @@ def reach(
     finest = None if resolution is None else arguments.resolution(resolution)
     asked = formula is not None or mobility is not None or links
     return verify.reach(stage, loaded, (mobility, formula or DEFAULT_FORMULA, links) if asked else None, finest)
+
+
+def experiment(
+    stage: Stage,
+    fixture: PathLike | Fixture,
+    measured: PathLike | None = None,
+    mobility: int | None = None,
+    formula: str = DEFAULT_FORMULA,
+    links: bool = False,
+    resolution: int | None = RESOLUTION,
+) -> Experiment:
+    """Simulate the stiffness experiment of Section VI: pushes, readings, slopes with intervals, and Table II.
+
+    Parameters
+    ----------
+    fixture : file of the set-up, see cases/README.md, or what is read from one.
+    measured : file of measured slopes to compare; by default those of the fixture, where it has some.
+    mobility, formula, links : of the model in the table, see `analyse`.
+    resolution : of the finite elements that stand for the metal; None takes calibrated hinges and elastic links.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.analyse` and `flexfem.solve`; a file cannot be used.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.experiment(flexfem.load("geometry/mobility6.toml"), "cases/fixture.toml", resolution=None)
+    >>> round(found.alone["theta"].ratio, 2), round(found.alone["x"].ratio, 1)  # K_theta, K_xx: 31 % and 2.6 % softer
+    (2.23, 37.5)
+    """
+    from flexfem.analytic import formulas
+    from flexfem.verify import experiment as verify
+    from flexfem.verify.fixture import Fixture, read_fixture, read_measured
+
+    check_feasible(stage)
+    formulas.formula(formula)
+    finest = None if resolution is None else arguments.resolution(resolution)
+    of = fixture if isinstance(fixture, Fixture) else read_fixture(checked_path(fixture))
+    slopes = None if measured is None else read_measured(checked_path(measured))
+    solved = None if finest is None else _solver(None)(stage, finest)
+    return verify.experiment(stage, of, slopes, (mobility, formula, links), solved)
+
+
+def identify(
+    stage: Stage, measured: PathLike | Fixture | Measurement, unknown: Unknown | None = None, confidence: float = 95.0
+) -> Identification:
+    """Fit a common offset of the nine necks and a soft fixture to measured slopes, with intervals.
+
+    Parameters
+    ----------
+    measured : file of measured slopes with standard deviations, with the set-up or without; or what is read from one.
+    unknown : of the fixture: "pole", how much softer than described its pole is, or "springs", one in translation and
+        one in rotation instead; None takes the pole where one is described.
+    confidence : of the intervals, per cent, from 50 to 99.9.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be used, or gives no slopes or standard deviations.
+    """
+    from flexfem.verify import identify as verify
+    from flexfem.verify.fixture import Fixture, Measurement, read_measured
+
+    check_feasible(stage)
+    if unknown not in (None, "pole", "springs"):
+        raise BadInput(f"unknown {unknown!r}, expected pole or springs")
+    if not arguments.positive("confidence", confidence, 99.9) >= 50:
+        raise BadInput(f"confidence {confidence!r}, expected a number from 50 to 99.9")
+    given = measured if isinstance(measured, Fixture | Measurement) else read_measured(checked_path(measured))
+    return verify.identify(stage, given, unknown, confidence)
+
+
+def as_built(
+    stage: Stage,
+    necks: PathLike,
+    mobility: int | None = None,
+    formula: str = DEFAULT_FORMULA,
+    links: bool = False,
+) -> AsBuilt:
+    """The stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
+
+    Parameters
+    ----------
+    necks : CSV file with columns chain, hinge, neck_um and, if known, sd_um; or TOML with these in [[neck]].
+    mobility, formula, links : of the model, see `analyse`.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.analyse`; the file cannot be used, or the stage not made with these necks.
+    """
+    from flexfem.analytic import formulas
+    from flexfem.verify import as_built as verify
+
+    check_feasible(stage)
+    formulas.formula(formula)
+    return verify.as_built(stage, verify.read_necks(checked_path(necks), stage), mobility, formula, links)
 
 
 def budget(

@@ -49,6 +49,9 @@ def stiffness(
     mobility: Annotated[int | None, typer.Option(help="3, 6, 12 or 21; default: the file's prismatic hinges.")] = None,
     formula: Annotated[str, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = "paros-weisbord",
     links: Annotated[bool, typer.Option("--links", help="Elastic links, pads and platform; mobility 21.")] = False,
+    necks: Annotated[
+        Path | None, typer.Option(help="Nine measured necks, CSV or TOML: also of the stage as it was made.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Platform stiffness by the analytic model, (16) to (18)."""
@@ -58,6 +61,11 @@ def stiffness(
     loaded = load_feasible(stage)
     if links and mobility not in (None, 21):
         raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
+    if necks is not None:
+        from flexfem.commands.experiment import print_as_built
+
+        console.show(reports.as_built(loaded, necks, mobility, formula, links), json, print_as_built)
+        return
     console.show(reports.stiffness(loaded, mobility, formula, links), json, tables.print_stiffness)
 
 

@@ -14,7 +14,11 @@ from typing import Any, TypeAlias
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
-ABOUT = {"override": ("chain", "hinge"), "actuator": ("name",)}  # by array: the keys of a member that say which it is
+ABOUT = {  # by array: the keys of a member that say which it is
+    "override": ("chain", "hinge"),
+    "actuator": ("name",),
+    "neck": ("chain", "hinge"),
+}
 LONGEST = 60  # characters of a key
 _BARE = re.compile(r"[A-Za-z0-9_-]+")  # as TOML has it
 _PLAIN = re.compile(r'[^.\[\]"]{1,60}')  # needs no quotes to be read back

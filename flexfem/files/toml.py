@@ -57,6 +57,9 @@ KINDS = {  # by the keys that only files of that kind have
     "case file": ("direction", "curve", "points"),
     "claims file": ("claim", "stages"),
     "study file": ("sampling", "factor", "figure", "model"),
+    "fixture file": ("pole", "bar", "lvdt", "sensor", "run"),
+    "measured file": ("measured",),
+    "necks file": ("neck",),
 }
 
 
@@ -99,7 +102,7 @@ def read_toml(path: Path) -> TomlFile:
         The file is missing, not a regular file (a directory, pipe or device is never read), unreadable, too large, not
         UTF-8 without a byte order mark, nested deeper than `MAX_DEPTH`, or not TOML.
     """
-    text = _text(path)
+    text = read_text(path)
     try:
         lines = LineIndex(text, Scan().read(text))
         return TomlFile(tomllib.loads(text), lines)
@@ -177,7 +180,8 @@ def _require_plain_stem(path: Path) -> None:
         )
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """The text of a file of at most `MAX_BYTES`. Raises BadInput as `read_toml`, but for what TOML is."""
     data = _bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
         raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")

@@ -14,6 +14,7 @@ _HOMES = {
     "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
     "curves": ("plot_displaced", "plot_errors"),
     "displacement": ("plot_displacement",),
+    "experiment": ("plot_push", "plot_region", "plot_remains"),
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),
     "model_sketch": ("plot_model",),

@@ -44,7 +44,7 @@ def best_model(stage: Stage, warnings: list[str]) -> tuple[int | None, str, bool
     try:
         hinge_compliance(stage, CALIBRATED)
     except BadInput as refusal:
-        warnings.append(f"{refusal.reason}; strokes are of {DEFAULT_FORMULA} instead")
+        warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is taken instead")
         return None, DEFAULT_FORMULA, True
     return None, CALIBRATED, True
 

@@ -1,0 +1,173 @@
+"""Neck offset and soft fixture from measured slopes: recovered where the data can, and said where they cannot."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.refused import BadInput
+from flexfem.verify import identify as module
+from flexfem.verify.fixture import Measured, Measurement, read_fixture
+from flexfem.verify.identify import identify
+from flexfem.verify.pushes import pole_share, pushes_of, read_compliance
+from flexfem.verify.slope_fit import fit, interval
+
+ROOT = Path(__file__).parents[2]
+FIXTURE = read_fixture(ROOT / "cases" / "fixture.toml")
+NAMES = ("kxx", "kyy", "ktt")
+
+
+@cache
+def reference():
+    return flexfem.load(ROOT / "geometry" / "mobility6.toml")
+
+
+def unlike():
+    """Chains of unequal necks and radii."""
+    return reference().replace(
+        override={(1, "elbow"): {"neck": 0.41}, (2, "base"): {"radius": 3.4}, (3, "platform"): {"neck": 0.62}}
+    )
+
+
+@cache
+def made(stage, offset, softer):
+    """Slopes (3,) of the stage with other necks, all nine, on the shipped set-up with a softer pole."""
+    necks = {
+        (chain, name): {"neck": stage.hinge(chain, name).neck + offset}
+        for chain in (1, 2, 3)
+        for name in ("base", "elbow", "platform")
+    }
+    C = flexfem.analyse(stage.replace(override=necks), links=True, formula="calibrated").compliance
+    of = pushes_of(FIXTURE)
+    return 1 / (read_compliance(of, C) + (softer - 1) * pole_share(of))
+
+
+def measured(slopes, share=0.005, axes=(0, 1, 2)):
+    """The shipped set-up with these slopes and standard deviations of this share of them."""
+    given = {NAMES[k]: float(slopes[k]) for k in axes} | {f"{NAMES[k]}_sd": share * float(slopes[k]) for k in axes}
+    return FIXTURE.model_copy(update={"measured": Measured(**given)})
+
+
+@pytest.mark.parametrize("stage", [reference, unlike])
+def test_exact_slopes_give_the_offset_and_the_pole_they_were_made_with(stage):
+    """Necks 10 um too thin and a pole four times as soft; of other chains too, where X and Y differ."""
+    found = identify(stage(), measured(made(stage(), -0.010, 4.0)))
+    assert found.offset.value == pytest.approx(-0.010, abs=2e-6)
+    assert found.fixture["pole"].value == pytest.approx(4.0, rel=1e-4)
+    assert found.offset.low < -0.010 < found.offset.high and found.fixture["pole"].low < 4 < found.fixture["pole"].high
+    assert found.chi_square < 1e-6 and found.dof == 1 and found.told_apart
+    assert found.stiffness["theta"] == pytest.approx(796514.57 / 4, rel=1e-3)
+    assert "Both are needed" in found.finding
+    assert found.nominal["x"] > found.fitted["x"] == pytest.approx(found.measured["x"])
+
+
+def held(seeds):
+    """How often 95 % intervals of offset and pole hold what the data were made with."""
+    stage, true, count = reference(), (-0.010, 4.0), np.zeros(2)
+    slopes = made(stage, *true)
+    problem = module._problem(stage, measured(slopes), None, [])[0]
+    for seed in range(seeds):
+        noisy = problem._replace(slope=slopes + problem.sd * np.random.default_rng(seed).normal(size=3))
+        best = fit(noisy, {})
+        for k in (0, 1):
+            found = interval(noisy, best, k, 0.95)
+            count[k] += found.low <= true[k] <= found.high
+    return count
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say():
+    assert np.all(held(10) >= 7)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_in_95_per_cent_of_seeds():
+    count = held(600)
+    assert np.all(count >= 548) and np.all(count <= 591)  # 570, four standard deviations
+
+
+def test_the_width_of_an_interval_is_that_of_the_normal_distribution_where_it_is_narrow():
+    """1.96 standard deviations of the linearised covariance, on either side."""
+    slopes = made(reference(), -0.010, 4.0)
+    found = identify(reference(), measured(slopes, 1e-5))
+    steps = np.array([[made(reference(), -0.010 + d, 4.0 + e) for d, e in ((1e-5, 0), (0, 1e-3))]])[0]
+    J = ((steps - slopes) / [[1e-5], [1e-3]]).T / (1e-5 * slopes[:, None])
+    sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    assert found.offset.high - found.offset.low == pytest.approx(2 * 1.96 * sd[0], rel=0.01)
+    pole = found.fixture["pole"]
+    assert pole.high - pole.low == pytest.approx(2 * 1.96 * sd[1], rel=0.01)
+
+
+@pytest.mark.parametrize("axes", [(0,), (2,), (0, 1)])
+def test_one_direction_alone_cannot_tell_necks_from_fixture(axes):
+    """Nor can two that are alike by symmetry."""
+    found = identify(reference(), measured(made(reference(), -0.010, 4.0), axes=axes))
+    assert not found.told_apart and found.finding.startswith("These data cannot tell them apart.")
+    assert found.condition is found.correlation is None
+    assert found.necks_alone.allowed and found.fixture_alone.allowed and not found.neither.allowed
+    assert found.offset.high is None and found.offset.low < -0.010
+    assert found.fixture["pole"].low == 0.0 and found.fixture["pole"].high is None
+    assert found.dof == len(axes) - 1
+
+
+def test_x_and_theta_together_tell_them_apart():
+    found = identify(reference(), measured(made(reference(), -0.010, 4.0), axes=(0, 2)))
+    assert found.told_apart and found.dof == 0 and found.offset.value == pytest.approx(-0.010, abs=1e-6)
+    assert not found.necks_alone.allowed and not found.fixture_alone.allowed
+    wide = identify(reference(), measured(made(reference(), -0.010, 4.0), 0.2, axes=(0, 2)))
+    assert not wide.told_apart and wide.neither.allowed and "The data need neither" in wide.finding
+
+
+@pytest.mark.parametrize(
+    ("offset", "softer", "said"),
+    [(0.015, 0.0, "necks 15 um wider"), (-0.015, 0.0, "necks 15 um thinner"), (0.0, 5.0, "A soft fixture explains")],
+)
+def test_one_cause_alone_is_named(offset, softer, said):
+    found = identify(reference(), measured(made(reference(), offset, softer), 0.001))
+    assert said in found.finding and found.told_apart
+    assert found.necks_alone.allowed != found.fixture_alone.allowed
+
+
+def test_two_springs_of_their_own_take_all_that_slopes_can_say():
+    """Three unknowns, two of them in theta alone or in X and Y alone."""
+    slopes = made(reference(), -0.010, 4.0)
+    alone = Measurement(name="slopes", measured=measured(slopes).measured)
+    for found in (identify(reference(), alone), identify(reference(), measured(slopes), "springs")):
+        assert list(found.fixture) == ["translation", "rotation"] and found.unknown == "springs"
+        assert not found.told_apart and found.fixture_alone.allowed and not found.necks_alone.allowed
+        assert "A soft fixture alone agrees" in found.finding
+        x, rotation = found.fixture_alone.numbers[1:]
+        bare = 1 / np.array([found.nominal["x"], found.nominal["theta"]])
+        assert 1 / (x + bare[0]) == pytest.approx(slopes[0], rel=1e-4)
+        assert 1 / (rotation + bare[1]) == pytest.approx(slopes[2], rel=1e-6)
+
+
+def test_slopes_that_nothing_explains_are_said_to_be_so():
+    """X and Y of a symmetric stage differ by 10 %."""
+    slopes = made(reference(), 0.0, 1.0) * [1.05, 0.95, 1.0]
+    found = identify(reference(), measured(slopes))
+    assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 100
+
+
+def test_what_has_no_interval_is_refused():
+    bare = FIXTURE.model_copy(update={"measured": Measured(kxx=37.0, kxx_sd=0.1, ktt=41000.0)})
+    with pytest.raises(BadInput, match=r"measured\.ktt_sd_n_mm_per_rad: expected"):
+        identify(reference(), bare)
+    with pytest.raises(BadInput, match=r"no \[measured\] slopes"):
+        identify(reference(), FIXTURE)
+    ground = measured(np.array([37.0, 37.0, 4e4])).model_copy(
+        update={"lvdt": FIXTURE.lvdt.model_copy(update={"at": "platform"})}
+    )
+    with pytest.raises(BadInput, match="no pole is in these readings"):
+        identify(reference(), ground, "pole")
+    assert identify(reference(), ground).unknown == "springs"
+
+
+def test_necks_that_are_on_no_chart_are_fitted_by_another_formula():
+    thin = reference().replace(neck={"base": 0.05})
+    found = identify(thin, measured(made(reference(), 0.0, 1.0)))
+    assert found.model == "paros-weisbord, elastic links"
+    assert any("not on the hinge chart" in text for text in found.warnings)
