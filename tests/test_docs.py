@@ -6,6 +6,7 @@ After a figure is drawn anew, `python -m tests.test_docs` in the root of the pro
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from functools import cache
@@ -15,6 +16,7 @@ import pytest
 
 from flexfem.stage.schema import load_stage
 from flexfem.study.loaded import load_study
+from flexfem.verify.fixture import read_fixture
 
 ROOT = Path(__file__).parent.parent
 MANIFEST = ROOT / "docs/figures.json"
@@ -29,6 +31,9 @@ def accepted(stem):
 def now(source):
     """What a source of a figure is now: a number of a baseline, `fig5: result.x`, or the hash of an input file."""
     name, _, path = source.partition(": ")
+    if name.startswith("cases/fixture"):
+        content = read_fixture(ROOT / name).model_dump_json(exclude={"provenance", "measured"})
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
     if not path:
         return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
     found = accepted(name)

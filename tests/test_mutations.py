@@ -332,6 +332,62 @@ MUTATIONS = [
         "np.array(_a) * command.factor",
         "test_the_commanded_direction_may_show_displacement_over_command",
     ),
+    Mutation(
+        "a fixture's pole in parallel with the stage",
+        "read_compliance",
+        "read(of, seen(of, C)) / of.arm",
+        "1 / (of.arm / read(of, seen(of, C) - of.pole - of.bar) + of.arm / np.maximum(read(of, of.pole), 1e-30))",
+        "test_what_is_read_is_what_a_network_of_all_springs_says",
+    ),
+    Mutation(
+        "the pole's offset on the other side",
+        "wrench",
+        "_a[0] * along[1] - _a[1] * along[0]",
+        "_a[1] * along[0] - _a[0] * along[1]",
+        "test_what_is_read_is_what_a_network_of_all_springs_says",
+    ),
+    Mutation(
+        "a slope of displacement over force",
+        "slope_of",
+        "float(b[0] / b[1])",
+        "float(b[1] / b[0])",
+        "test_a_line_without_errors_has_its_slope_and_intercept",
+    ),
+    Mutation(
+        "a normal quantile for Student's",
+        "slope_of",
+        "stats.t.ppf(_a, dof)",
+        "stats.norm.ppf(_a)",
+        "test_the_interval_of_five_readings_holds_the_slope_in_95_per_cent_of_seeds",
+    ),
+    Mutation(
+        "readings with twice the stated noise",
+        "_sensed",
+        "sd * noise",
+        "2 * sd * noise",
+        "test_readings_scatter_by_the_stated_noise_and_step_by_the_stated_step",
+    ),
+    Mutation(
+        "an identified neck offset of the other sign",
+        "_stages",
+        "designs.neck[:] += offsets[:, None, None]",
+        "designs.neck[:] -= offsets[:, None, None]",
+        "test_exact_slopes_give_the_offset_and_the_pole_they_were_made_with",
+    ),
+    Mutation(
+        "a fixture that stiffens what it is in series with",
+        "slopes",
+        "np.exp(_a) + x[..., 1:] @ self.fixture.T",
+        "np.exp(_a) - x[..., 1:] @ self.fixture.T",
+        "test_exact_slopes_give_the_offset_and_the_pole_they_were_made_with",
+    ),
+    Mutation(
+        "the scatter of one measured neck for that of nine",
+        "_scattered",
+        "size=(DRAWS, 3, 3)",
+        "size=(DRAWS, 1, 1)",
+        "test_the_scatter_is_that_of_the_nine_sensitivities",
+    ),
 ]
 
 

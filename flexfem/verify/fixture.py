@@ -142,14 +142,14 @@ class Run(Dimensioned):
 
 
 class Slopes(NamedTuple):
-    """Measured slopes (3,) in x, y, theta and their standard deviations, nan where not given: N/mm, N mm/rad."""
+    """MeasuredSlopes slopes (3,) in x, y, theta and their standard deviations, nan where not given: N/mm, N mm/rad."""
 
     value: Array
     sd: Array
 
 
-class Measured(Dimensioned):
-    """Measured slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
+class MeasuredSlopes(Dimensioned):
+    """MeasuredSlopes slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
 
     kxx: Spring | None = Field(default=None, alias="kxx_n_per_mm")
     kxx_sd: Spring | None = Field(default=None, alias="kxx_sd_n_per_mm")
@@ -159,7 +159,7 @@ class Measured(Dimensioned):
     ktt_sd: Torsion | None = Field(default=None, alias="ktt_sd_n_mm_per_rad")
 
     @model_validator(mode="after")
-    def _each_with_what_it_is_of(self) -> Measured:
+    def _each_with_what_it_is_of(self) -> MeasuredSlopes:
         names = {"kxx": "n_per_mm", "kyy": "n_per_mm", "ktt": "n_mm_per_rad"}
         if all(getattr(self, name) is None for name in names):
             raise refusal(f"one or more of {', '.join(f'{name}_{unit}' for name, unit in names.items())}")
@@ -189,7 +189,7 @@ class Fixture(Dimensioned, Sourced):
     lvdt: Lvdt
     sensor: ForceSensor
     run: Run
-    measured: Measured | None = None
+    measured: MeasuredSlopes | None = None
 
     @model_validator(mode="after")
     def _within_the_stroke(self) -> Fixture:
@@ -202,12 +202,12 @@ class Fixture(Dimensioned, Sourced):
 
 
 class Measurement(Dimensioned, Sourced):
-    """Measured slopes alone, without the set-up."""
+    """MeasuredSlopes slopes alone, without the set-up."""
 
     kind: ClassVar[str] = "measured file"
 
     name: Label
-    measured: Measured
+    measured: MeasuredSlopes
 
 
 def read_fixture(path: str | os.PathLike[str]) -> Fixture:

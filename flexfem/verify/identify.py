@@ -23,7 +23,7 @@ from flexfem.verify.driven_models import best_model
 from flexfem.verify.fixture import Fixture, Measurement
 from flexfem.verify.pushes import IDEAL, pole_share, pushes_of, read_compliance
 from flexfem.verify.result import Matrix, OfStage, Record, about
-from flexfem.verify.slope_fit import AT_END, SOFTEST, Estimate, Fit, Problem, fit, interval, rank_of, sensitivity
+from flexfem.verify.slope_fit import AT_END, SOFTEST, Estimate, Fit, SlopeProblem, fit, interval, rank_of, sensitivity
 
 Unknown: TypeAlias = Literal["pole", "springs"]
 GRID = 161  # offsets at which the compliance is computed; a spline between them
@@ -152,7 +152,7 @@ def identify(
 
 def _problem(
     stage: Stage, measured: Fixture | Measurement, unknown: Unknown | None, warnings: list[str]
-) -> tuple[Problem, Array, list[str], str]:
+) -> tuple[SlopeProblem, Array, list[str], str]:
     """The problem, the slopes (m,) of the stage as drawn on a rigid fixture, names of the fixture's numbers, model."""
     if measured.measured is None:
         raise BadInput("no [measured] slopes, expected kxx_n_per_mm, kyy_n_per_mm or ktt_n_mm_per_rad", measured.name)
@@ -178,7 +178,7 @@ def _problem(
         fixture = np.column_stack([own for own in (axes < 2, axes == 2) if np.any(own)]).astype(float)
     most = SOFTEST / np.max(fixture / at[:, None], axis=0)
     ends = np.array([[offsets[0], offsets[-1]], *([0.0, one] for one in most)])
-    return Problem(axes, value[axes], sd[axes], spline, fixture, ends), 1 / at, columns, model
+    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, ends), 1 / at, columns, model
 
 
 def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
@@ -199,7 +199,7 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     return offsets[kept], inverse(found.stiffness[kept]), f"{formula}, elastic links"
 
 
-def _alone(of: Problem, best: Fit, dropped: range, level: float) -> Alone:
+def _alone(of: SlopeProblem, best: Fit, dropped: range, level: float) -> Alone:
     """The best fit with some numbers at zero."""
     one = fit(of, dict.fromkeys(dropped, 0.0))
     allowed = one.chi_square - best.chi_square <= float(chi2.ppf(level, len(dropped)))
@@ -212,7 +212,7 @@ def _marks(best: Fit, estimates: list[Estimate], alone: list[Alone]) -> Array:
     return np.array([best.x[:2], *(each.numbers[:2] for each in alone), *ends], dtype=float)
 
 
-def _region(of: Problem, marks: Array, least: float, level: float) -> Region:
+def _region(of: SlopeProblem, marks: Array, least: float, level: float) -> Region:
     """Chi square above its least over the offset and the fixture's first number, the others at their best.
 
     marks : (n, 2), points that the map must show, nan for none; rest on a rigid fixture is always on it.

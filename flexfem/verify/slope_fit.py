@@ -26,7 +26,7 @@ class Estimate(Record):
     high: float | None
 
 
-class Problem(NamedTuple):
+class SlopeProblem(NamedTuple):
     """Slopes (m,) with standard deviations as a function of an offset, mm, and p numbers of the fixture, from 0 on.
 
     axes : (m,), directions.   stage : spline of the logarithm of the compliance (m,) that is read, without the fixture.
@@ -62,7 +62,7 @@ class Fit(NamedTuple):
     chi_square: float
 
 
-def fit(of: Problem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
+def fit(of: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
     """The numbers of least chi square, some of them fixed; looked for `near` some (1 + p,) when these are known."""
     free = [k for k in range(len(of.ends)) if k not in fixed]
     x = np.array([fixed.get(k, 0.0) for k in range(len(of.ends))])
@@ -94,7 +94,7 @@ def fit(of: Problem, fixed: Mapping[int, float], near: Array | None = None) -> F
     return Fit(at(best.x), 2 * float(best.cost))
 
 
-def interval(of: Problem, best: Fit, k: int, level: float) -> Estimate:
+def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> Estimate:
     """The profile-likelihood interval of one number; None where its end, or that of the offset, is the range's."""
     least = best.chi_square + float(chi2.ppf(level, 1))
 
@@ -115,18 +115,18 @@ def interval(of: Problem, best: Fit, k: int, level: float) -> Estimate:
     return Estimate(value=float(best.x[k]), low=found[0], high=found[1])
 
 
-def _jacobian(of: Problem, x: Array) -> Array:
+def _jacobian(of: SlopeProblem, x: Array) -> Array:
     """Sensitivities (m, 1 + p) of `left`, each column over its size."""
     J = of.gradient(x)
     return np.asarray(J / np.linalg.norm(J, axis=0))
 
 
-def rank_of(of: Problem, x: Array) -> int:
+def rank_of(of: SlopeProblem, x: Array) -> int:
     """How many combinations of the numbers the data depend on."""
     return int(np.linalg.matrix_rank(_jacobian(of, x), tol=1 / DEPENDENT))
 
 
-def sensitivity(of: Problem, x: Array) -> tuple[float | None, float | None]:
+def sensitivity(of: SlopeProblem, x: Array) -> tuple[float | None, float | None]:
     """Condition number and correlation, None where the data do not depend on the numbers independently."""
     J = _jacobian(of, x)
     if rank_of(of, x) < J.shape[1]:

@@ -57,7 +57,7 @@ def test_identify_prints_what_it_stores(flexfem, slopes, tmp_path):
     assert f"offset of all nine necks: {1e3 * found['offset']['value']:.4g} um" in out
     assert "no upper end" in out and "mm/N" in out and "rad/(N mm)" in out
     narrow = json.loads(flexfem("identify", STAGE, slopes, "--confidence", 68.27, "--json")[1])
-    assert found["offset"]["low"] < narrow["offset"]["low"] < narrow["necks_alone"]["numbers"][0]
+    assert found["offset"]["low"] < narrow["offset"]["low"]
 
 
 def test_measured_necks_print_the_stage_as_made(flexfem, tmp_path):
@@ -86,7 +86,7 @@ def test_measured_necks_print_the_stage_as_made(flexfem, tmp_path):
         (("identify", STAGE, FIXTURE), "no [measured] slopes"),
         (("identify", STAGE, STAGE), "this is a stage file, expected a measured file"),
         (("identify", STAGE, FIXTURE, "--unknown", "bar"), "--unknown bar, expected pole or springs"),
-        (("identify", STAGE, FIXTURE, "--confidence", "nan"), "nan"),
+        (("identify", STAGE, FIXTURE, "--confidence", "nan"), "--confidence"),
     ],
 )
 def test_bad_input_is_refused_in_one_line_and_nothing_is_written(flexfem, tmp_path, command, said):

@@ -18,9 +18,11 @@ from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.study.statistics import Indices, Percentile
 from flexfem.validate.bending import Elastica, Remainders
+from flexfem.verify.fixture import MeasuredSlopes, Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
 CAPTION = Caption("A title", ["a line"], [])
 X, Y = Quantity("across", "mm"), Quantity("up", "N/mm", "$K$")
 POINTS = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7]])
@@ -43,6 +45,15 @@ def front() -> ParetoFront:
 def elastica() -> Elastica:
     shapes, line = np.linspace(0.0, 1.0, 20).reshape(1, 10, 2).repeat(5, axis=0), np.linspace(0.0, 0.8, 5)
     return Elastica(LOADS, line, line / 2, shapes, LOADS, line, line / 2, 99)
+
+
+def pushed() -> Any:
+    return flexfem.experiment(flexfem.load(STAGE), FIXTURE, resolution=None)
+
+
+def identified() -> Any:
+    slopes = MeasuredSlopes(kxx=35.4, kxx_sd=0.2, ktt=33e3, ktt_sd=200.0)
+    return flexfem.identify(flexfem.load(STAGE), Measurement(name="slopes", measured=slopes))
 
 
 def indices() -> Indices:

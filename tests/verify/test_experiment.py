@@ -10,7 +10,7 @@ import pytest
 import flexfem
 from flexfem.refused import ComputationFailed
 from flexfem.verify.experiment import experiment, simulated
-from flexfem.verify.fixture import Measured, Pole, read_fixture
+from flexfem.verify.fixture import MeasuredSlopes, Pole, read_fixture
 from flexfem.verify.pushes import pole_compliance, pushes_of, read_compliance
 from flexfem.verify.series import spring_in_series
 
@@ -109,7 +109,7 @@ def test_a_round_pole_of_steel_16_mm_high_and_4_mm_thick_explains_both(stage):
 
 
 def test_measured_slopes_are_compared_with_model_and_metal(stage):
-    given = FIXTURE.model_copy(update={"measured": Measured(kxx=37.0, kxx_sd=0.2, ktt=47000.0)})
+    given = FIXTURE.model_copy(update={"measured": MeasuredSlopes(kxx=37.0, kxx_sd=0.2, ktt=47000.0)})
     found = experiment(stage, given)
     row = found.table["x"]
     assert (row.measured, row.measured_sd) == (37.0, 0.2) and found.table["y"].measured is None

@@ -11,7 +11,7 @@ import pytest
 import flexfem
 from flexfem.refused import BadInput
 from flexfem.verify import identify as module
-from flexfem.verify.fixture import Measured, Measurement, read_fixture
+from flexfem.verify.fixture import MeasuredSlopes, Measurement, read_fixture
 from flexfem.verify.identify import identify
 from flexfem.verify.pushes import pole_share, pushes_of, read_compliance
 from flexfem.verify.slope_fit import fit, interval
@@ -49,7 +49,7 @@ def made(stage, offset, softer):
 def measured(slopes, share=0.005, axes=(0, 1, 2)):
     """The shipped set-up with these slopes and standard deviations of this share of them."""
     given = {NAMES[k]: float(slopes[k]) for k in axes} | {f"{NAMES[k]}_sd": share * float(slopes[k]) for k in axes}
-    return FIXTURE.model_copy(update={"measured": Measured(**given)})
+    return FIXTURE.model_copy(update={"measured": MeasuredSlopes(**given)})
 
 
 @pytest.mark.parametrize("stage", [reference, unlike])
@@ -153,7 +153,7 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
 
 
 def test_what_has_no_interval_is_refused():
-    bare = FIXTURE.model_copy(update={"measured": Measured(kxx=37.0, kxx_sd=0.1, ktt=41000.0)})
+    bare = FIXTURE.model_copy(update={"measured": MeasuredSlopes(kxx=37.0, kxx_sd=0.1, ktt=41000.0)})
     with pytest.raises(BadInput, match=r"measured\.ktt_sd_n_mm_per_rad: expected"):
         identify(reference(), bare)
     with pytest.raises(BadInput, match=r"no \[measured\] slopes"):
