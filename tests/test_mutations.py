@@ -384,8 +384,8 @@ MUTATIONS = [
     Mutation(
         "the scatter of one measured neck for that of nine",
         "_scattered",
-        "size=(DRAWS, 3, 3)",
-        "size=(DRAWS, 1, 1)",
+        "np.random.default_rng(SEED).normal(size=(DRAWS, 3, 3))",
+        "np.random.default_rng(SEED).normal(size=(DRAWS, 1, 1))",
         "test_the_scatter_is_that_of_the_nine_sensitivities",
     ),
 ]
