@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flexfem.commands.tables import DIRECTIONS, numbers, print_ending, table
-from flexfem.units import COMMANDS, FORCES, MICROMETRE, Unit
+from flexfem.commands.tables import DIRECTIONS, ends, numbers, print_ending, table
+from flexfem.units import COMMANDS, FORCES, MICROMETRE
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from flexfem.verify.reach import Extent, Reach
+    from flexfem.verify.reach import Reach
 
 
 def print_reach(out: Console, of: Reach) -> None:
@@ -36,10 +36,6 @@ def _range_rows(of: Reach) -> Iterator[list[str]]:
     for axis, unit in zip(DIRECTIONS, COMMANDS, strict=True):
         for name in ("held", "free"):
             found, metal = (getattr(each[axis], name) if each else None for each in (of.ranges, of.elements))
-            row = [f"{axis}, others {'zero' if name == 'held' else 'free'}", _ends(found, unit)]
-            row += [_ends(metal, unit)] if of.elements else []
+            row = [f"{axis}, others {'zero' if name == 'held' else 'free'}", ends(found, unit)]
+            row += [ends(metal, unit)] if of.elements else []
             yield [*row, *(("", "") if found is None else (grouped(found.low_by), grouped(found.high_by)))]
-
-
-def _ends(of: Extent | None, unit: Unit) -> str:
-    return "none" if of is None else f"{unit.factor * of.low:z.4g} to {unit.factor * of.high:z.4g} {unit.plain}"

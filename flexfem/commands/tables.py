@@ -20,6 +20,7 @@ from flexfem.units import (
     STRESSES,
     Unit,
 )
+from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from flexfem.verify.answers import LoadReport, MeshReport, PlacedActuator, PlacedHinge, StageReport, StiffnessReport
     from flexfem.verify.case import Direction
     from flexfem.verify.hinges import KnownFormula
+    from flexfem.verify.reach import Extent, Range
     from flexfem.verify.summary import ModelSummary, Summary
 
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
@@ -152,7 +154,24 @@ def print_summary(of: Summary) -> None:
     if of.accuracy:
         out.print(of.accuracy)
     out.print("safe range: the other directions held, until the first neck yields; force: along the displacement there")
+    if of.drive is not None:
+        head = ("the drive reaches", "others at zero", "others free", "stopped, at zero, by limits of")
+        out.print(table(head, _driven(of.drive.ranges)))
+        of_drive = [key for key in (*of.drive.assumed, *of.drive.not_stated) if key.startswith("actuator")]
+        out.print(f"{len(of_drive)} numbers of the drive are assumed or without a stated source")
     print_ending(out, of)
+
+
+def _driven(ranges: Mapping[Direction, Range]) -> Iterator[list[str]]:
+    """Ranges of the drive by direction, and what stops them at the high end."""
+    for (direction, each), unit in zip(ranges.items(), COMMANDS, strict=True):
+        stop = "" if each.held is None else grouped(each.held.high_by)
+        yield [direction, ends(each.held, unit), ends(each.free, unit), stop]
+
+
+def ends(of: Extent | None, unit: Unit) -> str:
+    """A range in words."""
+    return "none" if of is None else f"{unit.factor * of.low:z.4g} to {unit.factor * of.high:z.4g} {unit.plain}"
 
 
 def _limits(side: ModelSummary) -> Iterator[list[str]]:

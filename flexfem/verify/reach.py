@@ -108,7 +108,7 @@ def reach(
     try:
         solid = poses(first.of, drive, limits, load, lever)
     except NothingAllowed:
-        raise ComputationFailed(_why_nothing(stage, first, limits, drive)) from None
+        raise ComputationFailed(_why_nothing(stage, first, limits, drive, load)) from None
     rest, edges = first.of.engaged @ load, section(first.of, drive, limits, load)
     metal = None if resolution is None else driven_metal(stage, resolution).of
     return Reach(
@@ -234,7 +234,7 @@ def _ball(of: Polytope, rest: Array, lever: float) -> float:
     return max(float(np.min(of.supports - of.normals @ (np.array([1.0, 1.0, lever]) * rest))), 0.0)
 
 
-def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: StageDrive) -> str:
+def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: StageDrive, load: Array) -> str:
     """Which limits allow no commands, each by itself with those of strokes, or only together."""
     alone = []
     for kind in KINDS:
@@ -246,8 +246,9 @@ def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: S
             alone.append(kind)
     which = " and those of ".join(alone) if alone else "stroke, contact, blocking force and yield together"
     stress = preload_stress(stage, first, drive)
+    under = "under this load" if np.any(load) else "without load"
     loaded = f"; preloads alone stress the necks with up to {stress:.4g} {STRESS}" if stress > 1e-3 else ""
-    return f"the drive reaches no pose: the limits of {which} allow no commands under this load{loaded}"
+    return f"the drive reaches no pose: the limits of {which} allow no commands {under}{loaded}"
 
 
 def _warnings(stage: Stage, first: Commanding, drive: StageDrive, solid: Polytope, lever: float) -> warning.Warnings:

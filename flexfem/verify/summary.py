@@ -10,11 +10,12 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, hinge_c
 from flexfem.arrays import Array
 from flexfem.fem.response import load_case
 from flexfem.files.provenance import provenance_of
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solved
+from flexfem.verify.reach import Range, reach
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 
 
@@ -47,10 +48,20 @@ class ModelSummary(Record):
     limits: dict[Direction, SafeRange]
 
 
+class DriveSummary(Record):
+    """How far a drive reaches; `assumed`, `not_stated`: key paths of the numbers behind it, those of the drive too."""
+
+    ranges: dict[Direction, Range]
+    assumed: list[str]
+    not_stated: list[str]
+
+
 class Summary(OfStage):
     """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked.
 
     material : source of every number of the material, by key path of the stage file.
+    drive : how far the drive reaches within all its limits, by the analytic model; None without one, or where it
+        reaches no pose.
     """
 
     name: str
@@ -61,6 +72,7 @@ class Summary(OfStage):
     analytic: ModelSummary
     elements: ModelSummary | None
     accuracy: str
+    drive: DriveSummary | None
 
 
 def summary(stage: Stage, formula: str | None = None, solved: Solved | None = None) -> Summary:
@@ -82,6 +94,7 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         end = limit.range_at_yield * np.eye(3)[axis]
         warnings += warning.of_motion(stage, end, f"end of the safe range in {direction}")
+    drive = _drive(stage, formula, warnings)
     return Summary(
         **about(stage),
         name=stage.name,
@@ -94,8 +107,22 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
         analytic=analytic,
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(formula),
-        warnings=warnings,
+        drive=drive,
+        warnings=list(dict.fromkeys(warnings)),
     )
+
+
+def _drive(stage: Stage, formula: str, warnings: list[str]) -> DriveSummary | None:
+    """The ranges of a drive, with elastic links; what is to be said of them goes into `warnings`."""
+    if not stage.actuator:
+        return None
+    try:
+        found = reach(stage, np.zeros(3), (None, formula, True))
+    except ComputationFailed as failure:
+        warnings.append(str(failure))
+        return None
+    warnings += found.warnings
+    return DriveSummary(ranges=found.ranges, assumed=found.assumed, not_stated=found.not_stated)
 
 
 def _off_chart(stage: Stage) -> str | None:

@@ -75,12 +75,17 @@ def test_a_summary_is_what_finite_elements_say(flexfem):
         assert analytic["force"][axis] == pytest.approx(linked[k][k] * analytic["range_at_yield"], rel=1e-12)
         assert analytic["stress"] * analytic["range_at_yield"] == pytest.approx(503.0, rel=1e-12)
     assert facts["warnings"] == [] and facts["not_stated"] == [] and len(facts["assumed"]) == 17
+    reached = facts["drive"]["ranges"]
+    assert 1e3 * reached["x"]["held"]["high"] == pytest.approx(23.989, rel=1e-4)
+    assert 1e3 * reached["y"]["free"]["low"] == pytest.approx(-27.248, rel=1e-4)
+    assert set(facts["drive"]["assumed"]) > set(facts["assumed"])
 
 
 def test_a_summary_for_people_is_in_the_units_it_names(flexfem, project):
     out = flexfem("summary", STAGE)[1]
     assert re.search(r"x +37\.98\d N/mm +±659\.\d um +25\.0\d N +0\.763\d MPa/um +elbow hinge, chain 3", out)
     assert re.search(r"theta +412\d\d N mm/rad +±29\.\d+ mrad +120\d N mm +17\.1\d MPa/mrad", out)
+    assert re.search(r"x +-23\.99 to 23\.99 um +-28\.67 to 28\.67 um +stroke: elbow, chain 1, longest \| base,", out)
     thin = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
     out = flexfem("summary", thin)[1]
     assert "analytic, paros-weisbord, elastic links" in out

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import flexfem as package
+from flexfem.commands.reach import print_reach
+from flexfem.commands.tables import people
 
 POSE = ("0.003", "-0.001", "5e-5")
 
@@ -109,3 +111,43 @@ def test_in_python_the_same(flexfem, project):
     assert found.model == printed["model"] == "paros-weisbord, mobility 6"
     with pytest.raises(package.BadInput, match="shape"):
         package.command(package.load(path), [3e-3, -1e-3])
+
+
+def test_the_poses_that_a_drive_reaches_are_printed_in_the_units_they_name(project, capsys):
+    """Of the record itself: ranges, by finite elements too, the limits that stop them, and what a load moves."""
+    stage = package.load(project.path("geometry/mobility6.toml"))
+    found = package.reach(stage, [0.7, -0.4, 7.0], resolution=2)
+    print_reach(people(), found)
+    out = capsys.readouterr().out
+    x = found.ranges["x"]
+    assert x.held is not None and found.elements is not None
+    metal = found.elements["x"].held
+    assert metal is not None and metal.high != x.held.high
+    assert "poses that the drive reaches within all limits under 0.7 N, -0.4 N, 7 N mm, by calibrated, elastic" in out
+    (line,) = (line for line in out.splitlines() if line.startswith("x, others zero"))
+    for each in (x.held, metal):
+        assert f"{1e3 * each.low:.4g} to {1e3 * each.high:.4g} um" in line
+    assert line.index("elbow, chain 3, longest") < line.index("base, chain 3, longest")  # low end, high end
+    assert "theta, others free  -1.076 to 1.08 mrad" in out
+    assert f"{len(found.faces)} faces, {1e9 * found.volume:.5g} um^2 mrad; about rest a circle of" in out
+    assert f"{1e3 * found.circle:.4g} um in X and Y at theta 0, and a ball of {1e3 * found.ball:.4g} um" in out
+    assert "of these numbers are assumed" in out
+
+
+def test_what_a_workspace_says_of_a_stage_with_and_without_a_drive(project, monkeypatch):
+    """The rest of the workspace takes minutes and is not asked."""
+    stage, asked = package.load(project.path("geometry/mobility3.toml")), []
+    monkeypatch.setattr("flexfem.verify.workspace.workspace", lambda *given: Answer())
+
+    class Answer:
+        def model_copy(self, update):
+            asked.append(update)
+
+    package.workspace(stage, resolution=2, load=[1.0, 0.0, 0.0])
+    (reached,) = (update["reach"] for update in asked)
+    assert reached.load == [1.0, 0.0, 0.0] and reached.resolution == 2
+    assert reached.rest[0] == pytest.approx(1 / 4694, rel=0.2)  # the engaged stage, N/mm
+    package.workspace(stage.replace(actuator=[]), resolution=2)
+    package.workspace(stage, resolution=2, load=[4000.0, 0.0, 0.0])
+    assert asked[1] == {"no_reach": "no [[actuator]]: which poses a drive reaches is not known"}
+    assert asked[2]["no_reach"].startswith("the drive reaches no pose: the limits of contact")
