@@ -100,15 +100,23 @@ def driven(
 
 def hinge_compliances(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
     """Compliance (..., 3 chains, 3 hinges, 3, 3) of each hinge at the platform centre: G k^-1 G^T."""
-    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
+    G, own = hinge_twists(frames), np.stack(np.broadcast_arrays(*hinges), axis=-1) * allowed_in(freedoms)
+    return np.asarray(np.einsum("...ak,...k,...bk->...ab", G, own, G))
+
+
+def hinge_twists(frames: Frames) -> Array:
+    """Twist (..., 3 chains, 3 hinges, 3, 3) of the platform centre by rotation, axial and shear of each hinge."""
     x, y = frames.centres[..., 0], frames.centres[..., 1]
     c, s = np.cos(frames.axes), np.sin(frames.axes)
     zero, one = np.zeros_like(x), np.ones_like(x)
-    G = np.stack(
+    return np.stack(
         [np.stack(column, axis=-1) for column in ((y, -x, one), (c, s, zero), (-s, c, zero))], axis=-1
     )  # as in `chains.chain_compliance`
-    own = np.stack(np.broadcast_arrays(*hinges), axis=-1) * allowed
-    return np.asarray(np.einsum("...ak,...k,...bk->...ab", G, own, G))
+
+
+def allowed_in(freedoms: Freedoms) -> Array:
+    """Which freedoms (3 chains, 3 hinges, 3) hinges have, one or zero."""
+    return np.array([[[float(kind in hinge) for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
 
 
 def beyond_hinges(stacks: tuple[Stack, ...]) -> Array:
@@ -144,29 +152,38 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
     A, B, D = np.zeros((3, 3, 3)), np.zeros((3, 3, n)), np.zeros((n, n))
     for chain in CHAINS:
         R = chain_rotation(chain - 1)
-        for c, Q in _bars(stage, chain, stacks):
+        here = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
+        mine = [(j, push) for j, push in here if push.station is not None]  # the hub takes those on the platform
+        for link, c, at in link_pieces(stage, chain, [push for _, push in mine]):
+            Q = np.zeros((len(at), 3, n))
+            for j, push in mine:
+                Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
             A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
             B[chain - 1] += R @ np.einsum("qab,qbn->an", c, Q)
             D += np.einsum("qan,qab,qbm->nm", Q, c, Q)
     return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
 
 
-def _bars(stage: Stage, chain: int, stacks: tuple[Stack, ...]) -> list[tuple[Array, Array]]:
-    """Compliances (q, 3, 3) of pieces of pad and links, and the wrenches (q, 3, n) of the pushes beyond them.
+class Pieces(NamedTuple):
+    """Pieces (q) of a line or arc of a chain's pad (link 0) or link: compliances (q, 3, 3) at the platform in the frame
+    of chain 1, and how far, mm, they are along the link."""
 
-    Frame of chain 1; the ends of stations part the pieces.
-    """
-    mine = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
+    link: int
+    compliance: Array
+    at: Array
+
+
+def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
+    """Pieces of pad and links of a chain (1 to 3), base to platform; the ends of the stations of pushes part them."""
     found = []
     for link, path in enumerate(centrelines(stage, chain)):
         begin = 0.0
-        here = [push.station for _, push in mine if push.body == link and push.station is not None]
+        here = [push.station for push in pushes if push.body == link and push.station is not None]
         for segment in path:
             for low, high in _parted(begin, begin + segment.length, here):
                 ends = (low - begin) / segment.length, (high - begin) / segment.length
                 c, share = bar_density(stage, stage.elastic, segment, *ends)
-                at = begin + share * segment.length
-                found.append((c, _beyond(link, at, mine, len(stacks))))
+                found.append(Pieces(link, c, begin + share * segment.length))
             begin += segment.length
     return found
 
@@ -178,11 +195,8 @@ def _parted(begin: float, end: float, stations: list[Station]) -> list[tuple[flo
     return list(pairwise(cuts))
 
 
-def _beyond(link: int, at: Array, pushes: list[tuple[int, Push]], n: int) -> Array:
-    """Wrench (q, 3, n) of the pushes beyond places (q,), mm along a link (0 the pad), frame of chain 1."""
-    Q = np.zeros((len(at), 3, n))
-    for j, push in pushes:
-        if push.station is not None and push.body >= link:
-            share = np.ones(len(at)) if push.body > link else share_beyond(push.station, at)
-            Q[:, :, j] += share[:, None] * push.wrench
-    return Q
+def beyond(push: Push, link: int, at: Array) -> Array:
+    """Share (q,) of a push on the links or the platform that is beyond places (q,), mm along a link (0 the pad)."""
+    if push.body == link and push.station is not None:
+        return share_beyond(push.station, at)
+    return np.full(len(at), float(push.body > link))

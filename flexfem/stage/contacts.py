@@ -8,7 +8,7 @@ the hub, which is rigid; the frame does not move.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -169,11 +169,37 @@ class Push(NamedTuple):
     station: Station | None
 
 
+Follows: TypeAlias = Literal["pushed", "carrier"]
+FOLLOWS: tuple[Follows, ...] = get_args(Follows)
+
+
 class Stack(NamedTuple):
-    """One stack in its place: its chain (from 0), and the two bodies that it pushes apart along one line."""
+    """One stack in its place: its chain (from 0), and the two bodies that it pushes apart along one line.
+
+    pushes : on the body that it pushes, and on its carrier.   point : mm, complex, of the contact, frame of chain 1.
+    ball : radius, mm, of the ball at its end, zero for a tip.
+    """
 
     chain: int
     pushes: tuple[Push, Push]
+    point: complex = 0j
+    ball: float = 0.0
+
+    @property
+    def direction(self) -> complex:
+        """Unit vector, complex, of the push on the pushed body, frame of chain 1."""
+        return complex(*self.pushes[0].wrench[:2])
+
+    def pivot(self, follows: Follows) -> complex:
+        """Point, mm, frame of chain 1, that the force goes through whichever way the bodies turn.
+
+        Notes
+        -----
+        pushed : the centre of the ball, which is fixed to the carrier; the force is normal to a smooth flat of the
+            pushed body and turns with it.
+        carrier : the contact, a point of the pushed body; the force keeps the direction that the carrier has.
+        """
+        return self.point - self.ball * self.direction if follows == "pushed" else self.point
 
     def placed(self, push: Push) -> Array:
         """Wrench (..., 3) of one of its pushes in the frame of the stage."""
@@ -186,7 +212,9 @@ def chain_rotation(chain: int) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def placed_stack(stage: Stage, chain: int, between: tuple[Body, Body], point: complex, direction: float) -> Stack:
+def placed_stack(
+    stage: Stage, chain: int, between: tuple[Body, Body], point: complex, direction: float, ball: float = 0.0
+) -> Stack:
     """A stack of a chain (from 0) that pushes the second body at a point, mm, in a direction, rad.
 
     Both in the frame of chain 1. A link that carries the stack takes its other end at the section nearest to the point.
@@ -198,4 +226,4 @@ def placed_stack(stage: Stage, chain: int, between: tuple[Body, Body], point: co
     first, second = (
         Push(body, q, station(stage, chain + 1, body, point) if body in LINKS else None) for body, q in ends
     )
-    return Stack(chain, (first, second))
+    return Stack(chain, (first, second), point, ball)

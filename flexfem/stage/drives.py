@@ -66,7 +66,8 @@ def _drive(stage: Stage) -> StageDrive:
     stacks, owners, signs = list[Stack](), list[int](), list[float]()
     for command, (chain, index) in enumerate(placed):
         for side, contact in enumerate(contacts(stage, chain, index)):
-            stacks.append(placed_stack(stage, chain - 1, actuators[command].between, *contact))
+            of = actuators[command]
+            stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
             owners.append(command)
             signs.append(1.0 - 2.0 * side)
     differential = np.zeros((len(stacks), len(placed)))
