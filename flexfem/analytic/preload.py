@@ -89,13 +89,13 @@ class Moved(NamedTuple):
     """Chains at joint displacements.
 
     pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
-    pulls : (size, size), second derivatives times wrenches and forces, which (16) takes off the springs.
+    pulls : (k, k) by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
     """
 
     pose: Array
     G: Array
     J: Array
-    pulls: Array
+    pulls: list[Array]
 
 
 class Loaded(NamedTuple):
@@ -196,7 +196,7 @@ def _basis(of: Serial, links: NDArray[np.bool_]) -> Array:
 def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> Moved:
     """The chains at joint displacements (size,), with wrenches (9,) on their ends and forces (n,) of the stacks."""
     size = len(eta)
-    at = Moved(np.zeros(9), np.zeros((9, size)), np.zeros((of.n, size)), np.zeros((size, size)))
+    at = Moved(np.zeros(9), np.zeros((9, size)), np.zeros((of.n, size)), [])
     for i, chain in enumerate(of.chains):
         phi, mine = eta[chain.place] * chain.turn, slice(3 * i, 3 * i + 3)
         spun = np.exp(1j * np.append(0.0, np.cumsum(phi)))
@@ -211,7 +211,7 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> Moved:
             rate, second = _opening(chain, contact, spun, origin, v)
             at.J[contact.stack, chain.place] = rate
             pulls += force[contact.stack] * second
-        at.pulls[np.ix_(chain.place, chain.place)] += pulls
+        at.pulls.append(pulls)
     return at
 
 
@@ -246,7 +246,9 @@ def loaded(of: Serial, force: Array, load: Array) -> Loaded:
     q, wrench, u = np.zeros(r), np.zeros(9), np.zeros(3)
     for _ in range(ITERATIONS):
         at = moved(of, V @ q, wrench, force)
-        G, J, inner = at.G @ V, at.J @ V, np.eye(r) - V.T @ at.pulls @ V
+        G, J, inner = at.G @ V, at.J @ V, np.eye(r)
+        for chain, pulls in zip(of.chains, at.pulls, strict=True):
+            inner -= V[chain.place].T @ pulls @ V[chain.place]
         missing = np.concatenate([J.T @ force + G.T @ wrench - q, one @ u - at.pose, load - one.T @ wrench])
         rows = [inner, -G.T, np.zeros((r, 3))], [G, np.zeros((9, 9)), -one], [np.zeros((3, r)), one.T, np.zeros((3, 3))]
         step = np.linalg.solve(np.block(list(rows)), missing)

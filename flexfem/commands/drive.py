@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,8 +14,7 @@ from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
 
 if TYPE_CHECKING:
-    from flexfem.verify.command import Command, OpenLoop, Strokes
-    from flexfem.verify.driven import Criterion
+    from flexfem.verify.command import Command, OpenLoop
 
 app = typer.Typer()
 
@@ -61,10 +60,8 @@ def print_command(of: Command) -> None:
     criteria = of.criteria
     head = ("stack", *(cell for name in criteria for cell in (f"{name}: {MICROMETRE.plain}", FORCES[0].plain)))
     out.print(table(head, _stack_rows(of)))
-    out.print(table(("", *criteria), _criterion_rows(criteria)))
-    for kind, found in (("engaged", of.engaged), ("disengaged", of.disengaged)):
-        stiff = (f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True))
-        out.print(f"stiffness with the drive {kind}: {', '.join(stiff)}")
+    out.print(table(("", *criteria), _criterion_rows(of)))
+    out.print(table(("stiffness with the drive", *DIRECTIONS, "against engaged (%)"), _stiffness_rows(of)))
     if of.open_loop:
         round_off = 1e-12 * max(map(abs, of.pose))
         head = ("error of the metal by model", *DIRECTIONS)
@@ -79,18 +76,37 @@ def _stack_rows(of: Command) -> Iterator[list[str]]:
         yield [name, *(text for stroke, force in cells for text in (f"{stroke:+.4f}", f"{force:.3f}"))]
 
 
-def _criterion_rows(criteria: Mapping[Criterion, Strokes]) -> Iterator[list[str]]:
+def _criterion_rows(of: Command) -> Iterator[list[str]]:
     """What every criterion comes to, a row each."""
-    found = criteria.values()
+    found = of.criteria.values()
     yield ["strain energy of the metal (N mm)", *(f"{one.metal:.4g}" for one in found)]
     yield ["and of stacks and contacts", *(f"{one.stacks:.4g}" for one in found)]
     for limit in ("stroke", "contact", "blocking"):
         yield [f"share of the limit of {limit}", *map(_percent, (one.share[limit] for one in found))]
     yield ["largest hinge rotation (mrad)", *(f"{1e3 * _largest(one.rotation):.4g}" for one in found)]
+    yield ["stiffness by these forces (%)", *(_changes(one.preloaded, of.engaged) for one in found)]
     yield [f"highest neck stress ({STRESS})", *(f"{_largest(one.stress):.4g}" for one in found)]
     metal = [one.element_stress for one in found if one.element_stress is not None]
     if metal:
         yield ["by finite elements", *(f"{_largest(stress):.4g}" for stress in metal)]
+
+
+def _stiffness_rows(of: Command) -> Iterator[list[str]]:
+    """Stiffness of the platform without stacks, with them, and with their preloads, by what the pushes go with."""
+    named: dict[str, list[float] | None] = {"disengaged": of.disengaged, "engaged": of.engaged}
+    ways = {"pushed": "preloaded, pushes normal to the pushed body", "carrier": "preloaded, pushes kept by the carrier"}
+    for name, found in (named | {ways[way]: found for way, found in of.preloaded.items()}).items():
+        cells = [""] * 3
+        if found is not None:
+            cells = [f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True)]
+        yield [name, *cells, _changes(found, of.engaged)]
+
+
+def _changes(found: Sequence[float] | None, of: Sequence[float]) -> str:
+    """How many per cent stiffnesses are above others."""
+    if found is None:
+        return "unstable"
+    return ", ".join(f"{100 * (one / other - 1):+.3f}" for one, other in zip(found, of, strict=True))
 
 
 def _percent(share: float | None) -> str:

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.analytic.preload import Serial
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.contacts import Follows
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.units import MICROMETRE
-from flexfem.verify import warning
+from flexfem.verify import preloaded, warning
 from flexfem.verify.driven import (
     CRITERIA,
     ROUND_OFF,
@@ -45,6 +47,7 @@ class Strokes(Record):
     force : with the preload.   pose : by the commanding model.   metal, stacks : strain energy beyond rest, N mm.
     rotation, stress : (3 chains, 3 hinges), rad and MPa.   share : of the limits of stroke, contact and blocking force,
         above one where they are broken, None where nothing is allowed.
+    preloaded : (3,), as `Command.preloaded` of pushes that go with the pushed bodies, with these forces and the load.
     element_stress : (3, 3), MPa, by finite elements, None without them.
     """
 
@@ -58,6 +61,7 @@ class Strokes(Record):
     stress: Matrix
     element_stress: Matrix | None
     share: dict[str, float | None]
+    preloaded: list[float] | None
 
 
 class OpenLoop(Record):
@@ -72,6 +76,8 @@ class Command(OfStage):
     """What `flexfem command` answers; pose and load as asked, N, mm, rad.
 
     stiffness : (3,) of the platform, the diagonal, `engaged` with the stacks holding their strokes, else `disengaged`.
+    preloaded : (3,), the same, engaged, with the second-order terms of the preloads alone in (16), by what a push goes
+        with: see `analytic.preload`; None where the preloads leave no stable stage.
     open_loop : errors by model, of strokes of least energy; empty without finite elements.
     calibration : (3, 3), which command of the pose makes finite elements take a unit pose, without load.
     """
@@ -84,6 +90,7 @@ class Command(OfStage):
     stacks: list[str]
     engaged: list[float]
     disengaged: list[float]
+    preloaded: dict[Follows, list[float] | None]
     criteria: dict[Criterion, Strokes]
     open_loop: list[OpenLoop]
     calibration: Matrix | None
@@ -111,7 +118,12 @@ def command(
     first = commanding(stage, *(model or best_model(stage, warnings)))
     metal = None if resolution is None else driven_metal(stage, resolution)
     found = _by_criterion(first.of, drive, pose, load, lever, warnings)
-    criteria = {name: _strokes(stage, drive, first, metal, x, load) for name, x in found.items()}
+    joints = preloaded.serials(stage, first, drive)
+    criteria = {name: _strokes(stage, drive, first, joints["pushed"], metal, x, load) for name, x in found.items()}
+    at_rest = {way: preloaded.stiffness(one, drive, drive.preload, np.zeros(3)) for way, one in joints.items()}
+    pushing: dict[str, list[float] | None] = {"the preloads": at_rest["pushed"]}
+    pushing |= {f"the forces by {name}": one.preloaded for name, one in criteria.items()}
+    warnings += warning.of_unstable(pushing)
     warnings += [text for name, x in found.items() for text in of_limits(first.of, drive, x, load, name)]
     warnings += [text for name, one in criteria.items() for text in _of_yield(stage, name, one)]
     warnings += warning.of_motion(stage, pose, "the pose")
@@ -125,6 +137,7 @@ def command(
         stacks=stack_names(drive),
         engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
+        preloaded=at_rest,
         criteria=criteria,
         open_loop=[] if metal is None else open_loop(stage, metal, first, pose, load),
         calibration=None if metal is None else calibration(metal.of, first.of, drive, lever).tolist(),
@@ -183,7 +196,13 @@ def calibration(metal: Driven, model: Driven, drive: StageDrive, lever: float) -
 
 
 def _strokes(
-    stage: Stage, drive: StageDrive, first: Commanding, metal: DrivenMetal | None, x: Array, load: Array
+    stage: Stage,
+    drive: StageDrive,
+    first: Commanding,
+    joints: Serial,
+    metal: DrivenMetal | None,
+    x: Array,
+    load: Array,
 ) -> Strokes:
     motion, limits = moved(first.of, drive, x, load), shares(first.of, drive, x, load)
     pushing = motion._replace(force=drive.preload + motion.force)
@@ -198,6 +217,7 @@ def _strokes(
         stress=stresses(stage, first, pushing, load).tolist(),
         element_stress=None if metal is None else element_stresses(stage, metal, drive, x, load).tolist(),
         share={name: used if np.isfinite(used) else None for name, used in limits.items()},
+        preloaded=preloaded.stiffness(joints, drive, pushing.force, load),
     )
 
 

@@ -89,6 +89,11 @@ def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     ]
 
 
+def of_unstable(stiffness: Mapping[str, list[float] | None]) -> Warnings:
+    """Warnings that forces of stacks, by their names, leave no stiffness."""
+    return [f"no stable equilibrium with {what} of the stacks" for what, found in stiffness.items() if found is None]
+
+
 def of_formula(stage: Stage, formula: str) -> Warnings:
     """A hinge formula outside its range at some hinge."""
     design = lower(stage)
