@@ -43,7 +43,7 @@ LARGEST_TURN = 0.3  # rad, of a joint: beyond it the stage has buckled, or the f
 ROUND_OFF = 1e-12  # of the largest
 
 
-class Contact(NamedTuple):
+class ChainStack(NamedTuple):
     """One stack seen by its chain, whose joints are k.
 
     stack : its number.   pivot, push : mm, and a unit vector, complex, at rest.
@@ -61,7 +61,7 @@ class Contact(NamedTuple):
     sign: float
 
 
-class Chain(NamedTuple):
+class ChainJoints(NamedTuple):
     """One chain as elastic joints (k) of unit stiffness in series, base to platform.
 
     place : (k,), their numbers in the stage.   v, turn : (k,), complex and real, twist of the platform centre at rest.
@@ -70,7 +70,7 @@ class Chain(NamedTuple):
     place: Index
     v: AnyArray
     turn: Array
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ChainStack, ...]
 
 
 class Serial(NamedTuple):
@@ -81,11 +81,11 @@ class Serial(NamedTuple):
     """
 
     n: int
-    chains: tuple[Chain, ...]
+    chains: tuple[ChainJoints, ...]
     basis: Array
 
 
-class Moved(NamedTuple):
+class JointState(NamedTuple):
     """Chains at joint displacements.
 
     pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
@@ -128,7 +128,7 @@ def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], foll
     """The joints of a stage by hinges, freedoms and, where it has them, elastic links of an analytic model of it."""
     body = _body(stage) if result.links else np.zeros((9, 0))
     shared, size = np.arange(body.shape[1]), body.shape[1]
-    chains, links = list[Chain](), [np.zeros(size, dtype=bool)]
+    chains, links = list[ChainJoints](), [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
         mine = [(j, stack) for j, stack in enumerate(stacks) if stack.chain == chain - 1]
         twists, shares, pieces = _joints(stage, chain, result, [push for _, stack in mine for push in stack.pushes])
@@ -137,20 +137,20 @@ def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], foll
         own = body[3 * chain - 3 : 3 * chain]
         shares = np.pad(shares, ((0, 0), (0, len(shared))), mode="edge")  # beyond the platform's hinge is the platform
         contacts = tuple(_contact(j, stack, shares[2 * k : 2 * k + 2], follows) for k, (j, stack) in enumerate(mine))
-        chains.append(Chain(place, np.append(v, -own[0] - 1j * own[1]), np.append(turn, -own[2]), contacts))
+        chains.append(ChainJoints(place, np.append(v, -own[0] - 1j * own[1]), np.append(turn, -own[2]), contacts))
         links.append(pieces)
         size += twists.shape[1]
     of = Serial(len(stacks), tuple(chains), np.eye(size))
     return of._replace(basis=_basis(of, np.concatenate(links)))
 
 
-def _contact(number: int, stack: Stack, shares: Array, follows: Follows) -> Contact:
+def _contact(number: int, stack: Stack, shares: Array, follows: Follows) -> ChainStack:
     """A stack by what (2, k) of its pushes, on the pushed body and on its carrier, is beyond each joint."""
     outwards = stack.pushes[0].body > stack.pushes[1].body
     far, near = shares if outwards else shares[::-1]
     spin = complex(*chain_rotation(stack.chain)[:2, 0])
     on_far = outwards == (follows == "carrier")
-    return Contact(
+    return ChainStack(
         number, spin * stack.pivot(follows), spin * stack.direction, near, far, on_far, 1.0 if outwards else -1.0
     )
 
@@ -193,10 +193,10 @@ def _basis(of: Serial, links: NDArray[np.bool_]) -> Array:
     return np.concatenate([alone, together], axis=1)
 
 
-def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> Moved:
+def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
     """The chains at joint displacements (size,), with wrenches (9,) on their ends and forces (n,) of the stacks."""
     size = len(eta)
-    at = Moved(np.zeros(9), np.zeros((9, size)), np.zeros((of.n, size)), [])
+    at = JointState(np.zeros(9), np.zeros((9, size)), np.zeros((of.n, size)), [])
     for i, chain in enumerate(of.chains):
         phi, mine = eta[chain.place] * chain.turn, slice(3 * i, 3 * i + 3)
         spun = np.exp(1j * np.append(0.0, np.cumsum(phi)))
@@ -215,7 +215,7 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> Moved:
     return at
 
 
-def _opening(chain: Chain, of: Contact, spun: AnyArray, origin: AnyArray, v: AnyArray) -> tuple[Array, Array]:
+def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray) -> tuple[Array, Array]:
     """First (k,) and second derivatives (k, k) of the opening of a stack by the joints.
 
     Notes

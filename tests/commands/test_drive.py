@@ -56,6 +56,38 @@ def test_what_is_printed_are_the_numbers_of_the_json(flexfem, project):
     assert f"{least['metal']:.4g}" in out
 
 
+def test_the_stiffness_is_that_without_stacks_with_them_and_with_their_preloads(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    arguments = ("command", path, "--pose", *POSE, "--analytic")
+    found = json.loads(flexfem(*arguments, "--json")[1])
+    changed = {way: np.array(K) / found["engaged"] - 1 for way, K in found["preloaded"].items()}
+    np.testing.assert_allclose(changed["pushed"], [5.02e-4, 5.02e-4, 5.50e-4], rtol=3e-3)
+    np.testing.assert_allclose(changed["carrier"], [-3.48e-4, -3.48e-4, -3.81e-4], rtol=3e-3)
+    own = np.array(found["criteria"]["least energy"]["preloaded"]) / found["engaged"] - 1
+    assert np.all(np.abs(own - changed["pushed"]) < 1e-4) and not np.array_equal(own, changed["pushed"])
+    out = flexfem(*arguments)[1]
+    for start, K in (("disengaged", found["disengaged"]), ("engaged", found["engaged"])):
+        (line,) = (line for line in out.splitlines() if line.startswith(start))
+        assert all(f"{value:.5g} N" in line for value in K)
+    (line,) = (line for line in out.splitlines() if line.startswith("preloaded, pushes normal"))
+    assert "+0.050, +0.050, +0.055" in line and f"{found['preloaded']['pushed'][2]:.5g} N mm/rad" in line
+
+
+def test_preloads_that_no_equilibrium_stands_are_said(flexfem, project):
+    weak = (
+        ('stack = "AE0505D16"', "stroke_um = 9000.0\nblocking_force_n = 9e4"),
+        ("preload_n = 50.0", "preload_n = 8e4"),
+        ('base.stack"', 'base.stroke_um"'),
+        ('elbow.stack"', 'elbow.stroke_um"'),
+    )
+    path = project.edit("geometry/mobility6.toml", *weak)
+    found = json.loads(flexfem("command", path, "--pose", *POSE, "--analytic", "--json")[1])
+    assert found["preloaded"]["carrier"] is None
+    out = flexfem("command", path, "--pose", *POSE, "--analytic")[1]
+    (line,) = (line for line in out.splitlines() if line.startswith("preloaded, pushes kept"))
+    assert line.split()[-1] == "unstable"
+
+
 def test_a_pose_out_of_reach_is_said(flexfem, project):
     path = project.path("geometry/mobility6.toml")
     found = json.loads(flexfem("command", path, "--pose", "0.1", 0, 0, "--analytic", "--json")[1])
