@@ -29,11 +29,16 @@ def accepted(stem):
 
 
 def now(source):
-    """What a source of a figure is now: a number of a baseline, `fig5: result.x`, or the hash of an input file."""
+    """What a source of a figure is now: a number of a baseline, `fig5: result.x`, or the hash of an input file.
+
+    That of a stage with its drive is `geometry/one.toml: drive`.
+    """
     name, _, path = source.partition(": ")
     if name.startswith("cases/fixture"):
         content = read_fixture(ROOT / name).model_dump_json(exclude={"provenance", "measured"})
         return hashlib.sha256(content.encode()).hexdigest()[:16]
+    if path == "drive":
+        return load_stage(ROOT / name).drive_hash[:16]
     if not path:
         return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
     found = accepted(name)

@@ -423,6 +423,41 @@ MUTATIONS = [
         "np.random.default_rng(SEED).normal(size=(DRAWS, 1, 1))",
         "test_the_scatter_is_that_of_the_nine_sensitivities",
     ),
+    Mutation(
+        "stacks of the other chains drawn as if chains turned clockwise",
+        "stack_places",
+        "1j * (chain - 1) * CHAIN_TURN",
+        "1j * (1 - chain) * CHAIN_TURN",
+        "test_the_record_says_where_every_stack_pushes",
+    ),
+    Mutation(
+        "strokes drawn in mm",
+        "plot_strokes",
+        "um.factor * np.array(one.command)",
+        "np.array(one.command)",
+        "test_every_bar_of_the_strokes_is_the_stored_number_on_the_strokes_that_it_has",
+    ),
+    Mutation(
+        "blocking forces written in the order of another drive",
+        "plot_forces",
+        "enumerate(blocking.tolist())",
+        "enumerate(np.sort(blocking).tolist())",
+        "test_every_bar_of_the_forces_is_the_stored_number_with_preload_and_blocking_force",
+    ),
+    Mutation(
+        "the platform drawn turned the other way",
+        "_draw_platform",
+        "np.exp(1j * theta)",
+        "np.exp(-1j * theta)",
+        "test_the_platform_is_drawn_at_the_pose_times_the_stated_factor",
+    ),
+    Mutation(
+        "forces drawn along the way to the contact",
+        "_draw_forces",
+        "ARROW * width * push * _a",
+        "ARROW * width * contact * _a",
+        "test_an_arrow_starts_at_every_contact_along_its_push_in_proportion_to_its_force",
+    ),
 ]
 
 

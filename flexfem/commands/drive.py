@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.console import Json, Resolution, StageFile, check_within
+from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_within
 from flexfem.commands.tables import DIRECTIONS, numbers, people, print_ending, table
 from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
@@ -33,6 +33,7 @@ def command(
     links: Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")] = False,
     analytic: Annotated[bool, typer.Option("--analytic", help="Without finite elements.")] = False,
     resolution: Resolution = None,
+    output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Strokes and forces of every stack for a pose, and where the metal goes when it is given them.
@@ -49,7 +50,12 @@ def command(
     if analytic and resolution is not None:
         raise BadInput("--analytic and --resolution, expected one of the two")
     finest = None if analytic else resolution or reports.RESOLUTION
-    found = reports.command(load_feasible(stage), pose, load, mobility, formula, links, finest)
+    loaded = load_feasible(stage)
+    found = reports.command(loaded, pose, load, mobility, formula, links, finest)
+    if output is not None:
+        from flexfem.plot.command import command_figure
+
+        console.keep(found, output / f"{stage.stem}-command.json", lambda record: command_figure(record, loaded))
     console.show(found, json, print_command)
 
 

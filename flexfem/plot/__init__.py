@@ -12,8 +12,10 @@ from typing import Any
 
 _HOMES = {
     "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
+    "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
     "curves": ("plot_displaced", "plot_errors"),
     "displacement": ("plot_displacement",),
+    "drive": ("plot_drive",),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),

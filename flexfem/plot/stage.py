@@ -47,7 +47,7 @@ def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
     outline = outline_of(stage)
     ax = ax or new_axes()
     draw_outline(ax, outline)
-    _fit(ax, np.concatenate(outline.bodies))
+    fit(ax, np.concatenate(outline.bodies))
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return ax
 
@@ -112,7 +112,7 @@ def plot_mesh(ax: Axes, model: Model, fields: Fields) -> Axes:
     """Draw the mesh of a stage, the numbers of its hinges and chains, clamped edges and hub, in mm; returns `ax`."""
     edges = edges_of(fields.triangles)
     draw_mesh(ax, fields.nodes, edges, width=0.18)
-    size = _fit(ax, fields.nodes)
+    size = fit(ax, fields.nodes)
     hatch_ground(ax, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
     ax.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(ax, max(0.6 * model.hub_radius, 0.04 * size))
@@ -140,7 +140,7 @@ def draw_mesh(axes: Axes, nodes: Array, edges: Edges, width: float) -> None:
         axes.add_collection(collection, autolim=False)
 
 
-def _fit(axes: Axes, nodes: Array) -> float:
+def fit(axes: Axes, nodes: Array) -> float:
     """Equal scales with room for labels around the nodes; returns the size of the stage, mm."""
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     size = float(max(high - low))

@@ -144,13 +144,19 @@ def panels(
 
     `doubts` : keys that are assumed, and those without a source.   `grid` : settings of matplotlib's GridSpec.
     """
+    figure = below_header(size, title, lines, doubts)
+    return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
+
+
+def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = ((), ())) -> Figure:
+    """A figure with a header as `panels` has it, without panels, and a layout engine for what is below."""
     width, height = size
     used = header(new_figure(width, height), title, lines, *doubts)
     figure = new_figure(width, height + used)
     header(figure, title, lines, *doubts)
     rect = (0.0, 0.0, 1.0, height / (height + used))
     figure.set_layout_engine("constrained", rect=rect, w_pad=0.18, h_pad=0.1)
-    return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
+    return figure
 
 
 def inches(ax: Axes) -> Array:

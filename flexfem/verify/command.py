@@ -37,6 +37,7 @@ from flexfem.verify.driven_models import (
     stresses,
 )
 from flexfem.verify.result import Matrix, OfStage, Record, about
+from flexfem.verify.stack_places import StackPlace, stack_places
 
 MOST_NAMED = 3  # stacks beyond one kind of limit that are warned of one by one; the record has the numbers of all
 
@@ -75,6 +76,7 @@ class OpenLoop(Record):
 class Command(OfStage):
     """What `flexfem command` answers; pose and load as asked, N, mm, rad.
 
+    places : of the stacks (n), with their limits.
     stiffness : (3,) of the platform, the diagonal, `engaged` with the stacks holding their strokes, else `disengaged`.
     preloaded : (3,), the same, engaged, with the second-order terms of the preloads alone in (16), by what a push goes
         with: see `analytic.preload`; None where the preloads leave no stable stage.
@@ -88,6 +90,7 @@ class Command(OfStage):
     load: list[float]
     actuators: list[str]
     stacks: list[str]
+    places: list[StackPlace]
     engaged: list[float]
     disengaged: list[float]
     preloaded: dict[Follows, list[float] | None]
@@ -135,6 +138,7 @@ def command(
         load=load.tolist(),
         actuators=list(drive.names),
         stacks=stack_names(drive),
+        places=stack_places(stage),
         engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
         preloaded=at_rest,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,11 @@ def percentiles() -> list[Percentile]:
     return [Percentile(p, p / 10, p / 11, p / 9) for p in (2.5, 50.0, 97.5)]
 
 
+@cache
+def driven() -> Any:
+    return flexfem.command(flexfem.load(STAGE), [2e-3, -1e-3, 5e-5], resolution=2)
+
+
 DRAWN: dict[str, Any] = {
     "plot_across": lambda made: (made.workspace(), "y"),
     "plot_along": lambda made: (made.workspace(), "x"),
@@ -71,8 +77,10 @@ DRAWN: dict[str, Any] = {
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
     "plot_displacement": lambda made: (made.fields(),),
+    "plot_drive": lambda made: (driven(), flexfem.load(STAGE)),
     "plot_elastica": lambda made: (elastica(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
+    "plot_forces": lambda made: (driven(),),
     "plot_formulas": lambda made: (hinge_review(), "axial"),
     "plot_front": lambda made: (front(),),
     "plot_hinge": lambda made: (),
@@ -83,6 +91,7 @@ DRAWN: dict[str, Any] = {
     "plot_model": lambda made: (made.model(),),
     "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
     "plot_notch": lambda made: (made.fields(), made.model().hinges[1]),
+    "plot_open_loop": lambda made: (driven(), "x"),
     "plot_push": lambda made: (pushed(), "theta"),
     "plot_region": lambda made: (identified(),),
     "plot_remains": lambda made: (pushed(), "y"),
@@ -92,6 +101,7 @@ DRAWN: dict[str, Any] = {
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
     "plot_solid": lambda made: (flexfem.reach(flexfem.load(STAGE), resolution=None),),
     "plot_stage": lambda made: (flexfem.load(STAGE),),
+    "plot_strokes": lambda made: (driven(),),
     "plot_tangents": lambda made: (made.workspace(), "theta"),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
 }
