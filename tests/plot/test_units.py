@@ -97,6 +97,7 @@ def test_units_are_spelled_in_one_place() -> None:
         "verify/warning",
         "verify/measures",
         "verify/alternatives",
+        "verify/other_stages",
         "commands/baseline/rules",
         "study/findings",
     )
