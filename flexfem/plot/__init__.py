@@ -15,7 +15,7 @@ _HOMES = {
     "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
     "curves": ("plot_displaced", "plot_errors"),
     "displacement": ("plot_displacement",),
-    "drive": ("plot_drive",),
+    "drive_sketch": ("plot_drive",),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from flexfem.files.refusals import shown
 from flexfem.plot.accuracy import HATCHES
 from flexfem.plot.curves import COLOURS, NAMES
-from flexfem.plot.drive import platform_factor, plot_drive
+from flexfem.plot.drive_sketch import platform_factor, plot_drive
 from flexfem.plot.style import GREY, INK, PALE, below_header, in_house_style, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
