@@ -68,7 +68,7 @@ def stress_along(at: NeckSections, carried: NeckForces) -> Array:
 
 
 def per_command(of: Driven, frames: Frames, necks: Array) -> NeckForces:
-    """What necks carry (..., 3, 3, m) per command, by the wrenches `necks` of `analytic.drive.DrivenModel`."""
+    """What necks carry (..., 3, 3, m) per command, by the wrenches `necks` of `DrivenModel`."""
     pushed = (of.Y @ of.T)[..., None, None, :, :]
     return neck_forces(frames, necks[..., 3:] @ pushed)
 
