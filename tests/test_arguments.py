@@ -9,6 +9,7 @@ import pytest
 import flexfem
 
 ROOT = Path(__file__).parents[1]
+FIXTURE = ROOT / "cases" / "fixture.toml"
 NAN, INF = float("nan"), float("inf")
 BAD = [
     (lambda s, f: flexfem.under_load(s, force=[NAN, 0, 0], vtu=f), "force: expected finite"),
@@ -45,6 +46,18 @@ BAD = [
     (lambda s, f: flexfem.command(s, [1e300, 0, 0]), "pose: expected numbers within ±100"),
     (lambda s, f: flexfem.command(s, [0, 0, 0], load=[0, 0, 2e6]), r"load: expected numbers within ±1e\+06"),
     (lambda s, f: flexfem.command(s, [0, 0, 0], resolution=1), "resolution 1"),
+    (lambda s, f: flexfem.experiment(s, None), "None, expected the path"),
+    (lambda s, f: flexfem.experiment(s, FIXTURE, resolution=1), "resolution 1"),
+    (lambda s, f: flexfem.experiment(s, FIXTURE, measured=3), "3, expected the path"),
+    (lambda s, f: flexfem.experiment(s, FIXTURE, formula=""), "hinge formula '' is not known"),
+    (lambda s, f: flexfem.experiment(s, FIXTURE, mobility=6, links=True, resolution=None), "elastic links"),
+    (lambda s, f: flexfem.identify(s, None), "None, expected the path"),
+    (lambda s, f: flexfem.identify(s, FIXTURE, unknown="bar"), "unknown 'bar', expected pole or springs"),
+    (lambda s, f: flexfem.identify(s, FIXTURE, confidence=NAN), "confidence nan"),
+    (lambda s, f: flexfem.identify(s, FIXTURE, confidence=0.95), "confidence 0.95, expected a number from 50"),
+    (lambda s, f: flexfem.as_built(s, 3), "3, expected the path"),
+    (lambda s, f: flexfem.as_built(s, FIXTURE, formula="x"), "hinge formula 'x' is not known"),
+    (lambda s, f: flexfem.as_built(s, FIXTURE), "this is a fixture file, expected a necks file"),
     (lambda s, f: flexfem.analyse(s, mobility=[6]), r"mobility = \[6\]"),
     (lambda s, f: flexfem.analyse(s, formula=["x"]), "hinge formula"),
     (lambda s, f: flexfem.analyse("geometry/mobility6.toml"), "expected a flexfem.Stage"),

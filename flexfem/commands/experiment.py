@@ -160,7 +160,7 @@ def print_identification(of: Identification) -> None:
             out.print(f"compliance of the fixture in {name}: {_estimate(found, 1.0, ADDED[name].plain)}")
     springs = [f"{axis} {k:.4g} {UNITS[axis].plain}" for axis, k in of.stiffness.items() if k is not None]
     out.print(f"the fixture at the fit: {', '.join(springs) or 'rigid'}")
-    numbers = f"chi square {of.chi_square:.3g}, {of.dof} degrees of freedom"
+    numbers = f"chi square {of.chi_square:.3g}, degrees of freedom {of.dof}"
     out.print(f"{numbers}; intervals {of.confidence:g} %, profile likelihood" + _dependence(of))
     out.print(of.finding)
     print_ending(out, of)

@@ -18,7 +18,17 @@ from flexfem.verify import warning
 from flexfem.verify.driven_models import best_model
 from flexfem.verify.fixture import Fixture, Measurement, Slopes
 from flexfem.verify.protocol import Solved
-from flexfem.verify.pushes import Pushes, bar_share, force_of, pole_share, pushes_of, read, read_compliance, seen
+from flexfem.verify.pushes import (
+    Pushes,
+    bar_share,
+    force_of,
+    pole_share,
+    pushes_of,
+    read,
+    read_compliance,
+    seen,
+    stage_share,
+)
 from flexfem.verify.result import Matrix, OfStage, Record, about
 from flexfem.verify.series import SpringAlone, springs_alone
 from flexfem.verify.slopes import Slope, slope_of
@@ -115,7 +125,7 @@ def experiment(
     pushed = {axis: _pushed(fixture, pushes, C, readings, k) for k, axis in enumerate(DIRECTIONS)}
     given = (measured or fixture).measured
     slopes = Slopes(np.full(3, np.nan), np.full(3, np.nan)) if given is None else given.slopes
-    warnings += _of_run(stage, fixture, pushes, C) + _of_coupling(C)
+    warnings += _of_run(stage, fixture, pushes, C) + _of_coupling(pushes, C)
     said = doubts([("", stage), ("fixture: ", fixture), *([("measured: ", measured)] if measured else [])])
     model_slopes = 1 / np.diag(found.compliance)
     return Experiment(
@@ -133,7 +143,7 @@ def experiment(
             for k, axis in enumerate(DIRECTIONS)
         },
         explained="the paper's text" if given is None else "the measured slopes",
-        alone=springs_alone(pushes, model_slopes, 1 / np.diag(C), None if given is None else slopes.value),
+        alone=springs_alone(pushes, model_slopes, 1 / stage_share(pushes, C), None if given is None else slopes.value),
         warnings=list(dict.fromkeys(warnings)),
     )
 
@@ -225,12 +235,19 @@ def _stress(stage: Stage, pose: Array) -> float:
     return float(np.max(neck_stress(carried, *sizes, design.out_of_plane[0])))
 
 
-def _of_coupling(C: Array) -> warning.Warnings:
-    """Directions in which a push that leaves the others free does not measure K_ii."""
-    K = np.diag(inverse(C))
-    return [
+def _of_coupling(of: Pushes, C: Array) -> warning.Warnings:
+    """Directions in which what is measured is not K_ii: others are free, and pushes have other components."""
+    K, read = np.diag(inverse(C)), 1 / stage_share(of, C)
+    free = [
         f"a push in {axis} leaves the other directions free and measures 1/C = {1 / C[k, k]:.5g}, not the diagonal "
         f"term of the stiffness, {K[k]:.5g}"
         for k, axis in enumerate(DIRECTIONS)
         if abs(K[k] * C[k, k] - 1) > COUPLED
     ]
+    beside = [
+        f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid fixture the "
+        f"slope is {read[k]:.5g}, where 1/C is {1 / C[k, k]:.5g}"
+        for k, axis in enumerate(DIRECTIONS)
+        if abs(read[k] * C[k, k] - 1) > COUPLED
+    ]
+    return free + beside

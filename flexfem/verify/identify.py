@@ -29,6 +29,8 @@ Unknown: TypeAlias = Literal["pole", "springs"]
 GRID = 161  # offsets at which the compliance is computed; a spline between them
 FURTHEST = 0.5  # of the thinnest neck: offsets that are looked at
 POOR = 0.01  # chance below which a fit is none
+DEPENDENT = 0.98  # correlation: a fifth of what either number does is not done by the other
+RIGID = 1e-9  # of the stage's compliance: a fixture that adds no more is rigid but for round-off
 MAP = 121  # points of the map of chi square along each axis
 
 
@@ -120,7 +122,7 @@ def identify(
     rank = len(problem.ends) if condition is not None else rank_of(problem, best.x)
     dof = len(problem.axes) - rank
     told = condition is not None and not (alone[1].allowed and alone[2].allowed)
-    of = [DIRECTIONS[k] for k in problem.axes]
+    of, soft = [DIRECTIONS[k] for k in problem.axes], problem.fixture @ best.x[1:]
     found = Identification(
         **about(stage) | doubts([("", stage), ("measured: ", measured)])._asdict(),
         name=stage.name,
@@ -134,7 +136,7 @@ def identify(
         fitted=dict(zip(of, problem.slopes(best.x).tolist(), strict=True)),
         offset=estimates[0],
         fixture=dict(zip(columns, estimates[1:], strict=True)),
-        stiffness={axis: 1 / c if c > 0 else None for axis, c in zip(of, problem.fixture @ best.x[1:], strict=True)},
+        stiffness={axis: 1 / c if c > RIGID / k else None for axis, c, k in zip(of, soft, nominal, strict=True)},
         chi_square=best.chi_square,
         dof=dof,
         condition=condition,
@@ -145,7 +147,7 @@ def identify(
         told_apart=told,
         finding="",
         region=_region(problem, _marks(best, estimates, alone), best.chi_square, level),
-        warnings=warnings,
+        warnings=[*warnings, *_of_dependence(correlation)],
     )
     return found.model_copy(update={"finding": finding(found)})
 
@@ -169,6 +171,8 @@ def _problem(
     bare = pushes._replace(pole=np.zeros_like(pushes.pole))
     offsets, C, model = _stages(stage, warnings)
     read = read_compliance(bare, C)[:, axes]
+    if not np.all(read > 0):
+        raise ComputationFailed(f"{measured.name}: a slope of this stage on a rigid fixture is not positive")
     spline = CubicSpline(offsets, np.log(read))
     at = np.exp(spline(0.0))
     if unknown != "springs" and np.any(pole[axes] > 0):
@@ -206,6 +210,15 @@ def _alone(of: SlopeProblem, best: Fit, dropped: range, level: float) -> Alone:
     return Alone(numbers=one.x.tolist(), chi_square=one.chi_square, allowed=bool(allowed))
 
 
+def _of_dependence(correlation: float | None) -> warning.Warnings:
+    if correlation is None or abs(correlation) <= DEPENDENT:
+        return []
+    return [
+        f"the correlation of offset and fixture is {correlation:+.4f}: small differences between the directions tell "
+        "them apart, which errors of the model and unequal necks make as well"
+    ]
+
+
 def _marks(best: Fit, estimates: list[Estimate], alone: list[Alone]) -> Array:
     """Points (n, 2) of offset and first number of the fixture: best fit, causes alone, ends of the intervals."""
     ends = [[getattr(each, end) for each in estimates[:2]] for end in ("low", "high")]
@@ -241,9 +254,10 @@ def finding(of: Identification) -> str:
     necks = f"necks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     alone = of.neither.allowed, of.necks_alone.allowed, of.fixture_alone.allowed
     if of.dof > 0 and chi2.sf(of.chi_square, of.dof) < POOR:
+        usual = f"where chance goes beyond {chi2.isf(POOR, of.dof):.3g} once in {1 / POOR:.0f}"
         return (
-            f"Nothing of this explains the data: chi square {of.chi_square:.3g} with {of.dof} degrees of freedom at "
-            "the best fit. Look at the standard deviations, or for another cause."
+            f"Nothing of this explains the data: chi square {of.chi_square:.3g} at the best fit, {usual}. "
+            "Look at the standard deviations, or for another cause."
         )
     nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them." if alone[0] else ""
     if not of.told_apart:
@@ -257,4 +271,11 @@ def finding(of: Identification) -> str:
         return f"The necks explain the data: {necks}, and no soft fixture alone does."
     if alone[2]:
         return "A soft fixture explains the data, and no neck offset alone does."
-    return "Both are needed: neither a neck offset nor a soft fixture alone explains the data."
+    both = "Both are needed: neither a neck offset nor a soft fixture alone explains the data."
+    return both + (" The pole as described is within its interval." if _as_described(of) else "")
+
+
+def _as_described(of: Identification) -> bool:
+    """Whether the interval of the pole holds the one that the set-up describes."""
+    pole = of.fixture.get("pole")
+    return pole is not None and (pole.low or 0.0) <= 1 and (pole.high is None or pole.high >= 1)

@@ -149,6 +149,11 @@ def read_compliance(of: Pushes, C: Array) -> Array:
     return read(of, seen(of, C)) / of.arm
 
 
+def stage_share(of: Pushes, C: Array) -> Array:
+    """The stage's part (..., 3) of `read_compliance`: on a rigid fixture, which may still push beside the centre."""
+    return read_compliance(of, C) - pole_share(of) - bar_share(of)
+
+
 def pole_share(of: Pushes) -> Array:
     """The pole's part (3,) of `read_compliance`."""
     return read(of, of.pole) / of.arm

@@ -39,7 +39,8 @@ def spring_in_series(stage: float, seen: float) -> float | None:
 def springs_alone(of: Pushes, model: Array, metal: Array, measured: Array | None) -> dict[Direction, SpringAlone]:
     """Which spring alone explains measured slopes (3,) on the metal, or what the paper's text says against its model.
 
-    Directions without a measured slope are left out.
+    model : (3,), as pushed, 1/C_ii.   metal : (3,), as read on a rigid fixture.   Directions without a measured slope
+    are left out.
     """
     found: dict[Direction, SpringAlone] = {}
     stages = model if measured is None else metal

@@ -130,6 +130,18 @@ def test_a_push_leaves_the_other_directions_free(unlike):
     assert any(text.startswith("a push in x leaves the other directions free") for text in found.warnings)
 
 
+def test_a_push_on_the_bar_is_a_force_too(unlike):
+    """Of 1 N at 30 mm along y: C_tt + C_ty / 30 is read, not C_tt. A measured slope is explained from there."""
+    found = experiment(unlike, FIXTURE.model_copy(update={"measured": MeasuredSlopes(ktt=36000.0)}))
+    C = np.linalg.inv(found.metal_stiffness)
+    read = 1 / (C[2, 2] + C[2, 1] / 30.0)
+    assert abs(read * C[2, 2] - 1) > 0.005
+    said = f"on a rigid fixture the slope is {read:.5g}, where 1/C is {1 / C[2, 2]:.5g}"
+    assert any(text.startswith("a push in theta is also one in other") and said in text for text in found.warnings)
+    assert not any("a push in x is also" in text for text in found.warnings)
+    assert found.alone["theta"].stiffness == pytest.approx(36000.0 * read / (read - 36000.0), rel=1e-9)
+
+
 def test_finite_elements_are_the_metal(unlike):
     solved = flexfem.solve(unlike, resolution=3)
     found = experiment(unlike, FIXTURE, solved=solved.solved)

@@ -152,6 +152,15 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
     assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 100
 
 
+def test_a_difference_between_alike_directions_is_no_ground_to_stand_on():
+    """X and Y of unlike chains differ in how they depend on necks, a little; two springs take all else."""
+    found = identify(unlike(), measured(made(unlike(), -0.010, 4.0)), "springs")
+    assert abs(found.correlation) > 0.98 and any(
+        "small differences between the directions" in w for w in found.warnings
+    )
+    assert identify(unlike(), measured(made(unlike(), -0.010, 4.0))).warnings == []
+
+
 def test_what_has_no_interval_is_refused():
     bare = FIXTURE.model_copy(update={"measured": MeasuredSlopes(kxx=37.0, kxx_sd=0.1, ktt=41000.0)})
     with pytest.raises(BadInput, match=r"measured\.ktt_sd_n_mm_per_rad: expected"):

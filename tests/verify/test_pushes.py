@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from flexfem.verify.fixture import Bar, Fixture, ForceSensor, Lvdt, Pole, Pusher, Run
 from flexfem.verify.pushes import (
@@ -36,32 +38,29 @@ def fixture(**changes):
 
 def spring(nodes, vector, stiffness):
     """A spring along one combination of coordinates, as a matrix of all."""
-    row = np.zeros(10)
+    row = np.zeros(8)
     row[nodes] = vector
     return stiffness * np.outer(row, row)
 
 
-def network(push):
-    """The set-up as one matrix: platform (0-2), pole's end (3-5), bar's end along its push (6), three places of the
-    drive (7-9), which ends at the ground. Returns force and readings per unit stroke: pole's end in x and y, both ends
-    of the bar.
+def network(push, p=(1.3, -0.7), a=26.0, angle=0.6, bend=900.0, twist=2.1e5, bar=700.0, drive=17e3, sensor=8e3):
+    """The set-up as one matrix: platform (0-2), pole's end (3-5), bar's end along its push (6), the sensor's end (7).
+
+    Returns the force per unit stroke, and what is read: the pole's end in x and y, both ends of the bar.
     """
-    p, a, n = np.array([1.3, -0.7]), 26.0, np.array([-np.sin(0.6), np.cos(0.6)])
-    K = np.zeros((10, 10))
+    n = np.array([-np.sin(angle), np.cos(angle)])
+    K = np.zeros((8, 8))
     K[:3, :3] = np.linalg.inv(C)
-    K += spring([0, 2, 3], [1.0, -p[1], -1.0], 900.0)  # a foot at p moves x - p_y theta
-    K += spring([1, 2, 4], [1.0, p[0], -1.0], 900.0)
-    K += spring([2, 5], [1.0, -1.0], 2.1e5)
-    end = [*n, a]  # of the bar, as the pole's end moves it
-    K += spring([3, 4, 5, 6], [*end, -1.0], 700.0)
+    K += spring([0, 2, 3], [1.0, -p[1], -1.0], bend)  # a foot at p moves x - p_y theta
+    K += spring([1, 2, 4], [1.0, p[0], -1.0], bend)
+    K += spring([2, 5], [1.0, -1.0], twist)
+    K += spring([3, 4, 5, 6], [*n, a, -1.0], bar)  # between the bar's end and where the pole's end would take it
     pushed = {"x": 3, "y": 4, "theta": 6}[push]
-    K += spring([pushed, 7], [1.0, -1.0], 17e3)  # the drive between the pushed point and a place on the sensor
-    K += spring([7], [1.0], 8e3)
-    K += np.diag([0.0] * 8 + [1.0, 1.0])
-    stretched = np.zeros(10)
-    stretched[[pushed, 7]] = 17e3, -17e3  # what a stroke of 1 mm would press on both sides
-    u = np.linalg.solve(K, stretched)
-    force = 17e3 * (1.0 - (u[pushed] - u[7]))
+    K += spring([pushed, 7], [1.0, -1.0], drive) + spring([7], [1.0], sensor)
+    pressed = np.zeros(8)
+    pressed[[pushed, 7]] = drive, -drive  # what a stroke of 1 mm would press on both sides
+    u = np.linalg.solve(K, pressed)
+    force = drive * (1.0 - (u[pushed] - u[7]))
     return force, u[3], u[4], u[6], float(np.dot([*n, -a], u[3:6]))
 
 
@@ -77,6 +76,36 @@ def test_what_is_read_is_what_a_network_of_all_springs_says():
     one = read_compliance(pushes_of(fixture(lvdt=Lvdt(noise=0.0, rotation="one end"))), C)
     F, _, _, high, _ = network("theta")
     assert one[2] == pytest.approx(high / 26.0 / (26.0 * F), rel=1e-9) and one[:2] == pytest.approx(read[:2])
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    p=st.tuples(*[st.floats(-5, 5)] * 2),
+    a=st.floats(5, 80),
+    angle=st.floats(-6, 6),
+    springs=st.tuples(*[st.floats(1, 6)] * 5),
+)
+def test_any_set_up_reads_what_its_springs_say(p, a, angle, springs):
+    bend, twist, bar, drive, sensor = 10.0 ** np.array(springs)
+    of = pushes_of(
+        fixture(
+            pole=Pole(bending_stiffness=bend, torsional_stiffness=twist, offset=p),
+            bar=Bar(arm=a, angle=angle, stiffness=bar),
+            actuator=Pusher(name="any", stroke=0.045, stiffness=drive),
+            sensor=ForceSensor(noise=0.0, stiffness=sensor),
+        )
+    )
+    read, force = read_compliance(of, C), force_of(of, C, np.array([1.0]))[:, 0]
+    for k, push in enumerate(("x", "y", "theta")):
+        F, x, y, high, low = network(push, p, a, of_angle(angle), bend, twist, bar, drive, sensor)
+        moved, load = (x, y, (high - low) / (2 * a))[k], (F, F, a * F)[k]
+        size = abs(read[k]) + abs(moved / load) + 1e-7
+        assert abs(force[k] - F) < 1e-6 * abs(F) and abs(read[k] - moved / load) < 1e-6 * size
+
+
+def of_angle(angle):
+    """An angle as a file would state it, in degrees."""
+    return float(np.deg2rad(np.rad2deg(angle)))
 
 
 def test_a_pole_of_steel_by_hand():
