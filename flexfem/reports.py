@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.experiment import Experiment
     from flexfem.verify.fixture import Fixture, Measurement
-    from flexfem.verify.identify import Identification, Unknown
+    from flexfem.verify.identified import Identification, Unknown
     from flexfem.verify.protocol import Solved
     from flexfem.verify.reach import Reach
     from flexfem.verify.result import Fields, Result

@@ -17,7 +17,7 @@ from flexfem.units import COMPLIANCES, LENGTH, MICROMETRE, STIFFNESSES, Unit
 if TYPE_CHECKING:
     from flexfem.verify.as_built import AsBuilt
     from flexfem.verify.experiment import Experiment
-    from flexfem.verify.identify import Identification
+    from flexfem.verify.identified import Identification
     from flexfem.verify.series import SpringAlone
     from flexfem.verify.slope_fit import Estimate
 

@@ -14,7 +14,7 @@ from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import significant
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, Unit, unit_for
 from flexfem.verify.experiment import NOT_THE_PAPERS, Experiment, Pushed
-from flexfem.verify.identify import Identification
+from flexfem.verify.identified import Identification
 
 WIDTH, HEIGHT = 11.69, 6.4  # in
 REGION = (8.27, 5.2)  # in
