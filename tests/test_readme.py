@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import flexfem
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 AXES = ("x", "y", "theta")
@@ -158,6 +160,17 @@ def test_what_large_displacements_change_is_what_workspace_printed():
     wanted = [at[um][model] for model in ("exact", "elements") for um in (500, 50)]
     shown = prose("exact load is N % above (18), at 50 um N %; nonlinear finite elements say N and N %")
     require_shown(shown, wanted)
+
+
+def test_what_the_drive_reaches_is_what_reach_says():
+    found = flexfem.reach(flexfem.load(ROOT / "geometry/mobility6.toml"), resolution=None).ranges
+    (said,) = re.findall(r"X reaches ± ([\d.]+) um and Y ± ([\d.]+) um with the others at zero", README)
+    (free,) = re.findall(r"± ([\d.]+) and ± ([\d.]+) um with them free, theta ± ([\d.]+) mrad", README)
+    assert said == tuple(f"{1e3 * found[axis].held.high:.1f}" for axis in ("x", "y"))
+    assert free == (
+        *(f"{1e3 * found[axis].free.high:.1f}" for axis in ("x", "y")),
+        f"{1e3 * found['theta'].held.high:.2f}",
+    )
 
 
 def test_the_first_numbers_of_the_changelog_and_the_printed_regression_line_are_accepted_ones():

@@ -278,6 +278,11 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     corners = section @ [1, 1j]
     area = np.sum(corners.conj() * np.roll(corners, -1)).imag / 2
     assert area > np.pi * found.circle**2 > 0
+    along = np.linspace(0.0, 1.0, 1001)[:, None, None]
+    boundary = section + along * (np.roll(section, -1, axis=0) - section)
+    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(found.circle, rel=1e-4)
+    left = [face.support - np.dot(face.normal, SCALE * rest) for face in found.faces]
+    assert np.min(left) == pytest.approx(found.ball) and found.ball > 1e-3
 
 
 def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage):
