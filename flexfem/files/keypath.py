@@ -2,7 +2,8 @@
 
 Tables go by their keys and members of an array by their place, from 0: `hinges.base.neck_mm`,
 `chain.link_lengths_mm[0]`, `factor[1].sd`. Where a member of an array says which thing it is about, it goes by that,
-wherever it stands: `override.2.elbow.neck_mm` is the neck of the elbow hinge of chain 2.
+wherever it stands: `override.2.elbow.neck_mm` is the neck of the elbow hinge of chain 2,
+`override.2.actuator.base.preload_n` the preload of the actuator "base" there.
 """
 
 from __future__ import annotations
@@ -60,16 +61,19 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 def _placed(parts: list[str | int], data: Any) -> KeyPath:
     for index, part in enumerate(parts):
         data = _inside(data, part)
-        wanted = parts[index + 1 : index + 1 + len(ABOUT.get(str(part), ()))]
-        for place, member in enumerate(data if wanted and isinstance(data, list | tuple) else ()):
-            if _about(str(part), member) == tuple(wanted):
-                return (*parts[: index + 1], place, *parts[index + 1 + len(wanted) :])
+        arrayed = str(part) in ABOUT and isinstance(data, list | tuple)
+        for place, member in enumerate(data if arrayed else ()):
+            about = _about(str(part), member)
+            if about and about == tuple(parts[index + 1 : index + 1 + len(about)]):
+                return (*parts[: index + 1], place, *parts[index + 1 + len(about) :])
     return tuple(parts)
 
 
 def _about(array: str, member: Any) -> tuple[str, ...]:
     """What a member of an array is about, nothing where it does not say so in plain numbers and words."""
     values = tuple(_inside(member, key) for key in ABOUT.get(array, ()))
+    if array == "override" and values[1] is None:
+        values = (values[0], "actuator", _inside(member, "actuator"))
     plain = all(type(value) in (int, str) and re.fullmatch(r"\w{1,20}", str(value)) for value in values)
     return tuple(map(str, values)) if plain else ()
 

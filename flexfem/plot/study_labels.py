@@ -38,9 +38,15 @@ OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
     "range_y_um": ("range in Y at yield", ""),
     "range_theta_mrad": ("range in θ at yield", ""),
     "envelope_mm": ("diameter of the envelope", ""),
-    "travel_x_um": ("travel in X for the stroke", ""),
-    "travel_y_um": ("travel in Y for the stroke", ""),
-    "travel_theta_mrad": ("travel in θ for the stroke", ""),
+    "travel_x_um": ("travel in X, base hinges alone", ""),
+    "travel_y_um": ("travel in Y, base hinges alone", ""),
+    "travel_theta_mrad": ("travel in θ, base hinges alone", ""),
+    "drive_range_x_um": ("range of the drive in X, either way", ""),
+    "drive_range_y_um": ("range of the drive in Y, either way", ""),
+    "drive_range_theta_mrad": ("range of the drive in θ, either way", ""),
+    "engaged_kxx_n_per_mm": ("stiffness XX with stacks engaged", ""),
+    "engaged_kyy_n_per_mm": ("stiffness YY with stacks engaged", ""),
+    "engaged_ktt_n_mm_per_rad": ("stiffness θθ with stacks engaged", ""),
     "error_x_percent": ("error along X", ""),
     "error_y_percent": ("error along Y", ""),
     "error_theta_percent": ("error along θ", ""),
@@ -110,6 +116,10 @@ def words(key: str) -> str:
     leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
     leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
     match tables:
+        case ["override", chain, "actuator", name]:
+            return f"{leaf}, chain {chain} actuator {name}"
+        case ["actuator", name]:
+            return f"{leaf} of actuator {name}"
         case ["override", chain, hinge]:
             return f"{leaf}, chain {chain} {hinge}"
         case ["hinges", hinge]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
+from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
 from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, at_least, converted
@@ -40,6 +42,27 @@ class StackRating(NamedTuple):
     stroke: float
     stiffness: float
     blocking_force: float
+
+
+class Numbers(NamedTuple):
+    """The numbers of actuators (...), inside units, as in `Actuator`; nan where nothing is said; x, y of its point."""
+
+    arm: AnyArray
+    tilt: AnyArray
+    x: AnyArray
+    y: AnyArray
+    direction: AnyArray
+    stroke: AnyArray
+    stiffness: AnyArray
+    blocking_force: AnyArray
+    contact_stiffness: AnyArray
+    ball_radius: AnyArray
+    ball_youngs_modulus: AnyArray
+    ball_poissons_ratio: AnyArray
+    preload: AnyArray
+
+
+GEOMETRY = Numbers._fields[:5]  # where the contact is
 
 
 class CataloguedStack(Dimensioned):
@@ -171,6 +194,15 @@ class Actuator(Dimensioned):
         return self
 
     @property
+    def numbers(self) -> tuple[float, ...]:
+        """Its `Numbers`; of a stack of the catalogue those of the catalogue."""
+        said = {name: getattr(self, name, None) for name in Numbers._fields}
+        said["x"], said["y"] = self.point or (None, None)
+        if self.stack is not None:
+            said["stroke"], said["blocking_force"] = self.rating.stroke, self.rating.blocking_force
+        return tuple(np.nan if value is None else float(value) for value in said.values())
+
+    @property
     def rating(self) -> StackRating:
         """Stroke, stiffness and blocking force of each of its stacks."""
         if self.stack is not None:
@@ -189,16 +221,23 @@ class Actuator(Dimensioned):
 
     def stiffness_with(self, metal: Material) -> float:
         """Stiffness, N/mm, of stack and contact in series, the contact on this metal."""
-        contact = np.inf if self.contact_stiffness is None else self.contact_stiffness
-        if self.ball_radius is not None:
-            E, nu = self.ball_youngs_modulus or STEEL[0], self.ball_poissons_ratio
-            ball = E, STEEL[1] if nu is None else nu
-            contact = hertz(self.ball_radius, self.preload, ball, (metal.youngs_modulus, metal.poissons_ratio))
-        return float(1 / (1 / self.rating.stiffness + 1 / contact))
+        numbers = Numbers(*map(np.asarray, self.numbers))
+        return float(series_stiffness(numbers, self.rating.stiffness, metal.youngs_modulus, metal.poissons_ratio))
 
 
-def hertz(radius: float, force: float, ball: tuple[float, float], flat: tuple[float, float]) -> float:
-    """Stiffness, N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
+def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike) -> Array:
+    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) and their contacts in series, on a metal (E, nu)."""
+    given = np.where(np.isnan(of.contact_stiffness), np.inf, of.contact_stiffness)
+    ball = tuple(
+        np.where(np.isnan(own), steel, own)
+        for own, steel in zip((of.ball_youngs_modulus, of.ball_poissons_ratio), STEEL, strict=True)
+    )
+    contact = np.where(np.isnan(of.ball_radius), given, hertz(of.ball_radius, of.preload, ball, (E, nu)))
+    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact))
+
+
+def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:
+    """Stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
 
     Notes
     -----
@@ -206,4 +245,4 @@ def hertz(radius: float, force: float, ball: tuple[float, float], flat: tuple[fl
     `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
     """
     modulus = 1 / sum((1 - nu**2) / E for E, nu in (ball, flat))
-    return float((6 * radius * modulus**2 * force) ** (1 / 3))
+    return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
+from flexfem.stage.actuators import Numbers
 from flexfem.stage.cache import once
+from flexfem.stage.overrides import actuators_of
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Plane
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ class Designs:
     thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
+    actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
     """
 
     plane: Plane
@@ -62,6 +65,7 @@ class Designs:
     radius: Array
     neck: Array
     axis: Array
+    actuator: Array
 
     @cached_property
     def frames(self) -> Frames:
@@ -80,8 +84,12 @@ class Designs:
 
     def repeated(self, count: int) -> Designs:
         """`count` copies of one design, each to be changed in place."""
+        return self.chosen(np.zeros(count, dtype=np.int64))
+
+    def chosen(self, which: Index) -> Designs:
+        """Copies of some designs, by their places (k,)."""
         names = [field.name for field in fields(self) if field.name not in SHARED]
-        copies: dict[str, Any] = {name: np.repeat(getattr(self, name), count, axis=0) for name in names}
+        copies: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
         return replace(self, **copies)
 
 
@@ -105,6 +113,8 @@ def lower(stage: Stage) -> Designs:
         "axis": [[np.nan if hinge.axis is None else hinge.axis for hinge in row] for row in hinges],
     }
     found = {name: np.array([value], dtype=float) for name, value in arrays.items()}
+    numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
+    found["actuator"] = np.array([numbers], dtype=float).reshape(1, len(CHAINS), -1, len(Numbers._fields))
     prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges], dtype=bool)
     made = Designs(stage.model, prismatic, **found)
     for each in (prismatic, *found.values(), *made.frames):

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import BODY_NAMES, ENDS, Actuator
 from flexfem.stage.bodies import centrelines, draw_sector, turn
@@ -15,6 +14,7 @@ from flexfem.stage.cache import once
 from flexfem.stage.contacts import Stack, chain_rotation, middle_at, placed_stack, tangent_at
 from flexfem.stage.origin import located
 from flexfem.stage.outline import Segment
+from flexfem.stage.overrides import actuators_of, key_of_actuator
 from flexfem.stage.tables import CHAINS
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def check_drive(stage: Stage) -> None:
 
 def _drive(stage: Stage) -> StageDrive:
     placed = [(chain, index) for chain in CHAINS for index in range(len(stage.actuator))]
-    actuators = [stage.actuator[index] for _, index in placed]
+    actuators = [actuators_of(stage)[chain - 1][index] for chain, index in placed]
     stacks, owners, signs = list[Stack](), list[int](), list[float]()
     for command, (chain, index) in enumerate(placed):
         for side, contact in enumerate(contacts(stage, chain, index)):
@@ -103,7 +103,7 @@ def contacts(stage: Stage, chain: int, index: int) -> tuple[Contact, ...]:
 
     Raises BadInput when one is off the metal.
     """
-    actuator = stage.actuator[index]
+    actuator = actuators_of(stage)[chain - 1][index]
     body = actuator.between[1]
     outline = _outline(stage, chain, body)
     if actuator.point is None or actuator.direction is None:
@@ -118,8 +118,8 @@ def contacts(stage: Stage, chain: int, index: int) -> tuple[Contact, ...]:
     beyond = [t for t in crossed if t > ON_OUTLINE * stage.chain.link_width]
     if not beyond:
         raise BadInput(
-            f"{_key(stage, index, 'pair')} = true: nothing of {body} of chain {chain} is opposite to the contact, "
-            "expected an outline there for the partner to push on"
+            f"{key_of_actuator(stage, chain, index, 'pair')} = true: nothing of {body} of chain {chain} is opposite "
+            "to the contact, expected an outline there for the partner to push on"
         )
     partner = Contact(complex(first.point + min(beyond) * push), first.direction + np.pi)
     _check_contact(stage, chain, index, partner, outline)
@@ -128,7 +128,7 @@ def contacts(stage: Stage, chain: int, index: int) -> tuple[Contact, ...]:
 
 def _on_link(stage: Stage, chain: int, index: int) -> Contact:
     """The contact at an arm from a hinge, on the side of a link. Raises BadInput for an arm that is off its strip."""
-    actuator = stage.actuator[index]
+    actuator = actuators_of(stage)[chain - 1][index]
     assert actuator.hinge is not None and actuator.arm is not None
     body, width = actuator.between[1], stage.chain.link_width
     path = centrelines(stage, chain)[BODY_NAMES.index(body)]
@@ -136,7 +136,7 @@ def _on_link(stage: Stage, chain: int, index: int) -> Contact:
     s = actuator.arm - radius
     if not 0 <= s <= length:
         raise BadInput(
-            f"{_place_of(stage, index)}, contact off the metal: expected {radius:g} to "
+            f"{_place_of(stage, chain, index)}, contact off the metal: expected {radius:g} to "
             f"{radius + length:.6g}, from notch to notch of {body} of chain {chain}"
         )
     s = s if actuator.hinge == ENDS[body][0] else length - s
@@ -151,33 +151,30 @@ def _on_link(stage: Stage, chain: int, index: int) -> Contact:
 
 
 def _check_contact(stage: Stage, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
-    actuator, (point, direction) = stage.actuator[index], contact
+    actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
     body = f"{actuator.between[1]} of chain {chain}"
     distance, nearest, inward = min((_nearest(segment, point) for segment in outline), key=lambda found: found[0])
     if distance > ON_OUTLINE * stage.chain.link_width:
         raise BadInput(
-            f"{_place_of(stage, index)}, contact off the metal: expected a point of the outline of {body}, the nearest "
-            f"is [{nearest.real:.4g}, {nearest.imag:.4g}]"
+            f"{_place_of(stage, chain, index)}, contact off the metal: expected a point of the outline of {body}, the "
+            f"nearest is [{nearest.real:.4g}, {nearest.imag:.4g}]"
         )
     if (np.exp(1j * direction) * np.conj(inward)).real < INTO:
         key, turned = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
         normal = np.rad2deg(np.angle(inward)) % 360
+        said = f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(turned or 0.0):g}"
         raise BadInput(
-            f"{_key(stage, index, key)} = {np.rad2deg(turned or 0.0):g}, not into the metal of {body} at "
+            f"{said}, not into the metal of {body} at "
             f"[{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of {normal:.4g}, the inward normal there"
         )
 
 
-def _place_of(stage: Stage, index: int) -> str:
+def _place_of(stage: Stage, chain: int, index: int) -> str:
     """The key that says where a contact is, and its value."""
-    actuator = stage.actuator[index]
+    actuator = actuators_of(stage)[chain - 1][index]
     if actuator.point is None:
-        return f"{_key(stage, index, 'arm_mm')} = {actuator.arm:g}"
-    return f"{_key(stage, index, 'point_mm')} = {list(actuator.point)}"
-
-
-def _key(stage: Stage, index: int, key: str) -> str:
-    return key_path(("actuator", index, key), stage)
+        return f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}"
+    return f"{key_of_actuator(stage, chain, index, 'point_mm')} = {list(actuator.point)}"
 
 
 def _outline(stage: Stage, chain: int, body: str) -> list[Segment]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
@@ -30,13 +31,14 @@ from flexfem.stage.inside import Dimensioned, Length
 from flexfem.stage.materials import Material as Material
 from flexfem.stage.materials import source_of
 from flexfem.stage.origin import Origin
+from flexfem.stage.overrides import Override as Override
+from flexfem.stage.overrides import actuators_of, check_overrides
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
 from flexfem.stage.tables import Chain as Chain
 from flexfem.stage.tables import Hinge as Hinge
 from flexfem.stage.tables import HingeName as HingeName
 from flexfem.stage.tables import Hinges as Hinges
-from flexfem.stage.tables import Override as Override
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
 from flexfem.stage.tables import key_of as key_of
@@ -71,19 +73,12 @@ class Stage(Dimensioned, Sourced):
         return data | {"provenance": {"material": source} | (stated or {})}
 
     @model_validator(mode="after")
-    def _overrides_each_hinge_once(self) -> Stage:
-        hinges = [(override.chain, override.hinge) for override in self.override]
-        for index, hinge in enumerate(hinges):
-            if hinge in hinges[:index]:
-                raise refusal("each hinge overridden once", "override", index)
-        return self
-
-    @model_validator(mode="after")
     def _names_each_actuator_once(self) -> Stage:
         names = [actuator.name for actuator in self.actuator]
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise refusal("a name that no other actuator has", "actuator", index, "name")
+        check_overrides(self)
         return self
 
     @cached_property
@@ -100,7 +95,8 @@ class Stage(Dimensioned, Sourced):
             `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"` takes a registered
             one. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by name,
             `neck={"elbow": 0.4}`; a hinge with an override keeps it. One of the nine hinges alone:
-            `override={(2, "elbow"): {"neck": 0.52}}`; a sequence replaces all overrides.
+            `override={(2, "elbow"): {"neck": 0.52}}`; an actuator on one chain, `override={(2, "actuator", "base"):
+            {"preload": 40.0}}`; a sequence replaces all overrides.
 
         Raises
         ------
@@ -128,7 +124,7 @@ link, expected < chain.link_width_mm = 9
             raise BadInput(refusal.reason.removeprefix("Stage: "), str(origin)) from None
         changed.__dict__["origin"] = origin
         check_feasible(changed)
-        if "actuator" in changes:
+        if "actuator" in changes or changed.override != self.override:
             check_drive(changed)
         return changed
 
@@ -227,8 +223,11 @@ link, expected < chain.link_width_mm = 9
     @property
     def drive_hash(self) -> str:
         """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of."""
-        drive = [[one.model_dump(exclude={"name", "stack"}), one.rating] for one in self.actuator]
-        return _digest({"stage": self.hash, "drive": drive})
+        chains = [
+            [[one.model_dump(exclude={"name", "stack"}), one.rating] for one in chain] for chain in actuators_of(self)
+        ]
+        alike = all(chain == chains[0] for chain in chains)
+        return _digest({"stage": self.hash, "drive": chains[0] if alike else chains})
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -245,8 +244,8 @@ link, expected < chain.link_width_mm = 9
         """What is assumed and what is not stated, the drive included; a ball of no stated metal is of assumed steel."""
         steel = [
             f"{key_path(('actuator', k), self)}.ball (steel)"
-            for k, one in enumerate(self.actuator)
-            if one.steel_assumed
+            for k, chains in enumerate(zip(*actuators_of(self), strict=True))
+            if any(one.steel_assumed for one in chains)
         ]
         not_stated = [key for key in super().numbers if provenance_of(self, key) is None]
         return Doubts([*super().assumed, *steel], not_stated)
@@ -254,13 +253,13 @@ link, expected < chain.link_width_mm = 9
 
 def of_drive(key: str) -> bool:
     """Whether a key path of a stage file, or of its provenance, is one of the drive."""
-    return key.removeprefix("provenance.").lstrip('"').startswith("actuator")
+    return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
 
 
 @once
 def _hinges(stage: Stage) -> tuple[tuple[Hinge, ...], ...]:
     """The nine hinges, 3 chains by 3 hinges, overrides applied."""
-    changes = {(override.chain, override.hinge): override.changes for override in stage.override}
+    changes = {override.place: override.changes for override in stage.override}
     own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
     return tuple(
         tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field
 
 from flexfem.files.keypath import key_path
-from flexfem.files.refusals import refusal, shown
+from flexfem.files.refusals import shown
 from flexfem.refused import BadInput
 from flexfem.stage.inside import Angle, Dimensioned, Length, plain
 from flexfem.stage.materials import with_changes
@@ -50,29 +50,6 @@ class Hinges(Dimensioned):
     platform: Hinge
 
 
-class Override(Dimensioned):
-    """What differs at one of the nine hinges; None keeps the value of `Hinges`."""
-
-    chain: int = Field(ge=1, le=3)
-    hinge: HingeName
-    radius: Length | None = Field(default=None, alias="radius_mm")
-    neck: Length | None = Field(default=None, alias="neck_mm")
-    prismatic: bool | None = None
-    axis: Angle | None = Field(default=None, alias="axis_deg")
-
-    @model_validator(mode="after")
-    def _changes_something(self) -> Override:
-        if not self.changes:
-            raise refusal("at least one of radius_mm, neck_mm, prismatic, axis_deg")
-        return self
-
-    @property
-    def changes(self) -> dict[str, float | bool]:
-        """The attributes of `Hinge` that are replaced, with their new values."""
-        values = {name: getattr(self, name) for name in Hinge.model_fields}
-        return {name: value for name, value in values.items() if value is not None}
-
-
 class Platform(Dimensioned):
     """The platform disc and its rigid hub, radii in mm."""
 
@@ -84,7 +61,7 @@ def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
     """Key path in the stage file that sets a hinge's value, an override's where there is one."""
     attribute = key.rsplit("_", 1)[0]
     for index, override in enumerate(stage.override):
-        if (override.chain, override.hinge) == (chain, hinge) and getattr(override, attribute) is not None:
+        if override.place == (chain, hinge) and getattr(override, attribute) is not None:
             return key_path(("override", index, key), stage)
     return key_path(("hinges", hinge, key))
 
@@ -115,17 +92,30 @@ def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
 
 
 def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
-    found = {(each["chain"], each["hinge"]): each for each in held}
+    found = {_place(each): each for each in held}
     for place, values in given.items():
-        chain, hinge = place if isinstance(place, tuple) and len(place) == 2 else (None, place)
-        if chain not in CHAINS or hinge not in HINGE_NAMES:
-            names = ", ".join(HINGE_NAMES)
-            raise BadInput(f"override: no hinge {shown(str(place))}, expected (1, 2 or 3, one of {names})")
+        about = place if isinstance(place, tuple) else (None, place)
+        match about:
+            case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
+                named: dict[str, Any] = {"chain": chain, "hinge": hinge}
+            case (int(chain), "actuator", str(name)) if chain in CHAINS:
+                named = {"chain": chain, "actuator": name}
+            case _:
+                names = ", ".join(HINGE_NAMES)
+                expected = f'(1, 2 or 3, one of {names}) or (1, 2 or 3, "actuator", its name)'
+                raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
         if not isinstance(values, Mapping):
-            expected = f"a table, any of {', '.join(OF_HINGES)}"
-            raise BadInput(f"{key_path(('override', str(chain), hinge))} = {shown(values)}, expected {expected}")
-        found[chain, hinge] = found.get((chain, hinge), {"chain": chain, "hinge": hinge}) | dict(values)
+            keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in named else ""
+            raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
+        found[about] = found.get(about, named) | dict(values)
     return list(found.values())
+
+
+def _place(override: Mapping[str, Any]) -> tuple[Any, ...]:
+    """As `Override.place`, of what a stage holds."""
+    if override.get("actuator") is not None:
+        return override["chain"], "actuator", override["actuator"]
+    return override["chain"], override["hinge"]
 
 
 def _merge(old: Any, new: Any) -> Any:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
+from flexfem.analytic.drive import LinkParts, link_parts
+from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.analytic.notch import Compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.designs import Designs
+from flexfem.stage.driven_designs import drives_of
+from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage
@@ -19,8 +26,10 @@ from flexfem.study.columns import Rows, row_of, values_of
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
-from flexfem.verify.questions import Clock, ask_elements, ask_formulas
+from flexfem.verify.drive_ranges import DriveAnswers
+from flexfem.verify.questions import Clock, ask_drives, ask_elements, ask_formulas
 
+UNMOVED = "actuator: the drive does not move the platform in three directions"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
 
 
@@ -55,10 +64,41 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
         bodies = _drawn(loaded, values, reason) if study.draws or study.links else None
         found = ask_formulas(designs, hinges, freedoms, bodies if study.links else None)
+        if study.driven:
+            found = found._replace(drives=_driven(loaded, values, reason, designs, hinges, freedoms))
         reason[np.isnan(found.stiffness[:, 0, 0]) & (reason == "")] = "chain: singular configuration at rest"
+        if found.drives is not None:
+            reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.rotation)
     answers[reason != ""] = np.nan
     return _doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
+
+
+def _driven(
+    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+) -> DriveAnswers:
+    """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
+    stages = cache(lambda index: stage_of(loaded, values[index]))
+    drive = drives_of(loaded.stage, designs, reason, stages)
+    elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
+    drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
+    return ask_drives(designs, hinges, freedoms, drive, elastic)
+
+
+def _link_parts(stages: Callable[[int], Stage], reason: AnyArray, drive: StageDrive) -> LinkParts:
+    """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
+    n, stacks = len(reason), len(drive.stacks)
+    shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
+    found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
+    for index in np.flatnonzero(reason == ""):
+        try:
+            own = link_parts(stages(int(index)), drive_of(stages(int(index))).stacks)
+        except BadInput as refusal:
+            reason[index] = str(refusal)
+            continue
+        for all_of, one in zip(found, own, strict=True):
+            all_of[index] = one
+    return found
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:

@@ -38,6 +38,8 @@ STRESSES = ("stress_x_mpa_per_um", "stress_y_mpa_per_um", "stress_theta_mpa_per_
 RANGES = ("range_x_um", "range_y_um", "range_theta_mrad")
 ENVELOPE = ("envelope_mm",)
 TRAVELS = ("travel_x_um", "travel_y_um", "travel_theta_mrad")
+DRIVE_RANGES = ("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad")
+ENGAGED = ("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad")
 ERRORS = ("error_x_percent", "error_y_percent", "error_theta_percent")
 CROSSES = ("cross_x_percent", "cross_y_percent", "cross_theta_percent")
 BANDS = ("band_x_percent", "band_y_percent", "band_theta_percent")
@@ -174,12 +176,20 @@ def with_mean(column: Column, stage: Stage) -> Column:
 
 def acting(column: Column, stage: Stage) -> Column:
     """The column itself. Raises BadInput when nothing of the stage follows its keys."""
+    for path in column.keys:
+        if keys()[path].of_drive and not keys()[path].places_in(stage):
+            raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
     if not any(keys()[path].places_in(stage) for path in column.keys):
         raise BadInput(
             f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
             "or no model asks for it"
         )
     return column
+
+
+def _of_actuators(stage: Stage) -> str:
+    names = ", ".join(actuator.name for actuator in stage.actuator)
+    return f"a number that an actuator of the stage ({names or 'it has none'}) states and that no override replaces"
 
 
 def _columns(factor: Factor) -> list[Column]:
@@ -196,9 +206,9 @@ def _check_key(key: str, *at: str | int) -> None:
         raise refusal(f"a number of the stage format{meant(key, keys()) or ', see geometry/README.md'}", *at)
 
 
-def outputs_of(drive: bool, verify: bool, bands: bool) -> tuple[str, ...]:
-    """Names of the output columns: travel with a drive, errors of a verification, their bands if wanted."""
-    travel = TRAVELS if drive else ()
+def outputs_of(travels: bool, verify: bool, bands: bool, driven: bool) -> tuple[str, ...]:
+    """Names of the output columns: travels and those of the drive where asked, errors of a verification and bands."""
+    travel = (*(TRAVELS if travels else ()), *((*DRIVE_RANGES, *ENGAGED) if driven else ()))
     errors = (*ERRORS, *CROSSES, *(BANDS if bands else ())) if verify else ()
     return (*COMMON, *travel, *errors)
 
@@ -209,6 +219,9 @@ def values_of(answers: Answers, rotation: float | None) -> Array:
     asked += [answers.range_at_yield * _factors(RANGES), answers.envelope[:, None]]
     if rotation is not None:
         asked.append(answers.travel(rotation) * _factors(TRAVELS))
+    if answers.drives is not None:
+        asked.append(answers.drives.range * _factors(DRIVE_RANGES))
+        asked.append(np.diagonal(answers.drives.engaged, axis1=1, axis2=2) * _factors(ENGAGED))
     asked += [each for each in answers.errors or () if each is not None]
     return np.concatenate(asked, axis=1)
 

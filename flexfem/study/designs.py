@@ -12,6 +12,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.refused import BadInput
 from flexfem.stage.designs import Designs, lower
 from flexfem.stage.keys import Key, keys
+from flexfem.stage.overrides import actuators_of
 from flexfem.stage.schema import Stage
 from flexfem.stage.tables import merged_changes
 from flexfem.study.expression import names_in, value_of
@@ -47,13 +48,16 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
-    """Every key set and the column that sets it, single hinges after the three they all are."""
+    """Every key set and the column that sets it, those of one chain after those of all three."""
     found = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
     return sorted(found, key=lambda setting: setting[0].table[:1] == ("override",))
 
 
 def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
     """Set a number in changes as `Stage.replace` takes them; of an array all, those not set from the stage."""
+    if key.of_drive:
+        _set_of_drive(changes, stage, key, value)
+        return
     if key.table[:1] == ("override",):
         place = int(key.table[1]), key.table[2]
         changes.setdefault("override", {}).setdefault(place, {})[key.attribute] = value
@@ -65,6 +69,24 @@ def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
         table[key.attribute] = value
     else:
         table[key.attribute] = list(table.get(key.attribute, getattr(held, key.attribute)))
+        table[key.attribute][key.element] = value
+
+
+def _set_of_drive(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
+    """As `_set`, of an actuator: of all chains, or of one as its override has it."""
+    name = key.table[-1]
+    place = [each.name for each in stage.actuator].index(name)
+    if key.table[0] == "override":
+        chain = int(key.table[1])
+        held = actuators_of(stage)[chain - 1][place]
+        table = changes.setdefault("override", {}).setdefault((chain, "actuator", name), {})
+    else:
+        held = stage.actuator[place]
+        table = changes.setdefault("actuator", [one.model_dump(exclude_unset=True) for one in stage.actuator])[place]
+    if key.element is None:
+        table[key.attribute] = value
+    else:
+        table[key.attribute] = list(table.get(key.attribute) or getattr(held, key.attribute))
         table[key.attribute][key.element] = value
 
 
@@ -130,5 +152,5 @@ def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Arra
     if key.table[:1] != ("override",):
         return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
-    ((field, (chain, hinge)),) = key.places_in(loaded.stage)
-    return np.asarray(getattr(designs, field)[:, chain, hinge] / key.unit)
+    ((field, place),) = key.places_in(loaded.stage)
+    return np.asarray(getattr(designs, field)[:, *place] / key.unit)

@@ -52,12 +52,14 @@ class LoadedStudy:
     def assumed(self) -> tuple[str, ...]:
         """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
         own = (key for key, source in self.study.provenance.items() if is_assumed(source))
-        return (*(f"stage: {key}" for key in self.stage.assumed), *(f"study: {key}" for key in own))
+        stage = self.stage.drive_doubts.assumed if self.study.driven else self.stage.assumed
+        return (*(f"stage: {key}" for key in stage), *(f"study: {key}" for key in own))
 
     @property
     def not_stated(self) -> tuple[str, ...]:
         """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
-        stage = (f"stage: {key}" for key in self.stage.not_stated)
+        found = self.stage.drive_doubts.not_stated if self.study.driven else self.stage.not_stated
+        stage = (f"stage: {key}" for key in found)
         return (*stage, *(f"study: {key}" for key in self.study.not_stated))
 
     @property
@@ -70,12 +72,17 @@ class LoadedStudy:
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
         content = self.study.model_dump(mode="json", exclude=unneeded)
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
+        if content["drive"] is not None and not content["drive"]["actuators"]:  # hashes older than the key stay
+            del content["drive"]["actuators"]
+        if self.study.driven:
+            content["stage"] = self.stage.drive_hash
         if self.given is not None:
             content["sampling"] = content["sampling"] | {"file": self.given.digest}
         if self.study.sampling.method in EXTENSIBLE:
             content["sampling"] = content["sampling"] | {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
-        content["override"] = sorted((o.chain, o.hinge, sorted(o.changes)) for o in self.stage.override)
+        followed = (o for o in self.stage.override if o.hinge or self.study.driven)
+        content["override"] = sorted((*o.place, sorted(o.changes)) for o in followed)
         content["columns"] = [
             [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
             for name, keys, factor in self.columns
@@ -109,6 +116,9 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
             f'{place_of(path, line)}: model = {shown(study.model)} on a stage with model = "corrected", expected '
             '"analytic": the finite elements are plane'
         )
+    if study.driven and not stage.actuator:
+        line = read_toml(path).lines.line(("drive", "actuators"))
+        raise BadInput(f"{place_of(path, line)}: drive.actuators = true, expected a base stage with [[actuator]]")
     columns: list[Column] = []
     for index, factor in enumerate(study.factor):
         try:

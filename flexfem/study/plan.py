@@ -84,6 +84,17 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
+    def _drive_is_of_its_model(self) -> Study:
+        if self.driven and self.model != "analytic":
+            expected = f'no actuators with model = "{self.model}": the drive of a study is that of the analytic model'
+            raise refusal(expected, "drive", "actuators")
+        for index, factor in enumerate(self.factor):
+            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
+                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
+                raise refusal(expected, "factor", index)
+        return self
+
+    @model_validator(mode="after")
     def _factors_fit_the_sampling(self) -> Study:
         grid, table = self.sampling.method == "grid", self.sampling.method == "table"
         for index, factor in enumerate(self.factor):
@@ -121,7 +132,7 @@ class Study(Sourced):
     def _expressions_name_columns(self) -> Study:
         names = {column.name for column in columns_of(self.factor)}
         taken = {*RESERVED, FEASIBLE, *self.outputs, *names, *keys()}
-        known = {*names, *self.outputs, *keys()}
+        known = {*names, *self.outputs}
         for index, output in enumerate(self.output):
             if output.name in taken:
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
@@ -196,9 +207,14 @@ class Study(Sourced):
         return None if self.drive is None else self.drive.rotation
 
     @property
+    def driven(self) -> bool:
+        """Whether it asks about the actuators of the base stage."""
+        return self.drive is not None and self.drive.actuators
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the output columns, in their order."""
-        return outputs_of(self.drive is not None, self.model == "verify", self.bands)
+        return outputs_of(self.rotation is not None, self.model == "verify", self.bands, self.driven)
 
     @property
     def every_output(self) -> tuple[str, ...]:
@@ -224,7 +240,8 @@ class Study(Sourced):
 
 
 def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
-    names = sorted(known)
+    names = set(known)
     for name in names_in(expression):
-        if name not in names:
-            raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, names)}", *at)
+        if name not in names and name not in keys():
+            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*names, *keys()}))}"
+            raise refusal(expected, *at)

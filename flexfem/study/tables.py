@@ -62,14 +62,31 @@ class Sampling(Table):
 
 
 class Drive(Table):
-    """The piezo: its stroke, and the lever arm from the base hinge to where it pushes link 1; in units of the file."""
+    """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone.
 
-    stroke_um: float = Field(gt=0, le=1e6)
-    lever_arm_mm: float = Field(gt=0, le=1e4)
+    actuators : ask about the actuators of the base stage.
+    stroke_um, lever_arm_mm : of a piezo, and from the base hinge to where it pushes link 1, in units of the file.
+    """
+
+    actuators: bool = False
+    stroke_um: float | None = Field(default=None, gt=0, le=1e6)
+    lever_arm_mm: float | None = Field(default=None, gt=0, le=1e4)
+
+    @model_validator(mode="after")
+    def _asks_something(self) -> Drive:
+        both = {"stroke_um": self.stroke_um, "lever_arm_mm": self.lever_arm_mm}
+        missing = [key for key, value in both.items() if value is None]
+        if len(missing) == 1:
+            raise refusal(f"stroke_um and lever_arm_mm together: {missing[0]} is missing")
+        if missing and not self.actuators:
+            raise refusal("actuators = true, or stroke_um and lever_arm_mm")
+        return self
 
     @property
-    def rotation(self) -> float:
-        """Largest rotation of a base hinge, rad."""
+    def rotation(self) -> float | None:
+        """Largest rotation of a base hinge, rad; None where no stroke is given."""
+        if self.stroke_um is None or self.lever_arm_mm is None:
+            return None
         return 1e-3 * self.stroke_um / self.lever_arm_mm
 
 

@@ -51,10 +51,10 @@ def neck_forces(frames: Frames, wrenches: Array) -> NeckForces:
     return NeckForces(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
 
 
-def sections_of(designs: Designs) -> NeckSections:
-    """The places of n designs, (n, 3, 3, s)."""
+def sections_of(designs: Designs, count: int = SECTIONS) -> NeckSections:
+    """The places of n designs, (n, 3, 3, s), an odd `count` of them: one is the centre alone."""
     radius, neck = designs.radius[..., None], designs.neck[..., None]
-    x = radius * np.linspace(-BESIDE, BESIDE, SECTIONS)
+    x = radius * (np.linspace(-BESIDE, BESIDE, count) if count > 1 else np.zeros(1))
     high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
     K = concentration(neck / radius)
     per_area = (von_mises_along(designs.out_of_plane) / designs.thickness)[:, None, None, None] / high

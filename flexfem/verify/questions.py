@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.analytic.chains import travel
+from flexfem.analytic.drive import LinkParts
+from flexfem.analytic.drive import driven as driven_compliance
 from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import at_rest
 from flexfem.analytic.notch import Compliance
@@ -14,7 +16,10 @@ from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.stage.designs import Designs, envelope
+from flexfem.stage.drives import StageDrive
 from flexfem.stage.schema import Stage
+from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
+from flexfem.verify.driven import driven
 from flexfem.verify.errors import CAUTIOUS, ORDER, error_matrix, grid_convergence, levels
 
 if TYPE_CHECKING:
@@ -46,6 +51,7 @@ class Answers(NamedTuple):
     stress : (n, 3), highest neck stress per displacement in each direction, the others held: MPa per mm, per rad.
     turning : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
     yield_strength : (n,), MPa.   envelope : (n,), diameter, mm.   errors : of the analytic model, where asked.
+    drives : what the stages' own drives do, where asked.
     """
 
     stiffness: Array
@@ -54,6 +60,7 @@ class Answers(NamedTuple):
     yield_strength: Array
     envelope: Array
     errors: ErrorPercentages | None = None
+    drives: DriveAnswers | None = None
 
     @property
     def coupling(self) -> Array:
@@ -77,6 +84,14 @@ def ask_formulas(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodie
     found = at_rest(designs, hinges, freedoms, bodies)
     highest = np.max(found.stress, axis=(1, 2))
     return Answers(found.stiffness, highest, found.turning, designs.yield_strength, envelope(designs))
+
+
+def ask_drives(
+    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
+) -> DriveAnswers:
+    """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
+    model = driven_compliance(designs.frames, hinges, freedoms, drive.stacks, elastic)
+    return drive_answers(designs, driven(model.compliance, drive), model.necks, drive)
 
 
 def ask_elements(

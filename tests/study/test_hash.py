@@ -9,11 +9,13 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from flexfem.stage.overrides import OF_ACTUATORS
 from flexfem.stage.schema import Hinge, Override
 from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]
 NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",)}  # the drive has a hash of its own
+OF_THE_DRIVE = {("override", 0, name) for name in OF_ACTUATORS}  # of a hinge's override: nothing
 NOT_OF_A_STUDY = {("name",), ("stage",), ("figure",), ("provenance",), ("time_limit",), ("check",)}  # check by `draws`
 NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make
 DRIVEN = ("sd = 1.5\n", "sd = 1.5\n[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")
@@ -68,9 +70,9 @@ def test_every_key_of_a_stage_changes_its_hash_but_names_and_provenance(studies:
     places = set(leaves(stage))
     numbers = {place for place in places if place[0] != "override"}
     assert {("platform", "radius"), ("chain", "joint_angles", 2), ("hinges", "elbow", "axis")} < numbers
-    assert len(numbers) >= 29 and len(places - numbers) == 6  # the one override's chain, hinge and four values
+    assert len(numbers) >= 29 and len(places - numbers) == 7 + len(OF_THE_DRIVE)  # what it is about, and four values
     places -= {("override", 0, "hinge")}  # text, tried apart
-    assert unseen(stage, lambda one: one.hash, places) == NOT_OF_A_STAGE
+    assert unseen(stage, lambda one: one.hash, places) == NOT_OF_A_STAGE | OF_THE_DRIVE
     elsewhere = stage.override[0].model_copy(update={"hinge": "base"})
     assert stage.model_copy(update={"override": (elsewhere,)}).hash != stage.hash
 
@@ -106,4 +108,20 @@ def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) ->
     loaded: LoadedStudy = studies.load()
     places = set(leaves(loaded.stage)) - {("override", 0, "hinge")}
     found = unseen(loaded.stage, lambda stage: replace(loaded, stage=stage).hash, places)
-    assert found == NOT_OF_A_STAGE
+    assert found == NOT_OF_A_STAGE | OF_THE_DRIVE
+
+
+def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
+    """And where it does not, studies keep the hashes of flexfem before it had drives."""
+    passive, driven = studies.load(), studies.load(DRIVEN)
+    assert passive.hash == "837c05d2e7454f5dfa36a1ed5a7ec8ac3810b8362f4e2b43b2bd4dc429c9ffd2"
+    assert driven.hash == "6ff068ed0e0a3378ad7fe8512c5b68424edf0ef0e5d9935a2ad4cc2d6d8667c6"
+    pair = {"name": "base", "between": ("frame", "link 1"), "hinge": "base", "arm": 10.0, "side": "left", "pair": True}
+    first = driven.stage.replace(actuator=[pair | {"stroke": 0.0174, "stiffness": 5e4, "preload": 40.0}])
+    stages = [first, first.replace(actuator=[first.actuator[0].model_copy(update={"arm": 10.5})])]
+    stages += [first.replace(override={(2, "actuator", "base"): {"preload": force}}) for force in (41.0, 42.0)]
+    asked = driven.study.model_copy(update={"drive": driven.study.drive.model_copy(update={"actuators": True})})
+    assert len({replace(driven, study=asked, stage=stage).hash for stage in stages}) == len(stages)
+    assert {replace(driven, stage=stage).hash for stage in stages} == {driven.hash}
+    renamed = first.replace(actuator=[first.actuator[0].model_copy(update={"name": "other"})])
+    assert replace(driven, study=asked, stage=renamed).hash == replace(driven, study=asked, stage=first).hash

@@ -143,7 +143,15 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "distribution of no kind": ([('"normal"', '"weibull"')], ["distribution"]),
     "no mean to be had": ([("material.youngs_modulus_gpa", "hinges.base.axis_deg")], ["factor[1]", "mean"]),
     "stroke negative": ([(LAST, f"{LAST}[drive]\nstroke_um = -1\nlever_arm_mm = 10\n")], ["stroke_um = -1", "> 0"]),
-    "lever arm missing": ([(LAST, f"{LAST}[drive]\nstroke_um = 17.4\n")], ["drive.lever_arm_mm is missing"]),
+    "lever arm missing": ([(LAST, f"{LAST}[drive]\nstroke_um = 17.4\n")], ["lever_arm_mm is missing"]),
+    "drive that asks nothing": ([(LAST, f"{LAST}[drive]\nactuators = false\n")], ["drive = {", "or stroke"]),
+    "drive of a stage without one": ([(LAST, f"{LAST}[drive]\nactuators = true\n")], ["with [[actuator]]"]),
+    "drive of finite elements": (
+        [(LAST, f"{LAST}[drive]\nactuators = true\n"), (ANALYTIC, 'model = "fe"')], ["drive.actuators", "analytic"]),
+    "factor of a drive not asked about": (
+        [("material.youngs_modulus_gpa", "actuator.base.preload_n")], ["factor[1]", "actuators = true"]),
+    "factor of no number of an actuator": (
+        [("material.youngs_modulus_gpa", "actuator.base.preload")], ["factor[1].key", "did you mean"]),
     "figure of no kind": ([figure('kind = "pie"')], ["figure[0].kind"]),
     "figure of an unknown column": ([figure(PARETO.replace("kxx", "kzz"))], ["figure[0].x", "did you mean k"]),
     "figure of travel without a drive": ([figure(PARETO.replace("kxx_n_per_mm", "travel_x_um"))], ["figure[0].x"]),

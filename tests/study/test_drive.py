@@ -1,0 +1,212 @@
+"""The drive in studies: axis ranges and stiffness of every design by another route, factors on actuators, identity."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from flexfem.arrays import Array
+from flexfem.refused import BadInput
+from flexfem.stage.designs import lower, stage_frames
+from flexfem.stage.driven_designs import drives_of
+from flexfem.stage.drives import drive_of
+from flexfem.stage.schema import Stage
+from flexfem.study.answer import answer_designs
+from flexfem.study.columns import DRIVE_RANGES, ENGAGED
+from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.sampling import sample
+from flexfem.verify.driven import limits_of
+from flexfem.verify.driven_models import commanding
+from flexfem.verify.neck_limits import NeckForces, NeckSections, limits_of_necks, per_command, sections_of
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
+PIEZO = 'stack = "AE0505D16"'
+
+HEAD = """name = "driven"
+stage = "stage.toml"
+model = "analytic"
+formula = "calibrated"
+mobility = 21
+
+[sampling]
+method = "monte_carlo"
+designs = 12
+seed = 11
+
+[drive]
+actuators = true
+"""
+FACTORS = {  # a range each, in units of the file
+    "hinges.base.radius_mm": (2.5, 3.8),
+    "hinges.elbow.neck_mm": (0.35, 0.7),
+    "override.2.platform.neck_mm": (0.35, 0.7),
+    "chain.link_lengths_mm[0]": (28.0, 33.0),
+    "chain.link_width_mm": (8.6, 9.4),
+    "material.youngs_modulus_gpa": (60.0, 120.0),
+    "material.yield_strength_mpa": (10.0, 120.0),
+    "actuator.base.arm_mm": (5.0, 20.0),
+    "actuator.elbow.arm_mm": (4.0, 18.0),
+    "actuator.base.preload_n": (5.0, 80.0),
+    "actuator.elbow.stroke_um": (5.0, 30.0),
+    "actuator.base.tilt_deg": (-25.0, 25.0),
+    "override.2.actuator.base.arm_mm": (5.0, 20.0),
+    "override.3.actuator.elbow.preload_n": (5.0, 80.0),
+    "override.1.actuator.elbow.ball_radius_mm": (0.5, 4.0),
+}
+UNLIKE = """
+[[override]]
+chain = 3
+actuator = "base"
+side = "right"
+tilt_deg = 12.0
+
+[[override]]
+chain = 1
+hinge = "elbow"
+neck_mm = 0.44
+"""
+
+
+def write(folder: Path, factors: dict[str, tuple[float, float]], head: str = HEAD, tail: str = "") -> LoadedStudy:
+    """A study of the reference stage, the stack of its elbow given by numbers, with unlike chains."""
+    text = (GEOMETRY / "mobility6.toml").read_text()
+    second = text.rindex(PIEZO, 0, text.index("[provenance]"))
+    text = text[:second] + "stroke_um = 17.4\nstiffness_n_per_um = 50.0" + text[second + len(PIEZO) :]
+    text = "".join(line for line in text.splitlines(True) if not line.startswith('"actuator.elbow.stack'))
+    (folder / "stage.toml").write_text(text.replace("[provenance]", UNLIKE + "\n[provenance]"))
+    body = "".join(f'\n[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in factors.items())
+    (folder / "study.toml").write_text(head + body + tail)
+    return load_study(folder / "study.toml")
+
+
+def ranges(stage: Stage, choice: tuple[int | None, str, bool]) -> tuple[Array, Array]:
+    """Range (3,) along each axis, mm and rad, the lesser of both ways, and stiffness engaged: one design, by HiGHS."""
+    one, drive, frames = commanding(stage, *choice), drive_of(stage), stage_frames(stage)
+    carried = per_command(one.of, frames, one.model.necks)
+    sections = NeckSections(*(each[0] for each in sections_of(lower(stage))))
+    nothing = NeckForces(*(np.zeros((3, 3)) for _ in range(3)))
+    strength = np.array(stage.material.yield_strength)
+    limits = [*limits_of(one.of, drive, np.zeros(3)).values(), limits_of_necks(sections, carried, nothing, strength)]
+    rows, ends = np.concatenate([each.rows for each in limits]), np.concatenate([each.sizes for each in limits])
+    norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
+    found = np.zeros((2, 3))
+    for k, sign in enumerate((1.0, -1.0)):
+        for axis in range(3):
+            pose = np.column_stack([-sign * np.eye(3)[axis], unit[:, None] * one.of.poses])  # um a um of the commands
+            program = linprog(
+                np.append(-1.0, np.zeros(pose.shape[1] - 1)),
+                A_ub=np.column_stack([np.zeros(len(rows)), 1e-3 * rows / norm[:, None]]),
+                b_ub=ends / norm,
+                A_eq=pose,
+                b_eq=np.zeros(3),
+                bounds=(None, None),
+                method="highs",
+            )
+            found[k, axis] = -1e-3 * program.fun / unit[axis]
+    return np.min(found, axis=0), np.diag(np.linalg.inv(one.of.engaged))
+
+
+def same_as_one_by_one(loaded: LoadedStudy, choice: tuple[int | None, str, bool], count: int) -> int:
+    """Compare every design of a study with the route of one stage; returns how many were answered."""
+    values = sample(loaded, 0, count)
+    rows = answer_designs(loaded, values)
+    place, scale = [loaded.outputs.index(name) for name in (*DRIVE_RANGES, *ENGAGED)], [1e3] * 6
+    scale[3:] = [1.0] * 3
+    answered = 0
+    for index in range(count):
+        try:
+            stage = stage_of(loaded, values[index])
+            drive_of(stage)
+        except BadInput as refusal:
+            assert rows.status[index] == "refused", refusal
+            continue
+        if rows.status[index] == "ok":
+            wanted = np.concatenate(ranges(stage, choice)) * scale
+            np.testing.assert_allclose(rows.values[index, place], wanted, rtol=SAME)
+            answered += 1
+    return answered
+
+
+def test_every_design_is_as_one_stage_by_another_solver(tmp_path):
+    assert same_as_one_by_one(write(tmp_path, FACTORS), (21, "calibrated", False), 4) >= 3
+
+
+@pytest.mark.slow
+def test_a_hundred_random_designs_are_as_one_stage_by_another_solver(tmp_path):
+    loaded = write(tmp_path, FACTORS, HEAD.replace("designs = 12", "designs = 110"))
+    assert same_as_one_by_one(loaded, (21, "calibrated", False), 110) >= 100
+
+
+@pytest.mark.slow
+def test_designs_with_elastic_links_are_as_one_stage_by_another_solver(tmp_path):
+    loaded = write(tmp_path, FACTORS, HEAD.replace("mobility = 21", "mobility = 21\nlinks = true"))
+    assert same_as_one_by_one(loaded, (None, "calibrated", True), 5) >= 4
+
+
+def test_the_drives_of_many_designs_are_those_of_each(tmp_path):
+    """Contacts on straight links in closed form, as on the drawn outlines; those off the metal refused as there."""
+    factors = FACTORS | {"actuator.base.arm_mm": (3.0, 30.0)}
+    loaded = write(tmp_path, factors, HEAD.replace("designs = 12", "designs = 40"))
+    values = sample(loaded, 0, 40)
+    reason = np.full(40, "", dtype=object)
+    found = drives_of(loaded.stage, designs_of(loaded, values), reason, lambda index: stage_of(loaded, values[index]))
+    for index, refused in enumerate(reason):
+        try:
+            own = drive_of(stage_of(loaded, values[index]))
+        except BadInput as refusal:
+            assert refused, refusal
+            continue
+        assert refused == ""
+        for name in ("stiffness", "preload", "blocking_force", "lowest", "highest"):
+            np.testing.assert_allclose(getattr(found, name)[index], getattr(own, name), rtol=1e-12)
+        for many, one in zip(found.stacks, own.stacks, strict=True):
+            assert [push.body for push in many.pushes] == [push.body for push in one.pushes]
+            for theirs, ours in zip(many.pushes, one.pushes, strict=True):
+                np.testing.assert_allclose(theirs.wrench[index], ours.wrench, rtol=1e-12, atol=1e-12)
+    assert 5 < np.sum(reason == "") < 40
+    np.testing.assert_array_equal(found.differential, drive_of(loaded.stage).differential)
+
+
+REFERENCE = {  # drive range in x, y (um), theta (mrad), and stiffness engaged (N/mm, N/mm, N mm/rad), mobility 21
+    "mobility6": ([23.59490, 25.73994, 1.0789694], [7173.291, 7173.291, 6111890.8]),
+    "mobility3": ([24.42500, 26.02746, 1.0792574], [7694.393, 7694.393, 6653570.9]),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCE)
+def test_the_ranges_of_the_reference_stages(tmp_path, name):
+    head = HEAD.replace("stage.toml", str(GEOMETRY / f"{name}.toml"))
+    (tmp_path / "study.toml").write_text(head + '\n[[factor]]\nkey = "thickness_mm"\nfrom = 9.99\nto = 10.01\n')
+    loaded = load_study(tmp_path / "study.toml")
+    found = dict(zip(loaded.outputs, answer_designs(loaded, np.array([[10.0]])).values[0], strict=True))
+    np.testing.assert_allclose([found[column] for column in DRIVE_RANGES], REFERENCE[name][0], rtol=1e-6)
+    np.testing.assert_allclose([found[column] for column in ENGAGED], REFERENCE[name][1], rtol=1e-6)
+
+
+def test_one_stiff_pair_a_chain_reaches_what_its_hinges_turn(tmp_path):
+    """Pairs at the base alone, stiff and on rigid contacts: the first base hinge turns by half the stroke over the arm.
+
+    The travel of the same stroke, which counts the base hinges alone, is that range.
+    """
+    text = (GEOMETRY / "mobility3.toml").read_text()
+    begin, end = text.index("[[actuator]]"), text.index("[provenance]")
+    pair = text[begin : text.index("[[actuator]]", begin + 1)].replace("ball_radius_mm = 2.0\n", "")
+    pair = pair.replace(PIEZO, "stroke_um = 17.4\nblocking_force_n = 900000.0").replace(
+        "preload_n = 50.0", "preload_n = 450000.0"
+    )
+    stage = text[:begin] + pair + "\n[provenance]" + text[end + len("[provenance]") :]
+    kept = [line for line in stage.splitlines(True) if not line.startswith('"actuator')]
+    (tmp_path / "stage.toml").write_text(
+        "".join(kept).replace("yield_strength_mpa = 503.0", "yield_strength_mpa = 5000.0")
+    )
+    head = HEAD.replace("mobility = 21", "mobility = 3") + "stroke_um = 8.7\nlever_arm_mm = 10.0\n"
+    (tmp_path / "study.toml").write_text(head + '\n[[factor]]\nkey = "actuator.base.arm_mm"\nfrom = 9.0\nto = 11.0\n')
+    loaded = load_study(tmp_path / "study.toml")
+    found = dict(zip(loaded.outputs, answer_designs(loaded, np.array([[10.0]])).values[0], strict=True))
+    for axis in ("x_um", "y_um", "theta_mrad"):
+        assert found[f"drive_range_{axis}"] == pytest.approx(found[f"travel_{axis}"], rel=2e-3)  # stacks give a little
