@@ -14,7 +14,7 @@ from flexfem.stage.contacts import FOLLOWS
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import load_stage
 from flexfem.verify.driven import Motion, driven
-from flexfem.verify.driven_models import commanding, driven_metal, neck_forces
+from flexfem.verify.driven_models import carried_by, commanding, driven_metal
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 NONE = np.zeros(3)
@@ -81,7 +81,7 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
     )
     motions = [Motion(NONE, NONE, unit, unit, 0.0, 0.0) for unit in units]
     rows = [
-        [neck_forces(stage, model.model, each, NONE).normal[0, 0], model.of.C[2, 3:] @ each.force] for each in motions
+        [carried_by(stage, model.model, each, NONE).normal[0, 0], model.of.C[2, 3:] @ each.force] for each in motions
     ]
     force = np.linalg.solve(np.transpose(rows), [10.0, 0.0]) @ units
     assert np.max(np.abs(force)) == pytest.approx(16.0, abs=0.2)
