@@ -412,8 +412,8 @@ MUTATIONS = [
     Mutation(
         "rotations of mobility three imposed with the wrong sign",
         "_rotations",
-        "C[3:, :3] @ inverse(C[:3, :3])",
-        "-C[3:, :3] @ inverse(C[:3, :3])",
+        "C[3:, :3] @ inverse(_a)",
+        "-C[3:, :3] @ inverse(_a)",
         "test_a_result_says_what_was_imposed",
     ),
     Mutation(
@@ -513,6 +513,27 @@ MUTATIONS = [
         "ARROW * width * push * _a",
         "ARROW * width * contact * _a",
         "test_an_arrow_starts_at_every_contact_along_its_push_in_proportion_to_its_force",
+    ),
+    Mutation(
+        "the moment of a load off the centre with the wrong sign",
+        "off_centre",
+        "[-OFFSET, OFFSET, 1.0]",
+        "[OFFSET, -OFFSET, 1.0]",
+        "test_a_load_off_the_centre_turns_and_a_pose_read_there_moves_with_the_rotation",
+    ),
+    Mutation(
+        "a preload that stiffens where it presses",
+        "preload_stiffness",
+        "at.K_aa - dot(_a, _b)",
+        "at.K_aa + dot(_a, _b)",
+        "test_an_axial_force_in_the_base_necks_is_worth_what_the_energy_says",
+    ),
+    Mutation(
+        "the stiffness of a stage on its own metal for the other's",
+        "alternatives",
+        "error_matrix(analyse(own, mobility).stiffness, metal[other], _a)",
+        "error_matrix(analyse(own, mobility).stiffness, metal[own], _a)",
+        "test_every_alternative_is_measured_with_its_own_model_on_its_own_stage",
     ),
 ]
 

@@ -30,6 +30,7 @@ from flexfem.verify.command import of_limits
 from flexfem.verify.driven import Driven, commands_for, driven, held
 from flexfem.verify.errors import Comparison, Convergence, command_convergence, compare, error_matrix, levels
 
+RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 KEPT = 12  # answers of finite elements: three levels of two stages for two kinds of drive
 
 
@@ -100,10 +101,17 @@ def imposed(stage: Stage, analytic: AnalyticResult, drive: Drive) -> Imposed:
 
 
 def _rotations(stage: Stage, analytic: AnalyticResult) -> Imposed:
+    """Rotations a by which the model itself takes a pose u, of all such those of least energy.
+
+    Notes
+    -----
+    min a' C_dd^-1 a with C_Ud C_dd^-1 a = u, so a = C_dU (C_Ud C_dd^-1 C_dU)^-1 u. Where these rotations fix all of the
+    model, as with mobility three and six, that is (29), (30).
+    """
     positions = turned_hinges(analytic.mobility)
     couples = hinge_couples(stage, positions)
     C = driven_model(stage, analytic, couples).compliance
-    given = C[3:, :3] @ inverse(C[:3, :3])  # (29), (30): the rotations under the force of (18)
+    given = C[3:, :3] @ inverse(C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3])
     return Imposed(couples, couple_names(positions), given, None, None)
 
 
