@@ -66,12 +66,17 @@ class Identification(OfStage):
     region: Region
 
 
+def unexplained(chi_square: float, dof: int) -> bool:
+    """Whether a fit is none: chance alone would hardly leave so much."""
+    return dof > 0 and bool(chi2.sf(chi_square, dof) < POOR)
+
+
 def finding(of: Identification) -> str:
     """What the data say, in a sentence or two."""
     um, offset = MICROMETRE.factor, of.necks_alone.numbers[0]
     necks = f"necks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     alone = of.neither.allowed, of.necks_alone.allowed, of.fixture_alone.allowed
-    if of.dof > 0 and chi2.sf(of.chi_square, of.dof) < POOR:
+    if unexplained(of.chi_square, of.dof):
         usual = f"where chance goes beyond {chi2.isf(POOR, of.dof):.3g} once in {1 / POOR:.0f}"
         return (
             f"Nothing of this explains the data: chi square {of.chi_square:.3g} at the best fit, {usual}. "

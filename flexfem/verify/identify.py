@@ -19,7 +19,7 @@ from flexfem.units import DIRECTIONS
 from flexfem.verify import warning
 from flexfem.verify.driven_models import best_model
 from flexfem.verify.fixture import Fixture, Measurement
-from flexfem.verify.identified import Alone, Identification, Region, Unknown, finding
+from flexfem.verify.identified import Alone, Identification, Region, Unknown, finding, unexplained
 from flexfem.verify.pushes import IDEAL, pole_share, pushes_of, read_compliance
 from flexfem.verify.result import about
 from flexfem.verify.slope_fit import AT_END, SOFTEST, Estimate, Fit, SlopeProblem, fit, interval, rank_of, sensitivity
@@ -66,7 +66,8 @@ def identify(
     condition, correlation = sensitivity(problem, best.x)
     rank = len(problem.ends) if condition is not None else rank_of(problem, best.x)
     dof = len(problem.axes) - rank
-    told = condition is not None and not (alone[1].allowed and alone[2].allowed)
+    either = alone[1].allowed and alone[2].allowed
+    told = condition is not None and not either and not unexplained(best.chi_square, dof)
     of, soft = [DIRECTIONS[k] for k in problem.axes], problem.fixture @ best.x[1:]
     found = Identification(
         **about(stage) | doubts([("", stage), ("measured: ", measured)])._asdict(),

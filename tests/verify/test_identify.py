@@ -150,6 +150,7 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
     slopes = made(reference(), 0.0, 1.0) * [1.05, 0.95, 1.0]
     found = identify(reference(), measured(slopes))
     assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 100
+    assert not found.told_apart
 
 
 def test_a_difference_between_alike_directions_is_no_ground_to_stand_on():
