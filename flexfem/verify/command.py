@@ -46,8 +46,9 @@ class Strokes(Record):
     """What one criterion commands: command (m,), stroke beyond rest and force (n,), mm and N, by actuator and stack.
 
     force : with the preload.   pose : by the commanding model.   metal, stacks : strain energy beyond rest, N mm.
-    rotation, stress : (3 chains, 3 hinges), rad and MPa.   share : of the limits of stroke, contact and blocking force,
-        above one where they are broken, None where nothing is allowed.
+    rotation, stress : (3 chains, 3 hinges), rad beyond rest, and MPa with the preloads.
+    share : of the limits of stroke, contact and blocking force, above one where they are broken, None where nothing is
+        allowed.
     preloaded : (3,), as `Command.preloaded` of pushes that go with the pushed bodies, with these forces and the load.
     element_stress : (3, 3), MPa, by finite elements, None without them.
     """
