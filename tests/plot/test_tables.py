@@ -112,6 +112,12 @@ def test_errors_have_their_own_bands(cells, made):
     assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
 
 
+@pytest.mark.parametrize(("drive", "said"), [("joints", "x, joints imposed"), ("strokes", "x, strokes commanded")])
+def test_errors_say_how_the_metal_was_driven(cells, made, drive, said):
+    rows = cells(comparisons.print_results, [made.result({"one": (0.1, 0.2, 0.3)}, drive=drive)], Path("there"))
+    assert ["fig", said, "one"] in [row[:3] for row in rows]
+
+
 def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
     study = made.mesh_study()
     rows = cells(comparisons.print_convergence, study)

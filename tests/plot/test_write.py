@@ -92,3 +92,9 @@ def test_page_without_assumptions_says_so(made):
 def test_page_is_written_without_matplotlib():
     code = "import sys, flexfem.plot.text; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_displacements_are_drawn_beside_the_figure_of_errors_and_not_over_it(made):
+    stored = [(made.result({"one": (0.1, 0.2, 0.3)}), {"one": made.fields()})]
+    shown, errors = ([plan.name for plan in plans(stored, displacement)] for displacement in (True, False))
+    assert shown[0] == "fig-displacement" and errors[0] == "fig" and shown[1:] == errors[1:]
