@@ -534,6 +534,32 @@ MUTATIONS = [
         "error_matrix(analyse(own, mobility).stiffness, metal[other], _a)",
         "error_matrix(analyse(own, mobility).stiffness, metal[own], _a)",
         "test_every_alternative_is_measured_with_its_own_model_on_its_own_stage",
+        "the mirror plane free",
+        "mirrored",
+        "(0, 2 * number) if faces_held else (0,)",
+        "(2 * number,) if faces_held else ()",
+        "test_half_the_thickness_answers_as_the_whole",
+    ),
+    Mutation(
+        "half of the thickness for the whole",
+        "mirrored",
+        "layered(_a, _b, 2)",
+        "layered(_a, _b, 1)",
+        "test_half_the_thickness_answers_as_the_whole",
+    ),
+    Mutation(
+        "layers of even thickness",
+        "mirrored",
+        "surface * np.sinh(spaced)",
+        "thickness / 2 * np.linspace(1.0, 0.0, number + 1)",
+        "test_layers_are_thinner_towards_the_face",
+    ),
+    Mutation(
+        "a third left out",
+        "condense_alike",
+        "[T.T @ condensed.schur @ T for T in turns]",
+        "[T.T @ condensed.schur @ T for T in turns[:2]]",
+        "test_one_third_answers_as_the_whole_ring",
     ),
 ]
 

@@ -12,12 +12,13 @@ factor must be made a second time once the part that belongs to the boundary has
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.factor import Condensed, Solve, condense, dense
@@ -27,6 +28,7 @@ from flexfem.fem.response import (
     MOST_SOLVES,
     SETTLED,
     Tied,
+    UnitResponse,
     check_balance,
     imbalance,
     platform_response,
@@ -92,33 +94,115 @@ def cyclic_response(sectors: tuple[Sector, ...], plate: Plate) -> CyclicResponse
     return CyclicResponse(found.compliance, sectors, tuple(fields), found.reactions, found.energy, found.unknowns)
 
 
-class _Condensed(NamedTuple):
-    """A sector whose unknowns are counted inside first, then behind, ahead, and the pose.
+class Equations(Protocol):
+    """Of a sector whose unknowns are counted inside first, then behind, ahead, and the pose."""
 
-    turns : T_c (4 cut + 3, 6 cut + 3) of the three chains.   solve : of A.
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+
+    def fields(self, motion: Array) -> Array:
+        """Displacements (k, n, ...) of all nodes from unknowns (size, k)."""
+
+    def forces(self, fields: Array) -> Array:
+        """Nodal forces (k, n, ...) that hold displacements."""
+
+    def loads(self, forces: Array) -> Array:
+        """Loads (size, k) on the unknowns from nodal forces."""
+
+    def lower(self) -> sp.coo_array:
+        """Lower triangle (size, size) of the stiffness."""
+
+
+class _Sheet(NamedTuple):
+    """The equations of a sector in plane stress."""
+
+    sector: Sector
+    batches: list[ElementBatch]
+    plate: Plate
+    tied: Tied
+
+    @property
+    def size(self) -> int:
+        return 2 * len(self.tied.free) + 3
+
+    def fields(self, motion: Array) -> Array:
+        return self.tied.fields(motion)
+
+    def forces(self, fields: Array) -> Array:
+        return internal_forces(self.batches, self.plate, fields)
+
+    def loads(self, forces: Array) -> Array:
+        return self.tied.loads(forces)
+
+    def lower(self) -> sp.coo_array:
+        matrices = matrices_of(self.batches, self.plate)
+        return tied_lower(self.sector.mesh.triangles, matrices, self.tied.number, self.tied.rigid)
+
+
+class Alike(NamedTuple):
+    """Three alike chains, of which one is met.
+
+    turns : T_c (2 c + 3, 3 c + 3) of the three chains, c unknowns on every cut.   solve : of A.
     """
 
-    batches: list[ElementBatch]
-    tied: Tied
+    equations: Equations
     condensed: Condensed
     turns: list[Array]
     solve: Solve
 
+    @property
+    def unknowns(self) -> int:
+        """Number of equations that the whole stage would have."""
+        boundary, whole = self.turns[0].shape
+        return int(3 * (self.equations.size - boundary) + whole)
+
+    def step(self, force: Array | None) -> Array:
+        """What the first sector must still move (size, 3 loads) to answer the loads; without forces, from rest."""
+        T = self.turns
+        edge, inside = np.pad(np.eye(3), [(T[0].shape[1] - 3, 0), (0, 0)]), np.zeros((self.equations.size, 3))
+        if force is not None:
+            inside, boundary = self.condensed.reduced(-self.equations.loads(force))
+            edge += np.sum([turn.T @ each.T for turn, each in zip(T, under_loads([boundary.T]), strict=True)], axis=0)
+        return self.condensed.expanded(inside, T[0] @ _alike(self.solve(edge)))
+
 
 def _of_alike(sector: Sector, plate: Plate) -> CyclicResponse:
-    part = _condense(sector, plate)
-    size, boundary = float(np.max(np.abs(sector.mesh.nodes))), part.turns[0].shape[0]
-    unknowns = 3 * (2 * len(part.tied.free) + 3 - boundary) + part.turns[0].shape[1]
-    motion, force = _step(part, None), np.empty(0)
-    for _ in range(MOST_SOLVES):
-        field = part.tied.fields(motion)
-        force = internal_forces(part.batches, plate, field)
-        response = CyclicResponse(motion[-3:], (sector,), (field,), *_sums(sector, field, force), unknowns)
-        if max(imbalance(response, size).values()) <= SETTLED:
+    sheet = _Sheet(sector, integration(sector.mesh), plate, tie_sector(sector))
+    part, size = condense_alike(sheet, turn_of_points(len(sector.ahead))), float(np.max(np.abs(sector.mesh.nodes)))
+
+    def response(motion: Array, field: Array, force: Array) -> CyclicResponse:
+        return CyclicResponse(motion[-3:], (sector,), (field,), *sums(sector, field, force, force), part.unknowns)
+
+    return settle(part.step, sheet, response, size)
+
+
+Answered = TypeVar("Answered", bound=UnitResponse)
+
+
+def settle(
+    step: Callable[[Array | None], Array],
+    equations: Equations,
+    response: Callable[[Array, Array, Array], Answered],
+    size: float,
+) -> Answered:
+    """Refine the answer to unit loads until its balances hold. Raises ComputationFailed when they do not.
+
+    Parameters
+    ----------
+    step : what must still move (size, 3) to answer the loads, given nodal forces, or None from rest.
+    response : of unknowns (size, 3), fields and nodal forces.   size : mm, makes moments comparable.
+    """
+    motion = step(None)
+    for solves in range(1, MOST_SOLVES + 1):
+        field = equations.fields(motion)
+        force = equations.forces(field)
+        found = response(motion, field, force)
+        if solves == MOST_SOLVES or max(imbalance(found, size).values()) <= SETTLED:
             break
-        motion = motion + _step(part, force)
-    check_balance(response, size)
-    return response
+        motion = motion + step(force)
+    check_balance(found, size)
+    return found
 
 
 def under_loads(values: Sequence[Array]) -> list[Array]:
@@ -139,17 +223,15 @@ def rotation(chain: int) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _condense(sector: Sector, plate: Plate) -> _Condensed:
-    batches, tied, cut = integration(sector.mesh), _tie(sector), len(sector.ahead)
-    condensed = condense(
-        tied_lower(sector.mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid), 4 * cut + 3
-    )
-    turns = [_turn(cut, chain) for chain in range(3)]
+def condense_alike(equations: Equations, spin: Array) -> Alike:
+    """Condense a sector onto its cuts and the pose; `spin` (c, c) turns the unknowns of a cut by 120 degrees."""
+    turns = [_turn(spin, chain) for chain in range(3)]
+    condensed = condense(equations.lower(), len(turns[0]))
     A = np.sum([T.T @ condensed.schur @ T for T in turns], axis=0)
-    return _Condensed(batches, tied, condensed, turns, dense(A))
+    return Alike(equations, condensed, turns, dense(A))
 
 
-def _tie(sector: Sector) -> Tied:
+def tie_sector(sector: Sector) -> Tied:
     """Unknowns of a sector, those on its cuts and the pose last."""
     nodes, edges = sector.mesh.nodes, sector.mesh.edges
     hub, cuts = np.unique(edges["hub"]), np.concatenate([sector.behind, sector.ahead])
@@ -161,28 +243,24 @@ def _tie(sector: Sector) -> Tied:
     return Tied(number, free, hub, rigid_motion(nodes[hub]))
 
 
-def _turn(cut: int, chain: int) -> Array:
-    """T_c (4 cut + 3, 6 cut + 3), chains from 0; a cut moves in the frame of the chain behind which it is."""
-    T = np.zeros((4 * cut + 3, 6 * cut + 3))
-    behind, ahead = (2 * cut * ((chain + k) % 3) for k in (0, 1))
-    T[: 2 * cut, behind : behind + 2 * cut] = np.eye(2 * cut)
-    T[2 * cut : 4 * cut, ahead : ahead + 2 * cut] = np.kron(np.eye(cut), rotation(1)[:2, :2])
+def turn_of_points(number: int) -> Array:
+    """Matrix (2n, 2n) that turns x, y of n points by 120 degrees."""
+    return np.asarray(np.kron(np.eye(number), rotation(1)[:2, :2]), dtype=np.float64)
+
+
+def _turn(spin: Array, chain: int) -> Array:
+    """T_c (2 c + 3, 3 c + 3), chains from 0; a cut moves in the frame of the chain behind which it is."""
+    c = len(spin)
+    T = np.zeros((2 * c + 3, 3 * c + 3))
+    behind, ahead = (c * ((chain + k) % 3) for k in (0, 1))
+    T[:c, behind : behind + c] = np.eye(c)
+    T[c : 2 * c, ahead : ahead + c] = spin
     T[-3:, -3:] = rotation(chain).T
     return T
 
 
-def _step(part: _Condensed, force: Array | None) -> Array:
-    """What the first sector must still move (unknowns, 3 loads) to answer the loads; without forces, from rest."""
-    T, unknowns = part.turns, 2 * len(part.tied.free) + 3
-    edge, inside = np.pad(np.eye(3), [(T[0].shape[1] - 3, 0), (0, 0)]), np.zeros((unknowns, 3))
-    if force is not None:
-        inside, boundary = part.condensed.reduced(-part.tied.loads(force))
-        edge += np.sum([turn.T @ each.T for turn, each in zip(T, under_loads([boundary.T]), strict=True)], axis=0)
-    return part.condensed.expanded(inside, T[0] @ _alike(part.solve(edge)))
-
-
 def _alike(edge: Array) -> Array:
-    """The response's unknowns (6 cut + 3, 3 loads) made those of alike chains, so that round-off opens no cut.
+    """The response's unknowns (3 c + 3, 3 loads) made those of alike chains, so that round-off opens no cut.
 
     Only the first sector is met, which must move its cut ahead as the next chain does the cut behind it.
     """
@@ -193,8 +271,8 @@ def _alike(edge: Array) -> Array:
     return np.concatenate([*(first @ turn.T for turn in turns), pose])
 
 
-def _sums(sector: Sector, field: Array, force: Array) -> tuple[Array, Array]:
-    """Reactions and energy (3, 3) of the whole stage from those of its first sector."""
+def sums(sector: Sector, field: Array, force: Array, planar: Array) -> tuple[Array, Array]:
+    """Reactions and energy (3, 3) of the whole stage from those of its first sector; `planar` are forces (3, n, 2)."""
     turns = [rotation(chain) for chain in range(3)]
-    rows, work = resultants(sector.mesh, force), np.einsum("ind,jnd->ij", field, force)
+    rows, work = resultants(sector.mesh, planar), np.einsum("ind,jnd->ij", field, force)
     return tuple(np.sum([R @ each @ R.T for R in turns], axis=0) for each in (rows, work))

@@ -26,8 +26,8 @@ def neck_stresses(stage: Stage, response: CyclicResponse, loads: Array) -> Array
     As `response.load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
     """
     found, plate, pull = np.empty((len(loads), 3, 3)), plate_of(stage), out_of_plane_ratio_of(stage)
-    for sector, field, chains in _sectors(response):
-        near = _near(stage, sector, chains[0])
+    for sector, field, chains in solved_sectors(response):
+        near = near_necks(stage, sector, chains[0])
         chosen = np.flatnonzero(np.any(near, axis=0))
         near, stress = near[:, chosen], _stress_at(sector, plate, field, chosen)
         for chain in chains:
@@ -46,7 +46,9 @@ def base_rotations(stage: Stage, response: CyclicResponse) -> Array:
     The rotation of a body is that of the rigid motion that fits the displacements of its nodes between one and two
     notch radii from the neck's centre best, by least squares: beside the notch and not in it.
     """
-    rows = [_base_rotation(stage, sector, field, chains[0])[:, None] for sector, field, chains in _sectors(response)]
+    rows = [
+        _base_rotation(stage, sector, field, chains[0])[:, None] for sector, field, chains in solved_sectors(response)
+    ]
     return np.concatenate(under_loads(rows), axis=1)
 
 
@@ -55,7 +57,7 @@ def envelope(response: CyclicResponse) -> float:
     return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
 
 
-def _sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
+def solved_sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
     """Every sector with its fields and the chains, from 0, that it stands for."""
     if len(response.sectors) == 1:
         yield response.sectors[0], response.sector_fields[0], (0, 1, 2)
@@ -64,7 +66,7 @@ def _sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[in
         yield sector, field, (chain,)
 
 
-def _near(stage: Stage, sector: Sector, chain: int) -> AnyArray:
+def near_necks(stage: Stage, sector: Sector, chain: int) -> AnyArray:
     """Which nodes are within a notch radius of each neck's centre, bool (3 hinges, n)."""
     x, y = sector.mesh.nodes.T
     places = zip(necks(stage, chain + 1), HINGE_NAMES, strict=True)

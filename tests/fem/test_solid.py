@@ -1,0 +1,220 @@
+"""Wedges of 18 nodes: patch test and rigid modes, limits that are plane problems, and symmetry against the whole."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from flexfem.arrays import Array
+from flexfem.fem.cyclic import cyclic_response
+from flexfem.fem.cyclic_fields import neck_stresses
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate
+from flexfem.fem.problem import mapped
+from flexfem.fem.response import Tied, platform_response
+from flexfem.fem.sectors import Sector, joined, mesh_sectors
+from flexfem.fem.solid import Layers, Solid, layered, layers_of, mirrored, solid
+from flexfem.fem.solid_fields import solid_neck_stresses
+from flexfem.fem.solid_response import solid_response
+from flexfem.stage.schema import Stage
+
+SAME = 1e-9  # relative; the same equations by another route, both refined until their balances hold
+E, NU, B = 68300.0, 0.29, 9.7
+FULL = 4  # degree of the quadrature in the plane, of both
+LOADS = np.array([[1.3, -0.7, 5.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm
+
+
+class Meshed(NamedTuple):
+    stage: Stage
+    sectors: tuple[Sector, ...]
+    whole: StageMesh
+
+
+def meshed(stage: Stage) -> Meshed:
+    sectors = mesh_sectors(stage, 2, inside=True)
+    return Meshed(stage, sectors, joined(sectors)[0])
+
+
+@pytest.fixture(scope="module")
+def generic_mesh(alike: Any) -> Meshed:
+    return meshed(alike.stage)
+
+
+@pytest.fixture(scope="module")
+def unlike_mesh(unlike: Any) -> Meshed:
+    return meshed(unlike.stage)
+
+
+def curved(u: Array, v: Array) -> Array:
+    """A square with bent sides and uneven cells."""
+    u, v = u + 0.15 * u * (1 - u) * (1 + v), v - 0.1 * v * (1 - v) * np.cos(2 * u)
+    return np.stack([3 * u + 0.4 * np.sin(2 * v), 2 * v + 0.3 * u**2], axis=-1)
+
+
+def unsupported(layers: Layers, nu: float = NU) -> tuple[Solid, StageMesh, sp.csr_array]:
+    """Nine curved cells that nothing holds, and their whole stiffness (3nm, 3nm)."""
+    mesh = mapped(3, 2, curved)
+    every = np.arange(len(mesh.nodes))
+    free = solid(mesh, Plate(E, nu, 1.0), layers, Tied(every, every, every[:0], np.empty((0, 3))), FULL)
+    lower = free.lower().tocsr()[:-3, :-3]
+    return free, mesh, (lower + sp.tril(lower, -1).T).tocsr()
+
+
+def test_an_unsupported_solid_has_six_rigid_motions_and_no_other_without_energy() -> None:
+    free, mesh, K = unsupported(layered(np.array([-0.4, 0.3, 1.1])))
+    energies = np.linalg.eigvalsh(K.toarray())
+    assert np.all(np.abs(energies[:6]) < 1e-12 * energies[-1])
+    assert energies[6] > 1e-6 * energies[-1]
+    x, y, z = np.broadcast_arrays(*mesh.nodes.T[:, :, None], free.layers.heights)
+    zero = np.zeros_like(x)
+    turns = np.stack([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(0, 2, 3, 1)
+    assert np.max(np.abs(free.forces(turns))) < 1e-15 * E * 3.0 * 10
+
+
+def test_a_linear_field_is_met_on_curved_uneven_wedges() -> None:
+    free, mesh, K = unsupported(layered(np.array([-0.4, -0.1, 0.3, 1.1])))
+    slope = np.array([[0.011, -0.023, 0.007], [0.005, 0.017, -0.013], [-0.019, 0.003, 0.029]])
+    at = np.concatenate(
+        [
+            np.repeat(mesh.nodes[:, None], 7, axis=1),
+            np.broadcast_to(free.layers.heights[:, None], (len(mesh.nodes), 7, 1)),
+        ],
+        axis=2,
+    )
+    wanted = free.loads((at @ slope.T)[None])[:-3, 0]  # numbered as the unknowns
+    outside = np.zeros((1, len(mesh.nodes), 7, 3))
+    outside[:, np.unique(np.concatenate(list(mesh.edges.values())))] = 1.0
+    outside[:, :, [0, -1]] = 1.0
+    held = free.loads(outside)[:-3, 0] > 0
+    inside = np.flatnonzero(~held)
+    assert len(inside) == 3 * 5 * 15  # five heights, fifteen nodes of the plane
+    found = spsolve(K[inside][:, inside].tocsc(), -K[inside][:, np.flatnonzero(held)] @ wanted[held])
+    np.testing.assert_allclose(found, wanted[inside], rtol=0, atol=1e-13)
+
+
+def test_the_stiffness_and_the_forces_are_of_the_same_energy() -> None:
+    free, mesh, K = unsupported(layered(np.array([-0.4, 0.3, 1.1])))
+    fields = np.random.default_rng(5).normal(size=(2, len(mesh.nodes), 5, 3))
+    motion = free.loads(fields)[:-3]
+    np.testing.assert_allclose(free.loads(free.forces(fields))[:-3], K @ motion, atol=1e-12 * E)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 9.7, 80.0])
+def test_without_poissons_ratio_every_thickness_is_plane_stress(generic_mesh: Meshed, thickness: float) -> None:
+    plate = Plate(E, 0.0, thickness)
+    plane = platform_response(generic_mesh.whole, plate, FULL)
+    found = solid_response(generic_mesh.sectors, plate, mirrored(thickness, 1, 0.47))
+    np.testing.assert_allclose(found.compliance, plane.compliance, atol=SAME * plane.compliance[0, 0])
+    np.testing.assert_allclose(found.compliance[2, 2], plane.compliance[2, 2], rtol=SAME)
+
+
+def test_between_two_held_faces_it_is_plane_strain(generic_mesh: Meshed) -> None:
+    strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
+    plane = platform_response(generic_mesh.whole, strain, FULL).compliance
+    held = solid_response(generic_mesh.sectors, Plate(E, NU, B), mirrored(B, 2, 0.47, faces_held=True))
+    np.testing.assert_allclose(held.compliance, plane, atol=SAME * plane[0, 0])
+    np.testing.assert_allclose(held.compliance[2, 2], plane[2, 2], rtol=SAME)
+    assert np.max(np.abs(held.fields[..., 2])) < SAME * np.max(np.abs(held.fields[..., :2]))
+
+
+def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh: Meshed) -> None:
+    """What is left at 0.02 mm is that w is continuous from triangle to triangle while strains are not."""
+    off, plate = [], Plate(E, NU, 0.02)
+    for sectors in (generic_mesh.sectors, mesh_sectors(generic_mesh.stage, 4, inside=True)):
+        plane = platform_response(joined(sectors)[0], plate, FULL).compliance
+        found = solid_response(sectors, plate, mirrored(0.02, 1, 0.47)).compliance
+        off.append(np.max(np.abs(np.diag(found) / np.diag(plane) - 1)))
+    assert off[0] < 3e-4
+    assert off[1] < 4e-5
+
+
+def test_plane_stress_and_plane_strain_bound_it(generic_mesh: Meshed) -> None:
+    """Zettl, Szyszkowski and Zhang, Precision Engineering 29 (2005): up to about 12 % apart."""
+    stress, strain = Plate(E, NU, B), Plate(E / (1 - NU**2), NU / (1 - NU), B)
+    soft, hard = (platform_response(generic_mesh.whole, plate, FULL).compliance for plate in (stress, strain))
+    found = solid_response(generic_mesh.sectors, stress, mirrored(B, 2, 0.47)).compliance
+    scale = np.diag(np.diag(soft) ** -0.5)
+    for more, less in ((soft, found), (found, hard)):
+        assert np.linalg.eigvalsh(scale @ (more - less) @ scale)[0] > 1e-3
+    assert 1 - hard[0, 0] / soft[0, 0] == pytest.approx(NU**2, abs=2e-3)
+
+
+def test_half_the_thickness_answers_as_the_whole(generic_mesh: Meshed) -> None:
+    plate = Plate(E, NU, B)
+    whole = solid_response(generic_mesh.sectors, plate, layered(np.array([-4.85, 0.0, 4.85]))).compliance
+    half = solid_response(generic_mesh.sectors, plate, mirrored(B, 1, 0.47)).compliance
+    np.testing.assert_allclose(half, whole, atol=SAME * whole[0, 0])
+    np.testing.assert_allclose(half[2, 2], whole[2, 2], rtol=SAME)
+
+
+def test_one_third_answers_as_the_whole_ring(generic_mesh: Meshed) -> None:
+    plate, layers = Plate(E, NU, B), mirrored(B, 1, 0.47)
+    third = solid_response(generic_mesh.sectors, plate, layers)
+    ring = solid_response(generic_mesh.sectors * 3, plate, layers)
+    np.testing.assert_allclose(third.compliance, ring.compliance, atol=SAME * ring.compliance[0, 0])
+    np.testing.assert_allclose(third.compliance[2, 2], ring.compliance[2, 2], rtol=SAME)
+    size = np.max(np.abs(ring.fields), axis=(1, 2, 3), keepdims=True)
+    np.testing.assert_allclose(third.fields / size, ring.fields / size, atol=1e-8)
+    np.testing.assert_allclose(third.reactions, -np.eye(3), atol=1e-6)
+    assert third.unknowns == ring.unknowns
+
+
+def test_layers_are_thinner_towards_the_face(generic_mesh: Meshed) -> None:
+    layers = layers_of(generic_mesh.stage, 3)
+    high = np.diff(layers.heights[::2])
+    assert layers.heights[0] == 0.0
+    assert layers.heights[-1] == pytest.approx(4.85)
+    assert high[0] > 2 * high[1] > 4 * high[2]
+    np.testing.assert_allclose(np.diff(mirrored(0.1, 3, 0.47).heights), 0.1 / 12, rtol=1e-2)  # a foil has no boundary
+
+
+@pytest.mark.slow
+def test_three_graded_layers_do_and_three_even_ones_do_not(generic_mesh: Meshed) -> None:
+    plate = Plate(E, NU, B)
+    few, even, many = (
+        solid_response(generic_mesh.sectors, plate, each).compliance[0, 0]
+        for each in (
+            layers_of(generic_mesh.stage, 3),
+            layered(np.linspace(0, 4.85, 4), (0,), 2),
+            layers_of(generic_mesh.stage, 6),
+        )
+    )
+    assert abs(few / many - 1) < 5e-4
+    assert abs(even / many - 1) > 1e-3
+
+
+def test_unlike_chains_are_solved_as_one_stiffer_than_in_plane_stress(unlike_mesh: Meshed) -> None:
+    stage = unlike_mesh.stage
+    plate = Plate(E, NU, B)
+    found = solid_response(unlike_mesh.sectors, plate, layers_of(stage, 1))
+    plane = platform_response(unlike_mesh.whole, plate, FULL).compliance
+    ratio = np.diag(found.compliance) / np.diag(plane)
+    assert np.all((ratio > 1 - NU**2 - 0.03) & (ratio < 0.95))
+    np.testing.assert_allclose(found.compliance, found.compliance.T, rtol=0, atol=1e-9 * found.compliance[0, 0])
+    assert abs(found.compliance[0, 1]) > 1e-4 * found.compliance[0, 0]
+
+
+@pytest.mark.parametrize("which", ["generic_mesh", "unlike_mesh"])
+def test_neck_stresses_without_poissons_ratio_are_those_in_the_plane(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    stage, sectors, _ = request.getfixturevalue(which)
+    stage = stage.model_copy(update={"material": stage.material.model_copy(update={"poissons_ratio": 0.0})})
+    plate = Plate(E, 0.0, B)
+    found = solid_neck_stresses(stage, plate, solid_response(sectors, plate, mirrored(B, 1, 0.47)), LOADS)
+    plane = neck_stresses(stage, cyclic_response(sectors, plate), LOADS)
+    np.testing.assert_allclose(found.highest, plane, rtol=2e-3)  # their quadratures differ
+
+
+def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh: Meshed) -> None:
+    strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
+    layers = mirrored(B, 1, 0.47, faces_held=True)
+    response = solid_response(generic_mesh.sectors, Plate(E, NU, B), layers)
+    found = solid_neck_stresses(generic_mesh.stage, Plate(E, NU, B), response, LOADS)
+    stage = generic_mesh.stage.model_copy(update={"model": "plane_strain"})
+    plane = neck_stresses(stage, cyclic_response(generic_mesh.sectors, strain), LOADS)
+    np.testing.assert_allclose(found.highest, plane, rtol=2e-3)
