@@ -12,14 +12,16 @@ from hypothesis import strategies as st
 
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.contacts import Push, Stack
+from flexfem.stage.designs import lower
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.drive_limits import limits_of_commands
-from flexfem.verify.driven import commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares
+from flexfem.verify.drive_ranges import drive_answers
+from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares
 from flexfem.verify.driven_models import Commanding, commanding, stresses
 from flexfem.verify.limits import grouped, kinds
 from flexfem.verify.polytope import LinearLimits, Programs, image
-from flexfem.verify.reach import PoseFace, Reach, poses, reach
+from flexfem.verify.reach import PoseFace, Reach, poses, ranges, reach
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 NONE = np.zeros(3)
@@ -226,6 +228,22 @@ def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage)
     assert more.volume == one.volume and not any("blocking force" in grouped(by) for by in one.by)
     assert less.volume < 0.9 * one.volume
     assert any("blocking force of elbow, chain 2, partner" in by for by in less.by)
+
+
+def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage):
+    """Single stacks, light pairs and unlike chains; and yield that binds. Another method, other limits in hand."""
+    weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
+    for each in (own, weak):
+        one, drive = modelled(each)
+        numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
+        many = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
+        of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
+        studied = drive_answers(lower(each), of, one.model.necks[None], many).reach[0]
+        limits = limits_of_commands(each, one, one.of, drive, NONE)
+        held = [extent.held for extent in ranges(one.of, drive, limits, NONE).values()]
+        np.testing.assert_allclose([extent.high for extent in held if extent], studied[0], rtol=1e-9)
+        np.testing.assert_allclose([-extent.low for extent in held if extent], studied[1], rtol=1e-9)
+    assert any("yield" in kinds(extent.high_by) for extent in held if extent)
 
 
 @pytest.mark.slow
