@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.registry import BenchmarkTable
+    from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.answers import LoadReport, MeshReport, StageReport, StiffnessReport
     from flexfem.verify.as_built import AsBuilt
     from flexfem.verify.budget import Budget
     from flexfem.verify.case import Direction
-    from flexfem.verify.claims import ClaimsReport
     from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.experiment import Experiment
@@ -497,11 +497,21 @@ def verification(path: PathLike) -> Verification:
     return Verification(*run_case(LoadedCase(checked_path(path)), _solver(None)))
 
 
-def claims(path: PathLike) -> ClaimsReport:
-    """Measure what a file of claims says, with verdicts and alternatives. Raises BadInput, ComputationFailed."""
-    from flexfem.verify.claims import report_claims
+def claims(path: PathLike, progress: Callable[[int, int], object] | None = None) -> ClaimsReport:
+    """Measure what a file of claims says, with verdicts and alternatives.
 
-    return report_claims(checked_path(path))
+    Parameters
+    ----------
+    progress : is told how many of how many pairs of an ensemble are seen to.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; the file cannot be used, or no pair of its ensemble can be made.
+    """
+    from flexfem.verdicts.verdict import report_claims
+
+    return report_claims(checked_path(path), watch=progress or (lambda done, of: None))
 
 
 def cross_check(stage: Stage, solver: str = "ngsolve", resolution: int = RESOLUTION) -> CrossCheck:

@@ -23,6 +23,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("analytic", "fem"),
     ("verify", "validate"),
     ("study",),
+    ("verdicts",),
     ("plot",),
     ("api", "study_answers"),
     ("reports", "studies"),

@@ -229,7 +229,7 @@ MUTATIONS = [
     ),
     Mutation(
         "gain of compliance for loss of stiffness",
-        "_measured_stiffness",
+        "_softer",
         "1 - 1 / _a",
         "_a - 1",
         "test_the_loss_of_stiffness_is_of_the_models",
@@ -279,8 +279,8 @@ MUTATIONS = [
     Mutation(
         "a lever upside down in the error over the workspace",
         "missed",
-        "[1.0, 1.0, lever]",
-        "[1.0, 1.0, 1 / lever]",
+        "[_a, _b, far]",
+        "[_a, _b, 1 / far]",
         "test_the_box_is_searched_at_its_corners_edges_and_faces",
     ),
     Mutation(
@@ -560,6 +560,55 @@ MUTATIONS = [
         "[T.T @ condensed.schur @ T for T in turns]",
         "[T.T @ condensed.schur @ T for T in turns[:2]]",
         "test_one_third_answers_as_the_whole_ring",
+    ),
+    Mutation(
+        "stages in which a claim fails counted as those in which it holds",
+        "share_of",
+        "holding / len(known)",
+        "1 - holding / len(known)",
+        "test_every_value_of_a_stage_counts_and_a_stage_without_values_counts_for_nothing",
+    ),
+    Mutation(
+        "stages without a value in the denominator of a share",
+        "share_of",
+        "known = values[np.all(np.isfinite(values), axis=-1)]",
+        "known = values",
+        "test_every_value_of_a_stage_counts_and_a_stage_without_values_counts_for_nothing",
+    ),
+    Mutation(
+        "thresholds of a verdict swapped",
+        "ruling",
+        "share.low >= MOST",
+        "share.low >= 1 - MOST",
+        "test_a_verdict_is_by_the_whole_interval",
+    ),
+    Mutation(
+        "stages near a limit counted as holding at the low end of the interval",
+        "share_of",
+        "(-measure.slack, measure.slack)",
+        "(measure.slack, -measure.slack)",
+        "test_stages_nearer_to_a_limit_than_the_metal_is_known_widen_the_interval_only",
+    ),
+    Mutation(
+        "an ensemble that ignores its seed",
+        "drawn_values",
+        "ensemble.seed",
+        "2003",
+        "test_a_seed_draws_the_same_values_and_another_seed_others",
+    ),
+    Mutation(
+        "pairs that cannot be made kept among those judged",
+        "populate",
+        "Population(values[kept], _a, _b, _c, _d, _e)",
+        "Population(values, _a, _b, _c, _d, _e)",
+        "test_factors_go_to_the_stages_they_are_of_and_what_cannot_be_made_is_left_out_and_counted",
+    ),
+    Mutation(
+        "one platform for two stages that differ in it",
+        "_bodies",
+        "known != (known := _a)",
+        "known is None and (known := _a)",
+        "test_unlike_platforms_have_their_own_compliance",
     ),
 ]
 

@@ -6,9 +6,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import flexfem
+from flexfem.analytic.model import analyse
+from flexfem.stage.schema import load_stage
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -82,30 +85,71 @@ def test_the_table_of_shares_is_what_budget_printed():
 
 
 def test_the_table_of_claims_is_what_claims_printed():
-    verdicts = {each["id"]: each for each in accepted("claims")["claims"]["verdicts"]}
+    record = accepted("claims")["claims"]
+    verdicts = {each["id"]: each for each in record["verdicts"]}
     value = {name: each["values"] for name, each in verdicts.items()}
-    cells = {row[0]: row[1:] for row in table("| claim, in our words | verdict | found |")}
+    rows = table("| claim, in our words | verdict | holds in | found on the reference stages |")
     names = (
-        "six-commanded", "six-across", "three-everywhere", "six-better", "axial-cause", "diagonal", "second-order",
-        "minimum-energy", "measured-stiffness",
+        "six-commanded", "six-across", "three-along", "three-across", "six-better", "axial-cause", "larger-radius",
+        "rotation-more", "diagonal", "second-order", "second-order-error", "minimum-energy", "measured-stiffness",
+        "stiffer-simulated",
     )  # fmt: skip
-    found = {}
-    for name, (verdict, said) in zip(names, cells.values(), strict=True):
+    found, said = {}, {}
+    for name, (_, verdict, share, text) in zip(names, rows, strict=True):
         assert verdict == verdicts[name]["verdict"]
-        found[name] = re.findall(rf"{NUMBER}(?:e-\d+)?", said.partition(":")[0])
-    (every,) = found["six-commanded"]
-    require_shown([every] * 3, value["six-commanded"])
-    require_shown(found["three-everywhere"], value["three-everywhere"][::4])
+        shares = verdicts[name]["shares"]
+        require_shown(re.findall(NUMBER, share), [100 * each["share"] for each in shares[:1]])
+        said[name] = text
+        found[name] = re.findall(rf"{NUMBER}(?:e-\d+)?", re.split("[:;]", text)[0])
+    require_shown(found["six-commanded"] * 3, value["six-commanded"])
+    require_shown(found["three-along"], value["three-along"])
     require_shown(found["six-better"], (min(value["six-better"]), max(value["six-better"])))
-    errors = accepted("claims")["claims"]["alternatives"]
-    x = {(each["name"].partition(",")[0].partition(":")[0], each["mobility"]): each["along"]["x"] for each in errors}
+    require_shown(found["second-order-error"], value["second-order-error"])
+    require_shown(found["rotation-more"], value["rotation-more"])
+    require_shown(found["larger-radius"][:1], value["larger-radius"])
+    assert f"it {re.findall(NUMBER, said['larger-radius'])[-1]} times as large" in verdicts["larger-radius"]["found"]
+    x = {
+        (each["name"].partition(",")[0].partition(":")[0], each["mobility"]): each["along"]["x"]
+        for each in record["alternatives"]
+    }
     require_shown(found["axial-cause"], (x["axial freedom left out", 3] - x["none", 6], x["none", 6]))
     box = accepted("mobility6")["workspace"]
     require_shown(
         [found["second-order"][0], found["second-order"][3]], (box["small"]["position"], box["box"]["position"])
     )
-    for name in ("six-across", "diagonal"):
+    for name in ("six-across", "three-across", "diagonal"):
         assert max(value[name]) < float(*found[name])
+    bend = verdicts["second-order"]["depends"]
+    assert bend["name"] == "chain.joint_angles_deg[1]"
+    require_shown(re.findall(NUMBER, said["second-order"])[-2:], [-each for each in reversed(bend["holding"])])
+    assert verdicts["axial-cause"]["depends"]["holding"][0] > -2
+    ratio, along = (verdicts[name]["depends"] for name in ("six-commanded", "three-along"))
+    assert ratio["name"] == along["name"] == "t/R of the elbow hinges"
+    require_shown(re.findall(NUMBER, said["six-commanded"])[-2:], ratio["holding"])
+    require_shown(re.findall(NUMBER, said["three-along"])[-1:], along["holding"][:1])
+
+
+def test_what_the_page_says_of_the_ensemble_is_what_claims_printed():
+    record = accepted("claims")["claims"]
+    ensemble, (six, *_) = record["ensemble"], [each for each in record["verdicts"] if each["id"] == "six-commanded"]
+    require_shown(prose("share of N plausible pairs of stages"), [ensemble["judged"]])
+    require_shown(prose("of N drawn pairs, N cannot be made"), [ensemble["drawn"], ensemble["infeasible"]])
+    (short,) = [each for each in six["shares"] if each["formula"] == "paros-weisbord-short"]
+    assert not short["reference_in_range"] and short["reference_holds"]
+    require_shown(prose("short form of (2) errs N % on the reference stage"), short["reference"][:1])
+
+
+def test_the_claim_of_5_to_10_percent_holds_between_the_necks_that_the_page_states():
+    stage = load_stage(ROOT / "geometry/mobility6.toml")
+    low, high = map(float, prose("5 to 10 % holds for necks of N to N mm"))
+
+    def holds(neck):
+        thin = stage.replace(neck=dict.fromkeys(("base", "elbow", "platform"), neck))
+        compliance = analyse(thin, 21, "calibrated", links=True).compliance
+        error = 100 * np.diag(compliance @ analyse(thin, 6).stiffness) - 100
+        return bool(np.all((error >= 5) & (error <= 10)))
+
+    assert [holds(neck) for neck in (low - 0.01, low, high, high + 0.01)] == [False, True, True, False]
 
 
 NONE = "none: curved quadratic triangles, as verified"

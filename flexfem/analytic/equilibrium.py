@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic.kinematics import ROTATION
 from flexfem.analytic.loops import in_joint_order, influence
 from flexfem.analytic.stiffness import Mechanism, Stiffness, apply, effective_load, stiffness, transposed
 from flexfem.arrays import Array, inverse
 from flexfem.refused import ComputationFailed
+from flexfem.stage.designs import Frames
 
 STEP = 1e-9  # relative size of the last Newton step; the error it leaves is of second order, that is rounding
 ITERATIONS = 25
@@ -164,14 +165,14 @@ class Tangents(NamedTuple):
 
 
 class Missed(NamedTuple):
-    """Relative values, the largest over a box of poses.
+    """Relative values (...), the largest over a box of poses.
 
     position : distance of the linear from the exact position, rotations by the lever.
     terms : change of the diagonal of the tangent compliance by the second-order terms.
     """
 
-    position: float
-    terms: float
+    position: Array
+    terms: Array
 
 
 def without_terms(of: Mechanism, at: Stiffness) -> Array:
@@ -215,14 +216,26 @@ def summed_loads(of: Mechanism, commanded: Array, axis: int) -> dict[str, Array]
     return loads
 
 
-def missed(of: Mechanism, amplitude: Array, lever: float) -> Missed:
+def at_every(of: Mechanism) -> Mechanism:
+    """The mechanism with one more leading axis, for poses: each of its designs at each of them."""
+    frames = Frames(of.frames.centres[..., None, :, :, :], of.frames.axes[..., None, :, :])
+    return of._replace(frames=frames, springs=of.springs[..., None, :])
+
+
+def missed(of: Mechanism, amplitude: Array, lever: ArrayLike) -> Missed:
     """What linear positions and tangents miss at corners, edges and faces of a box of poses (3,), mm and rad.
 
-    Raises ComputationFailed when one of them is not reached.
+    Parameters
+    ----------
+    of : with leading axes (...) of designs, or none.   lever : (...), mm.
+
+    Raises ComputationFailed when one of the poses is not reached.
     """
+    far = np.asarray(lever, dtype=float)
     poses = amplitude * np.array([np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)])
-    found, scale = tangents(of, poses), np.array([1.0, 1.0, lever])
-    off = np.linalg.norm((found.load @ stiffness(of).C_uu - poses) * scale, axis=-1)
+    each, scale = at_every(of), np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)[..., None, :]
+    found = tangents(each, poses)
+    off = np.linalg.norm((apply(stiffness(each).C_uu, found.load) - poses) * scale, axis=-1)
     with_, less = (np.diagonal(inverse(K), axis1=-2, axis2=-1) for K in (found.tangent, found.without))
-    position = np.max(off / np.linalg.norm(poses * scale, axis=-1))
-    return Missed(float(position), float(np.max(np.abs(with_ / less - 1))))
+    position = np.max(off / np.linalg.norm(poses * scale, axis=-1), axis=-1)
+    return Missed(position, np.max(np.abs(with_ / less - 1), axis=(-2, -1)))

@@ -6,6 +6,7 @@ The platform, which is no bar, is in `platform`.
 from __future__ import annotations
 
 import cmath
+from functools import cache
 
 import numpy as np
 
@@ -33,11 +34,16 @@ def body_compliance(stage: Stage, plane: Plane | None = None) -> Array:
     Raises BadInput when they cannot be drawn.
     """
     material = elastic(plane or stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
+    return bars_compliance(stage, material) + platform_compliance(stage, material)
+
+
+def bars_compliance(stage: Stage, material: Elastic) -> Array:
+    """What pads and links alone add, as `body_compliance`."""
     bodies = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
         bars = [_bar(stage, material, segment) for line in centrelines(stage, chain) for segment in line]
         bodies[chain - 1, :, chain - 1] = _turned(np.sum(bars, axis=0), (chain - 1) * CHAIN_TURN)
-    return bodies.reshape(9, 9) + platform_compliance(stage, material)
+    return bodies.reshape(9, 9)
 
 
 def _bar(stage: Stage, material: Elastic, segment: Segment) -> Array:
@@ -52,7 +58,7 @@ def bar_density(
 
     The strip is as wide as the link; `first` and `last` are the shares between which it is taken.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    nodes, weights = _gauss(POINTS)
     share = first + (last - first) * (nodes + 1) / 2
     if segment.centre is None:
         at = segment.start + share * (segment.end - segment.start)
@@ -90,7 +96,7 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     """
     (E, nu), width = material, stage.chain.link_width
     a, b = radius - width / 2, radius + width / 2
-    nodes, weights = np.polynomial.legendre.leggauss(RADII)
+    nodes, weights = _gauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
     dr = weights / 2 * np.log(b / a) * r
     q = (a * b / r) ** 2 * np.log(b / a)
@@ -104,6 +110,9 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r * dr)
     density[2, 2] = 2 * (1 + nu) * np.sum((pulled / np.sum(pulled * dr)) ** 2 * r * dr)
     return density / (E * stage.thickness * radius)
+
+
+_gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def _turned(compliance: Array, angle: float) -> Array:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.records import Finding
     from flexfem.validate.registry import BenchmarkTable
+    from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.budget import Budget
-    from flexfem.verify.claims import ClaimsReport
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.result import Result
     from flexfem.verify.workspace import Point, Workspace
@@ -139,10 +139,16 @@ def _of_models(point: Point, kind: str) -> Iterator[str]:
 
 def print_claims(of: ClaimsReport) -> None:
     """Print the verdicts, and the alternatives with their magnitudes."""
+    from flexfem.verdicts.page import said_of_ensemble
+
     out, rows = people(), []
     for verdict in of.verdicts:
         out.print(f"{verdict.verdict}: {verdict.statement} ({verdict.where})")
-        out.print(f"    {verdict.found}")
+        for text in (verdict.found, verdict.ensemble, verdict.argument):
+            if text:
+                out.print(f"    {text}")
+    if of.ensemble is not None:
+        out.print(f"\n{said_of_ensemble(of.ensemble)}")
     out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
     for row in of.alternatives:
         pairs = (f"{getattr(row.along, axis):z.3f}, {getattr(row.across, axis):z.3f}" for axis in DIRECTIONS)

@@ -167,6 +167,16 @@ def counted(steps: int, description: str) -> Callable[[str], None]:
     return lambda text: print(f"{description} {next(done)}/{steps}: {text}", file=sys.stderr)
 
 
+def now_and_then(description: str, every: int = 50) -> Callable[[int, int], None]:
+    """What says on a terminal how far a command is, told how many of how many are done."""
+
+    def say(done: int, of: int) -> None:
+        if done % every == 0 and sys.stderr.isatty():
+            print(f"{description}: {done} of {of}", file=sys.stderr)
+
+    return say
+
+
 @contextmanager
 def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
     """Yield a `map` that works in processes of its own, by default one a processor; plain `map` where that is one."""

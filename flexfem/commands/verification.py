@@ -138,13 +138,13 @@ def claims(
     output: Wanted = None,
     json: Json = False,
 ) -> None:
-    """Measure what the paper claims: holds, does not hold, or cannot be decided; and what else could have been."""
+    """Measure what the paper claims: holds, does not hold, depends on the dimensions, or cannot be decided."""
     from flexfem import reports
 
-    report = reports.claims(path)
+    report = reports.claims(path, console.now_and_then("stages of the ensemble"))
     if output is not None:
         from flexfem.files.writing import write_atomically
-        from flexfem.verify.claims import claims_page
+        from flexfem.verdicts.page import claims_page
         from flexfem.verify.result import write_record
 
         write_record(report, output / "claims.json")

@@ -82,6 +82,12 @@ class Designs:
         """Ratio (n,) of `out_of_plane`."""
         return out_of_plane(self.plane, self.poissons_ratio)
 
+    @property
+    def alike(self) -> bool:
+        """Whether the three chains are alike in every design, so that all are three-fold symmetric."""
+        parts = (self.prismatic[None], self.radius, self.neck, np.nan_to_num(self.axis, nan=np.inf))
+        return all(bool(np.all(part == part[:, :1])) for part in parts)
+
     def repeated(self, count: int) -> Designs:
         """`count` copies of one design, each to be changed in place."""
         return self.chosen(np.zeros(count, dtype=np.int64))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,6 +66,8 @@ class Factor(Table):
     With none of these, its values are given by a table of designs.
     """
 
+    named: ClassVar[tuple[str, ...]] = ("key", "keys", "label")  # fields that say what it is of, whatever its kind
+
     key: Label | None = None
     keys: tuple[Label, ...] | None = Field(default=None, min_length=1, max_length=MANY_KEYS)
     label: Label | None = None
@@ -106,7 +108,7 @@ class Factor(Table):
             if name not in given:
                 raise refusal(f"{name} ({WAYS})")
         for name in given:
-            if name not in ("key", "keys", "label", *needed, *possible):
+            if name not in (*self.named, *needed, *possible):
                 raise refusal(f"no {name} with {needed[0]} ({WAYS})" if needed else WAYS, name)
         return self
 
@@ -136,8 +138,7 @@ class Factor(Table):
             return self.distribution
         if self.values is not None:
             return "values"
-        named = {"key", "keys", "label"}
-        return "range" if self.model_fields_set - named else "given"
+        return "range" if self.model_fields_set - {*self.named} else "given"
 
     @property
     def paths(self) -> tuple[str, ...]:

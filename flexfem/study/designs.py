@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Mapping, MutableMapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -15,11 +15,22 @@ from flexfem.stage.keys import Key, keys
 from flexfem.stage.overrides import actuators_of
 from flexfem.stage.schema import Stage
 from flexfem.stage.tables import merged_changes
+from flexfem.study.columns import Column
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.loaded import LoadedStudy
 
 
-def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
+class Varied(Protocol):
+    """A stage and the columns that set numbers of it: a study that is loaded, for one."""
+
+    @property
+    def stage(self) -> Stage: ...
+
+    @property
+    def columns(self) -> tuple[Column, ...]: ...
+
+
+def designs_of(loaded: Varied, values: Array) -> Designs:
     """The designs whose factors take `values` (n, columns), file units; nothing is checked here."""
     designs = lower(loaded.stage).repeated(len(values))
     for key, column in _settings(loaded):
@@ -29,7 +40,7 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     return designs
 
 
-def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
+def stage_of(loaded: Varied, values: Array) -> Stage:
     """The design whose factors take `values` (columns,), file units, as a stage.
 
     Raises
@@ -47,7 +58,7 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
     return Stage.from_names(merged_changes(held, changes))
 
 
-def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
+def _settings(loaded: Varied) -> list[tuple[Key, int]]:
     """Every key set and the column that sets it, those of one chain after those of all three."""
     found = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
     return sorted(found, key=lambda setting: setting[0].table[:1] == ("override",))

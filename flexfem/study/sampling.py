@@ -89,24 +89,25 @@ def at_quantile(factor: Factor, u: Array) -> Array:
     return np.asarray(stats.uniform.ppf(u, low, high - low))
 
 
+def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
+    """Independent quantiles (stop - start, columns) of the designs from `start` up to `stop`, 0 <= u < 1."""
+    blocks = range(start // BLOCK, -(-stop // BLOCK))
+    streams = (np.random.Philox(np.random.SeedSequence(seed, spawn_key=(block,))) for block in blocks)
+    drawn = [np.random.Generator(stream).random((BLOCK, columns)) for stream in streams]
+    return np.concatenate([np.empty((0, columns)), *drawn])[start % BLOCK :][: stop - start]
+
+
 def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
     """Quantiles (stop - start, columns) of a sample, 0 <= u < 1."""
     sampling, columns = loaded.study.sampling, len(loaded.columns)
     assert sampling.seed is not None
     if sampling.method == "monte_carlo":
-        return _monte_carlo(sampling.seed, columns, start, stop)
+        return monte_carlo(sampling.seed, columns, start, stop)
     if sampling.method == "sobol":
         return _sobol(sampling.seed, columns, start, stop)
     if sampling.method == "saltelli":
         return _saltelli(sampling.seed, columns, start, stop)
     return _latin_hypercube(sampling.seed, columns, loaded.count)[start:stop]
-
-
-def _monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
-    blocks = range(start // BLOCK, -(-stop // BLOCK))
-    streams = (np.random.Philox(np.random.SeedSequence(seed, spawn_key=(block,))) for block in blocks)
-    drawn = [np.random.Generator(stream).random((BLOCK, columns)) for stream in streams]
-    return np.concatenate([np.empty((0, columns)), *drawn])[start % BLOCK :][: stop - start]
 
 
 def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
 from flexfem.verify.case import DIRECTIONS, Direction
@@ -54,10 +55,15 @@ def percentages(error: Array, commanded: float, direction: Direction, lever: flo
     return np.asarray(100.0 * error * scale / (commanded * scale[DIRECTIONS.index(direction)]))
 
 
-def error_matrix(stiffness: Array, compliance: Array, lever: float) -> Array:
-    """Error percentages (3, 3) of `compare`; column j for command j, order x, y, theta."""
-    one = np.array([0.0, 1.0])
-    return np.array([compare(stiffness, compliance, axis, one, lever).percent for axis in DIRECTIONS]).T
+def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array:
+    """Error percentages (..., 3, 3) of `compare`; column j for command j, order x, y, theta.
+
+    `stiffness`, `compliance` (..., 3, 3) and `lever` (...) broadcast.
+    """
+    far = np.asarray(lever, dtype=float)
+    scale = np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)
+    error = compliance @ stiffness - np.eye(3)  # of (18)
+    return np.asarray(100.0 * error * scale[..., :, None] / scale[..., None, :])
 
 
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)

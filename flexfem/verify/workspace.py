@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexfem.analytic.equilibrium import along, at_pose, missed, summed_loads, tangents
+from flexfem.analytic.equilibrium import Missed, along, at_pose, missed, summed_loads, tangents
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.stiffness import Mechanism, stiffness
 from flexfem.arrays import Array, Index
@@ -116,6 +116,10 @@ STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a ten
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 
 
+def _box(found: Missed) -> Box:
+    return Box(position=100 * float(found.position), terms=100 * float(found.terms))
+
+
 def workspace(
     stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
 ) -> Workspace:
@@ -139,8 +143,8 @@ def workspace(
         resolution=resolution,
         unknowns=solved.response.unknowns,
         travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, largest, strict=True)},
-        small=Box(position=100 * small.position, terms=100 * small.terms),
-        box=Box(position=100 * box.position, terms=100 * box.terms),
+        small=_box(small),
+        box=_box(box),
     )
 
 

@@ -14,9 +14,10 @@ from flexfem.plot.text import markdown_report
 from flexfem.validate.compare import Check, CrossCheck
 from flexfem.validate.records import Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page
+from flexfem.verdicts.page import markdown_claims
+from flexfem.verdicts.records import ClaimsReport, Verdict
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.answers import LoadReport, PlacedHinge, StageReport, StiffnessReport
-from flexfem.verify.claims import ClaimsReport, Verdict, markdown_claims
 from flexfem.verify.hinges import KnownFormula
 from flexfem.verify.result import Triple
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from flexfem.stage.schema import Stage
+from flexfem.verdicts.verdict import errors_of_model
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import command_convergence, compliance_bands, grid_convergence
-from flexfem.verify.measures import errors_of_model
 from flexfem.verify.protocol import _bands, _by_direction, solve_stage
 
 ROOT = Path(__file__).parents[2]
@@ -49,9 +49,9 @@ def ratios():
     found = []
     for number, (compliance, stiffness, lever) in enumerate(zip(*(KEPT[name] for name in KEPT.files[:3]), strict=True)):
         side = kept_side(number)
-        np.testing.assert_allclose(side.stiffness, stiffness, rtol=1e-9, atol=1e-9 * np.max(stiffness))
-        np.testing.assert_allclose(side.percent, percents(compliance[2], stiffness, lever), atol=1e-9)
-        found.append(side.band / np.abs(side.percent - truth_of(compliance, stiffness, lever)))
+        np.testing.assert_allclose(side.stiffness[0], stiffness, rtol=1e-9, atol=1e-9 * np.max(stiffness))
+        np.testing.assert_allclose(side.percent[0], percents(compliance[2], stiffness, lever), atol=1e-9)
+        found.append(side.band[0] / np.abs(side.percent[0] - truth_of(compliance, stiffness, lever)))
     return np.array(found)
 
 
@@ -167,7 +167,7 @@ def test_a_case_has_the_bands_of_its_own_command(direction):
         assert made[name].band == pytest.approx(each.band, rel=1e-9) and made[name].resolutions == [4, 6, 8]
         assert made[name].values == pytest.approx(values, abs=1e-10)
     side = kept_side(7)
-    np.testing.assert_allclose(side.band[:, column], [each.band for each in bands], rtol=1e-9)
+    np.testing.assert_allclose(side.band[0][:, column], [each.band for each in bands], rtol=1e-9)
 
 
 def test_what_is_kept_comes_out_of_the_solver():

@@ -13,9 +13,9 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
 from flexfem.refused import ComputationFailed
 from flexfem.stage.schema import load_feasible
+from flexfem.verdicts.claims import load_claims
 from flexfem.verify import workspace as module
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.claims import load_claims
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.workspace import workspace
 

@@ -27,8 +27,8 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import Stage, of_drive
+from flexfem.verdicts.claims import Claims
 from flexfem.verify.case import Case
-from flexfem.verify.claims import Claims
 
 Kind: TypeAlias = Literal["case", "claims", "study", "stage", "chart"]
 Keys: TypeAlias = dict[str, Leaf]

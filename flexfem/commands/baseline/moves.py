@@ -21,6 +21,7 @@ NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # 
 UNORDERED = ("assumed", "not_stated")  # lists of keys
 SENTENCES = (  # their numbers are rounded
     ("claims", "verdicts", "#", "found"),
+    ("claims", "verdicts", "#", "ensemble"),
     ("*", "warnings", "#"),
     ("*", "*", "warnings", "#"),
 )

@@ -24,9 +24,10 @@ from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage, load_feasible
+from flexfem.verdicts.claims import load_claims
+from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed, workspace
 from flexfem.verify.case import Curve, LoadedCase
-from flexfem.verify.claims import load_claims, report_claims
 from flexfem.verify.converge import converge
 from flexfem.verify.errors import compare, levels
 from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case

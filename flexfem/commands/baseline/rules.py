@@ -174,6 +174,9 @@ RULES = _rules(
     *_uncertainty("converge uncertainty *", NUMBER),
     # claims
     ("claims verdicts # values #", FRESH, PERCENT),
+    ("claims verdicts # shares # *", SOLVED, NUMBER),
+    ("claims verdicts # shares # reference #", FRESH, PERCENT),
+    ("claims ensemble metal_off", FRESH, PERCENT),
     ("claims alternatives # along *", UNLIKE, PERCENT),
     ("claims alternatives # across *", UNLIKE, PERCENT),
     # studies: the collected table and what the figures show

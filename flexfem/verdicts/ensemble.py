@@ -1,0 +1,151 @@
+"""Plausible stages, drawn with numbers of both stages between stated ends, and their metal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.kinematics import freedoms_of
+from flexfem.analytic.links import bars_compliance, body_compliance
+from flexfem.analytic.model import CALIBRATED, at_rest, hinge_compliances, in_range, unanswered
+from flexfem.analytic.platform import platform_compliance
+from flexfem.arrays import AnyArray, Array, inverse
+from flexfem.files.refusals import place_of
+from flexfem.files.toml import read_toml
+from flexfem.refused import BadInput
+from flexfem.stage.designs import Designs, elastic, lower
+from flexfem.stage.feasibility import check_feasible
+from flexfem.stage.schema import CHAINS, Stage
+from flexfem.study.columns import Column
+from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.sampling import INSIDE, at_quantile, monte_carlo
+from flexfem.verdicts.claims import SIDES, LoadedClaims, Side
+
+Watch = Callable[[int, int], object]  # is told how many of how many stages are seen to
+
+
+class Metal(NamedTuple):
+    """n stages and the compliance (n, 3, 3) of their metal: calibrated hinges; pads, links and platform elastic."""
+
+    designs: Designs
+    compliance: Array
+
+
+class Population(NamedTuple):
+    """The stages of an ensemble that can be judged.
+
+    values : (n, columns), file units.   three, six : the stages of each pair.
+    drawn : pairs.   infeasible : of these, one of the two cannot be made.   off_chart : has a hinge off the chart.
+    """
+
+    values: Array
+    three: Metal
+    six: Metal
+    drawn: int
+    infeasible: int
+    off_chart: int
+
+    def of_rows(self, rows: AnyArray) -> Population:
+        """Only some of the judged pairs, by a mask (n,)."""
+        three, six = (Metal(of.designs.chosen(rows), of.compliance[rows]) for of in (self.three, self.six))
+        return self._replace(values=self.values[rows], three=three, six=six)
+
+
+class OneSide(NamedTuple):
+    """One of the two stages and the columns that set numbers of it."""
+
+    stage: Stage
+    columns: tuple[Column, ...]
+
+
+def drawn_values(loaded: LoadedClaims) -> Array:
+    """Values (designs, columns) of an ensemble, file units: independent draws."""
+    ensemble = loaded.claims.ensemble
+    assert ensemble is not None
+    u = np.clip(monte_carlo(ensemble.seed, len(loaded.columns), 0, ensemble.designs), INSIDE, 1.0 - INSIDE)
+    return np.stack([at_quantile(each.column.factor, q) for each, q in zip(loaded.columns, u.T, strict=True)], axis=-1)
+
+
+def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Population:
+    """Draw an ensemble, and the metal of every pair that can be made.
+
+    Raises BadInput where there is none.
+    """
+    values, sides = drawn_values(loaded), {side: side_of(loaded, side) for side in SIDES}
+    kept, bodies, off_chart = list[int](), list[list[Array]](), 0
+    for index, row in enumerate(values):
+        watch(index, len(values))
+        try:
+            pair = [stage_of(varied, row[places]) for varied, places in sides.values()]
+            for stage in pair:
+                check_feasible(stage)
+            if not all(_on_chart(stage) for stage in pair):
+                off_chart += 1
+                continue
+            bodies.append(_bodies(pair))
+        except BadInput:
+            continue
+        kept.append(index)
+    if not kept:
+        line = read_toml(loaded.path).lines.line(("ensemble",))
+        raise BadInput(
+            f"{place_of(loaded.path, line)}: ensemble.designs = {len(values)}: none of these pairs of stages can be "
+            "made and judged, expected ranges that some can be made in"
+        )
+    three, six = (
+        metal_of(designs_of(varied, values[kept][:, places]), np.array([pair[k] for pair in bodies]))
+        for k, (varied, places) in enumerate(sides.values())
+    )
+    return Population(values[kept], three, six, len(values), len(values) - len(kept) - off_chart, off_chart)
+
+
+def metal_of(designs: Designs, bodies: Array) -> Metal:
+    """The metal of n designs with the compliances (n, 9, 9) of their bodies."""
+    hinges = hinge_compliances(designs, CALIBRATED)
+    return Metal(designs, inverse(at_rest(designs, hinges, freedoms_of(21), bodies).stiffness))
+
+
+def metal_of_stage(stage: Stage) -> Metal | None:
+    """The metal of one stage, n = 1, as in an ensemble; None where it is off the chart."""
+    return metal_of(lower(stage), body_compliance(stage)[None]) if _on_chart(stage) else None
+
+
+def answered(designs: Designs, formula: str) -> AnyArray:
+    """Which designs (n,) a formula is meant for and has positive compliances for."""
+    with np.errstate(all="ignore"):
+        none = [each.where for each in unanswered(designs, formula, hinge_compliances(designs, formula))]
+        return np.asarray(np.all(in_range(designs, formula), axis=(1, 2)) & ~np.any(none, axis=0))
+
+
+def _bodies(pair: list[Stage]) -> list[Array]:
+    """Compliance (9, 9) of the bodies of each of two stages; of platforms that are alike one is computed.
+
+    Raises BadInput when they cannot be drawn.
+    """
+    found: list[Array] = []
+    platform, known = np.zeros((9, 9)), None
+    for stage in pair:
+        material = elastic(stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
+        if known != (known := _about_platform(stage)):
+            platform = platform_compliance(stage, material)
+        found.append(bars_compliance(stage, material) + platform)
+    return found
+
+
+def _about_platform(stage: Stage) -> object:
+    """All that the compliance of the platform depends on."""
+    hinges = tuple(stage.hinge(chain, "platform") for chain in CHAINS)
+    return stage.model, stage.material, stage.thickness, stage.chain, stage.platform, hinges
+
+
+def _on_chart(stage: Stage) -> bool:
+    return bool(answered(lower(stage), CALIBRATED)[0])
+
+
+def side_of(loaded: LoadedClaims, side: Side) -> tuple[OneSide, list[int]]:
+    """One of the two stages with its columns, and the places of these among all."""
+    places = [place for place, each in enumerate(loaded.columns) if side in each.sides]
+    stage = loaded.three if side == "three" else loaded.six
+    return OneSide(stage, tuple(loaded.columns[place].column for place in places)), places

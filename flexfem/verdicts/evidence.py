@@ -1,0 +1,87 @@
+"""What claims are measured on: n stages with the errors of a model against their metal."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.kinematics import freedoms_of
+from flexfem.analytic.model import at_rest, hinge_compliances
+from flexfem.arrays import AnyArray, Array
+from flexfem.stage.designs import Designs
+from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.errors import error_matrix
+
+
+class ModelErrors(NamedTuple):
+    """n stages with the mobility the paper models them with.
+
+    stiffness, compliance : (n, 3, 3), of the model and of the metal.   percent : (n, 3, 3), error under the force of
+        (18), column j for command j.   band : (n, 3, 3), of the mesh; None where there is none.
+    """
+
+    designs: Designs
+    mobility: int
+    formula: str
+    stiffness: Array
+    compliance: Array
+    percent: Array
+    band: Array | None = None
+
+    def of_rows(self, rows: AnyArray) -> ModelErrors:
+        """Only some of the stages, by their places or by a mask (n,)."""
+        parts = {name: getattr(self, name)[rows] for name in ("stiffness", "compliance", "percent")}
+        return self._replace(designs=self.designs.chosen(rows), **parts)
+
+    @property
+    def lever(self) -> Array:
+        """l3 (n,), mm."""
+        return np.asarray(self.designs.link_lengths[:, 2])
+
+
+class Evidence(NamedTuple):
+    """All that claims are measured on; amplitude (3,) of the workspace in mm, mm, rad."""
+
+    three: ModelErrors
+    six: ModelErrors
+    amplitude: Array
+
+    def first(self, count: int | None) -> Evidence:
+        """That of the first stages; None for all."""
+        if count is None or count >= len(self.six.percent):
+            return self
+        return self._replace(three=self.three.of_rows(np.arange(count)), six=self.six.of_rows(np.arange(count)))
+
+    @property
+    def alike(self) -> bool:
+        """Whether all stages are three-fold symmetric."""
+        return self.three.designs.alike and self.six.designs.alike
+
+
+def modelled(designs: Designs, mobility: int, formula: str, compliance: Array) -> ModelErrors:
+    """The errors of a model on n stages of which the compliance (n, 3, 3) of the metal is known."""
+    K = stiffness_of(designs, mobility, formula)
+    return ModelErrors(
+        designs, mobility, formula, K, compliance, error_matrix(K, compliance, designs.link_lengths[:, 2])
+    )
+
+
+def stiffness_of(designs: Designs, mobility: int, formula: str) -> Array:
+    """Stiffness (n, 3, 3) of n stages at rest by a model with rigid links."""
+    return at_rest(designs, hinge_compliances(designs, formula), freedoms_of(mobility)).stiffness
+
+
+def along(of: ModelErrors) -> Array:
+    """Errors (n, 3) in the commanded directions, per cent."""
+    return diagonals(of.percent)
+
+
+def diagonals(matrices: Array) -> Array:
+    """Diagonals (n, k) of n matrices."""
+    return np.asarray(np.diagonal(matrices, axis1=-2, axis2=-1))
+
+
+def listed(values: Array, form: str = ".3f") -> str:
+    """Values (3,) by direction, in words."""
+    return ", ".join(f"{axis} {value:{form}}" for axis, value in zip(DIRECTIONS, values, strict=True))
