@@ -135,6 +135,27 @@ MUTATIONS = [
         "test_the_stiffness_is_that_without_stacks_with_them_and_with_their_preloads",
     ),
     Mutation(
+        "friction along the push",
+        "across",
+        "1j * self.direction",
+        "self.direction",
+        "test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand",
+    ),
+    Mutation(
+        "friction of the preloads alone",
+        "_strokes",
+        "friction.left_open(first.of, rubbing, drive, pushing.force)",
+        "friction.left_open(first.of, rubbing, drive, drive.preload)",
+        "test_no_friction_within_its_limits_moves_the_platform_further_and_some_does_as_far",
+    ),
+    Mutation(
+        "stacks let go while their contacts rub",
+        "left_open",
+        "across[:3] - _a",
+        "across[:3] - 0.0 * (_a)",
+        "test_no_friction_within_its_limits_moves_the_platform_further_and_some_does_as_far",
+    ),
+    Mutation(
         "points of a turning link read as if it had moved",
         "_openings",
         "H[2, 2] += _a",

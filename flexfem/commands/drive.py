@@ -91,6 +91,12 @@ def _criterion_rows(of: Command) -> Iterator[list[str]]:
         yield [f"share of the limit of {limit}", *map(_percent, (one.share[limit] for one in found))]
     yield ["largest hinge rotation (mrad)", *(f"{1e3 * _largest(one.rotation):.4g}" for one in found)]
     yield ["stiffness by these forces (%)", *(_changes(one.preloaded, of.engaged) for one in found)]
+    for where, bands in (
+        ("left open by friction, at most (+-)", [one.friction for one in found]),
+        ("the same by finite elements", [one.element_friction for one in found]),
+    ):
+        if all(each is not None for each in bands):
+            yield [where, *(_prefixed(each or ()) for each in bands)]
     yield [f"highest neck stress ({STRESS})", *(f"{_largest(one.stress):.4g}" for one in found)]
     metal = [one.element_stress for one in found if one.element_stress is not None]
     if metal:
@@ -106,6 +112,12 @@ def _stiffness_rows(of: Command) -> Iterator[list[str]]:
         if found is not None:
             cells = [f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True)]
         yield [name, *cells, _changes(found, of.engaged)]
+
+
+def _prefixed(pose: Sequence[float]) -> str:
+    """A pose, each number with its prefix."""
+    units = [unit_for(axis, value) for axis, value in zip(DIRECTIONS, pose, strict=True)]
+    return ", ".join(f"{value * unit.factor:.3g} {unit.plain}" for value, unit in zip(pose, units, strict=True))
 
 
 def _changes(found: Sequence[float] | None, of: Sequence[float]) -> str:

@@ -107,6 +107,7 @@ class Actuator(Dimensioned):
     stack : name in the catalogue, else `stroke` with `stiffness` or `blocking_force`.
     contact_stiffness : of the contact, or of a ball of `ball_radius` by Hertz, at the preload; neither: rigid.
     preload : force of every stack at rest.
+    friction : coefficient of Coulomb's friction at the contact.
     """
 
     name: Label
@@ -127,6 +128,7 @@ class Actuator(Dimensioned):
     ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
     ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
     preload: float = Field(default=0.0, alias="preload_n", ge=0, le=1e6)
+    friction: float | None = Field(default=None, ge=0, le=2)
 
     @field_validator("stack")
     @classmethod

@@ -201,6 +201,14 @@ class Stack(NamedTuple):
         """
         return self.point - self.ball * self.direction if follows == "pushed" else self.point
 
+    @property
+    def across(self) -> Stack:
+        """The same contact pushed along its face, a quarter turn counter-clockwise of its push: what friction does."""
+        t = 1j * self.direction
+        wrench = np.array([t.real, t.imag, (np.conj(self.point) * t).imag])
+        pushed, carrier = self.pushes
+        return self._replace(pushes=(pushed._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
+
     def placed(self, push: Push) -> Array:
         """Wrench (..., 3) of one of its pushes in the frame of the stage."""
         return np.asarray(push.wrench @ chain_rotation(self.chain).T)

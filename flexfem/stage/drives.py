@@ -33,6 +33,7 @@ class StageDrive(NamedTuple):
     stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
     differential : (n, m), stroke of each stack beyond its rest per command: 1, and -1 for the partner of a pair.
     lowest, highest : (..., m), mm, the commands that the strokes allow; a pair rests at half its stroke.
+    friction : (n,), coefficient at each contact, nan where it is not stated; without any, of no length.
     """
 
     stacks: tuple[Stack, ...]
@@ -43,6 +44,12 @@ class StageDrive(NamedTuple):
     differential: Array
     lowest: Array
     highest: Array
+    friction: Array = np.zeros(0)
+
+    @property
+    def rubbing(self) -> tuple[int, ...]:
+        """The stacks whose contacts have a stated friction."""
+        return tuple(np.flatnonzero(~np.isnan(self.friction)).tolist())
 
 
 @once
@@ -82,6 +89,7 @@ def _drive(stage: Stage) -> StageDrive:
         differential=differential,
         lowest=limits[:, 0],
         highest=limits[:, 1],
+        friction=np.array([np.nan if actuators[k].friction is None else actuators[k].friction for k in owners]),
     )
 
 

@@ -223,9 +223,7 @@ link, expected < chain.link_width_mm = 9
     @property
     def drive_hash(self) -> str:
         """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of."""
-        chains = [
-            [[one.model_dump(exclude={"name", "stack"}), one.rating] for one in chain] for chain in actuators_of(self)
-        ]
+        chains = [[[_physical(one), one.rating] for one in chain] for chain in actuators_of(self)]
         alike = all(chain == chains[0] for chain in chains)
         return _digest({"stage": self.hash, "drive": chains[0] if alike else chains})
 
@@ -249,6 +247,11 @@ link, expected < chain.link_width_mm = 9
         ]
         not_stated = [key for key in super().numbers if provenance_of(self, key) is None]
         return Doubts([*super().assumed, *steel], not_stated)
+
+
+def _physical(of: Actuator) -> dict[str, Any]:
+    """What of an actuator is part of a hash: no friction that is not stated, as in hashes older than that key."""
+    return of.model_dump(exclude={"name", "stack"} | ({"friction"} if of.friction is None else set()))
 
 
 def of_drive(key: str) -> bool:

@@ -14,7 +14,7 @@ from flexfem.stage.contacts import Follows
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.units import MICROMETRE
-from flexfem.verify import preloaded, warning
+from flexfem.verify import friction, preloaded, warning
 from flexfem.verify.driven import (
     CRITERIA,
     ROUND_OFF,
@@ -29,6 +29,7 @@ from flexfem.verify.driven import (
 from flexfem.verify.driven_models import (
     Commanding,
     DrivenMetal,
+    across,
     best_model,
     commanding,
     driven_metal,
@@ -49,6 +50,8 @@ class Strokes(Record):
     rotation, stress : (3 chains, 3 hinges), rad beyond rest, and MPa with the preloads.
     share : of the limits of stroke, contact and blocking force, above one where they are broken, None where nothing is
         allowed.
+    friction, element_friction : (3,), half-widths, mm, mm, rad, of the poses friction leaves open, a bound: see
+        `friction.left_open`; of the model and of finite elements, None without them or without a stated friction.
     preloaded : (3,), as `Command.preloaded` of pushes that go with the pushed bodies, with these forces and the load.
     element_stress : (3, 3), MPa, by finite elements, None without them.
     """
@@ -64,6 +67,8 @@ class Strokes(Record):
     element_stress: Matrix | None
     share: dict[str, float | None]
     preloaded: list[float] | None
+    friction: list[float] | None
+    element_friction: list[float] | None
 
 
 class OpenLoop(Record):
@@ -123,7 +128,10 @@ def command(
     metal = None if resolution is None else driven_metal(stage, resolution)
     found = _by_criterion(first.of, drive, pose, load, lever, warnings)
     joints = preloaded.serials(stage, first, drive)
-    criteria = {name: _strokes(stage, drive, first, joints["pushed"], metal, x, load) for name, x in found.items()}
+    rubbing = across(stage, first, drive)
+    criteria = {
+        name: _strokes(stage, drive, first, joints["pushed"], rubbing, metal, x, load) for name, x in found.items()
+    }
     at_rest = {way: preloaded.stiffness(one, drive, drive.preload, np.zeros(3)) for way, one in joints.items()}
     pushing: dict[str, list[float] | None] = {"the preloads": at_rest["pushed"]}
     pushing |= {f"the forces by {name}": one.preloaded for name, one in criteria.items()}
@@ -205,12 +213,14 @@ def _strokes(
     drive: StageDrive,
     first: Commanding,
     joints: Serial,
+    rubbing: Array,
     metal: DrivenMetal | None,
     x: Array,
     load: Array,
 ) -> Strokes:
     motion, limits = moved(first.of, drive, x, load), shares(first.of, drive, x, load)
     pushing = motion._replace(force=drive.preload + motion.force)
+    held = drive.preload if metal is None else drive.preload + moved(metal.of, drive, x, load).force
     return Strokes(
         command=x.tolist(),
         stroke=(drive.differential @ x).tolist(),
@@ -223,6 +233,8 @@ def _strokes(
         element_stress=None if metal is None else element_stresses(stage, metal, drive, x, load).tolist(),
         share={name: used if np.isfinite(used) else None for name, used in limits.items()},
         preloaded=preloaded.stiffness(joints, drive, pushing.force, load),
+        friction=friction.left_open(first.of, rubbing, drive, pushing.force),
+        element_friction=None if metal is None else friction.left_open(metal.of, metal.across, drive, held),
     )
 
 

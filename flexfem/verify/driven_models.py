@@ -15,6 +15,7 @@ from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.refused import BadInput
+from flexfem.stage.contacts import Stack
 from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
@@ -32,11 +33,15 @@ class Commanding(NamedTuple):
 
 
 class DrivenMetal(NamedTuple):
-    """Finite elements of a driven stage, on their mesh."""
+    """Finite elements of a driven stage, on their mesh.
+
+    across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
+    """
 
     mesh: StageMesh
     response: DrivenResponse
     of: Driven
+    across: Array
 
 
 def best_model(stage: Stage, warnings: list[str]) -> tuple[int | None, str, bool]:
@@ -61,8 +66,23 @@ def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:
     """Finite elements of a driven stage. Raises as `protocol.solve_stage`, and BadInput without actuators."""
     drive, plate = drive_of(stage), plate_of(stage)
     mesh = build_mesh(stage, resolution)
-    response = driven_response(mesh, plate, drive.stacks)
-    return DrivenMetal(mesh, response, driven(response.compliance, drive))
+    C, fields = driven_response(mesh, plate, with_friction(drive))
+    known = 3 + len(drive.stacks)
+    response = DrivenResponse(C[:known, :known], fields[:known])
+    return DrivenMetal(mesh, response, driven(response.compliance, drive), C[:known, known:])
+
+
+def with_friction(drive: StageDrive) -> tuple[Stack, ...]:
+    """The stacks of a drive, then its contacts of stated friction pushed along their faces."""
+    return (*drive.stacks, *(drive.stacks[k].across for k in drive.rubbing))
+
+
+def across(stage: Stage, of: Commanding, drive: StageDrive) -> Array:
+    """As `DrivenMetal.across`, by an analytic model."""
+    known = 3 + len(drive.stacks)
+    if not drive.rubbing:
+        return np.zeros((known, 0))
+    return driven_model(stage, of.result, with_friction(drive)).compliance[:known, known:]
 
 
 def carried_by(stage: Stage, model: DrivenModel, motion: Motion, load: Array) -> NeckForces:

@@ -88,6 +88,21 @@ def test_preloads_that_no_equilibrium_stands_are_said(flexfem, project):
     assert line.split()[-1] == "unstable"
 
 
+def test_what_friction_leaves_open_is_said_where_it_is_stated(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    arguments = ("command", path, "--pose", *POSE)
+    assert "friction" not in flexfem(*arguments, "--analytic")[1]
+    project.edit("geometry/mobility6.toml", ("preload_n = 50.0", "preload_n = 50.0\nfriction = 0.2"))
+    found = json.loads(flexfem(*arguments, "--resolution", 3, "--json")[1])
+    assert "actuator.base.friction" in found["not_stated"]
+    one = found["criteria"]["least energy"]
+    np.testing.assert_allclose(one["friction"], [2.49e-3, 2.58e-3, 9.88e-5], rtol=2e-3)
+    np.testing.assert_allclose(one["element_friction"], one["friction"], rtol=5e-3)
+    out = flexfem(*arguments, "--analytic")[1]
+    (line,) = (line for line in out.splitlines() if line.startswith("left open by friction"))
+    assert "2.49 um, 2.58 um, 98.8 urad" in line
+
+
 def test_a_pose_out_of_reach_is_said(flexfem, project):
     path = project.path("geometry/mobility6.toml")
     found = json.loads(flexfem("command", path, "--pose", "0.1", 0, 0, "--analytic", "--json")[1])
