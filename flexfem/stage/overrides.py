@@ -42,6 +42,7 @@ class Override(Dimensioned):
     ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
     ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
     preload: float | None = Field(default=None, alias="preload_n", ge=0, le=1e6)
+    friction: float | None = Field(default=None, ge=0, le=2)
 
     @model_validator(mode="after")
     def _of_one_thing(self) -> Override:

@@ -127,3 +127,10 @@ def test_a_friction_out_of_range_is_refused(project, value):
     path = project.edit("geometry/mobility6.toml", ("preload_n = 50.0", f"preload_n = 50.0\nfriction = {value}"))
     with pytest.raises(BadInput, match="friction"):
         load_stage(path)
+
+
+def test_a_contact_of_one_chain_may_be_rougher(project):
+    rougher = '[[override]]\nchain = 2\nactuator = "elbow"\nfriction = 0.4\n\n[provenance]'
+    stage = load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", rougher)))
+    np.testing.assert_array_equal(drive_of(stage).friction, [np.nan] * 6 + [0.4, 0.4] + [np.nan] * 4)
+    assert drive_of(stage).rubbing == (6, 7)
