@@ -30,8 +30,8 @@ def share(values, slack=0.0, of=WINDOW, own=OWN):
 
 
 def test_every_value_of_a_stage_counts_and_a_stage_without_values_counts_for_nothing():
-    found = share([[6.0, 9.0], [6.0, 11.0], [4.0, 9.0], [np.nan, 7.0], [5.0, 10.0]])
-    assert (found.stages, found.holding, found.share) == (4, 2, 0.5)
+    found = share([[6.0, 9.0], [6.0, 11.0], [4.0, 9.0], [np.nan, 7.0], [5.0, 10.0], [3.0, 3.0]])
+    assert (found.stages, found.holding, found.share) == (5, 2, 0.4)
     assert found.reference == [7.0, 8.0] and found.reference_holds
     assert share([[np.nan, 6.0]]) is None
 
