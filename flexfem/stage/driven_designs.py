@@ -62,7 +62,7 @@ def drives_of(stage: Stage, designs: Designs, reason: AnyArray, stage_at: Callab
     chains = actuators_of(stage)
     numbers = Numbers(*np.moveaxis(designs.actuator, -1, 0))  # (n, 3, actuators) each
     _refuse_numbers(chains, numbers, reason)
-    placed = [[_placed(designs, chain, index, one) for index, one in enumerate(chains[chain])] for chain in range(3)]
+    placed = [[_contact(designs, chain, index, one) for index, one in enumerate(chains[chain])] for chain in range(3)]
     for chain, row in enumerate(placed):
         for index, each in enumerate(row):
             said = f"actuator.{chains[chain][index].name}.arm_mm: contact off the metal"
@@ -70,7 +70,7 @@ def drives_of(stage: Stage, designs: Designs, reason: AnyArray, stage_at: Callab
     wrenches = np.array([[each.wrench for each in row] for row in placed])  # (3, actuators, n, 3)
     unsure = np.any([~each.sure for row in placed for each in row], axis=0) & (reason == "")
     _draw(designs, np.flatnonzero(unsure), wrenches, reason, stage_at)
-    return _drive(designs, chains, numbers, wrenches)
+    return _of_placed(designs, chains, numbers, wrenches)
 
 
 def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], numbers: Numbers, reason: AnyArray) -> None:
@@ -89,7 +89,7 @@ def _blocking(of: Numbers) -> Array:
     return np.where(np.isnan(of.stiffness), of.blocking_force, of.stroke * of.stiffness)
 
 
-def _placed(designs: Designs, chain: int, index: int, actuator: Actuator) -> _Placed:
+def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> _Placed:
     """The first contact of an actuator of a chain (from 0), in closed form where that holds."""
     own = Numbers(*np.moveaxis(designs.actuator[:, chain, index], -1, 0))
     nowhere = np.zeros(len(own.arm), dtype=bool)
@@ -145,7 +145,12 @@ def _draw(
         wrenches[:, :, mine] = found.reshape(*wrenches.shape[:2], 1, 3)
 
 
-def _drive(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: Numbers, wrenches: Array) -> StageDrive:
+def _commands(stroke: Array, pair: bool) -> tuple[Array, Array]:
+    """Least and largest commands (n,), mm, as of one stage."""
+    return (-stroke / 2, stroke / 2) if pair else (0 * stroke, stroke)
+
+
+def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: Numbers, wrenches: Array) -> StageDrive:
     """The drive of designs whose contacts are placed."""
     blocking = _blocking(of)
     rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
@@ -163,8 +168,9 @@ def _drive(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: Numbe
                 owners.append((chain, index, len(names)))
                 signs.append(sign)
             names.append(f"{one.name}, chain {chain + 1}")
-            lowest.append(-stroke / 2 if one.pair else 0 * stroke)
-            highest.append(stroke / 2 if one.pair else stroke)
+            low, high = _commands(stroke, one.pair)
+            lowest.append(low)
+            highest.append(high)
     where = np.array(owners)
     differential = np.zeros((len(stacks), len(names)))
     differential[np.arange(len(stacks)), where[:, 2]] = signs

@@ -3,7 +3,8 @@
 Along an axis e the commands for the pose t e are x = t u + N y, u of least norm, N the commands that leave the platform
 where it is: the farthest t is a linear program in t and y, of strokes, contacts and blocking forces. Yield is 36
 half-spaces for every place along a neck: only those that an answer breaks are added, the worst place of every neck, and
-the program is solved again, until none is broken. It is then the answer with all of them.
+the program is solved again, until none is broken. It is then the answer with all of them. The preloads of single stacks
+stress the necks at rest; those of a pair bear on each other.
 """
 
 from __future__ import annotations
@@ -17,7 +18,15 @@ from flexfem.arrays import Array, Index, inverse
 from flexfem.stage.designs import Designs
 from flexfem.stage.drives import StageDrive
 from flexfem.verify.driven import SINGULAR, Driven, limits_of
-from flexfem.verify.neck_limits import BESIDE, NeckForces, NeckSections, per_command, sections_of, stress_along
+from flexfem.verify.neck_limits import (
+    BESIDE,
+    NeckForces,
+    NeckSections,
+    neck_forces,
+    per_command,
+    sections_of,
+    stress_along,
+)
 from flexfem.verify.programs import maximise
 
 ROUNDS = 60  # of added half-spaces; three are common
@@ -26,7 +35,8 @@ TOGETHER = 256  # designs at a time: their programs stay in the cache of a proce
 
 
 class DriveAnswers(NamedTuple):
-    """What the drives of n designs do, directions x, y, theta; nan for a design that they do not move in all three.
+    """What the drives of n designs do, directions x, y, theta; nan for a design that they do not move in all three, and
+    for one whose preloads alone make a neck yield.
 
     reach : (n, 2, 3), mm and rad, how far each way, forwards and backwards.
     engaged : (n, 3, 3), stiffness with the stacks holding their strokes.
@@ -62,11 +72,12 @@ def drive_answers(designs: Designs, of: Driven, necks: Array, drive: StageDrive)
     reach, values = np.full((n, 2, 3), np.nan), _singular_values(of)
     moving = np.flatnonzero(values[:, 2] > SINGULAR * values[:, 0])  # not for nan
     carried = per_command(of, designs.frames, necks)
+    at_rest = neck_forces(designs.frames, necks[..., 3:] @ drive.preload[:, None, None, :, None])
     for begin in range(0, len(moving), TOGETHER):
         here = moving[begin : begin + TOGETHER]
         some = Driven(of.C[here], of.Y[here], of.T)
-        forces = NeckForces(*(each[here].reshape(len(here), 9, -1) for each in carried))
-        reach[here] = _within_yield(_programs(some, _of(drive, here)), designs.chosen(here), forces)
+        forces, rest = (NeckForces(*(e[here].reshape(len(here), 9, -1) for e in each)) for each in (carried, at_rest))
+        reach[here] = _within_yield(_along_axes(some, _of(drive, here)), designs.chosen(here), forces, rest)
     return DriveAnswers(reach, inverse(of.engaged))
 
 
@@ -87,7 +98,7 @@ def _of(drive: StageDrive, here: Index) -> StageDrive:
     return drive._replace(**{name: getattr(drive, name)[here] for name in numbers})
 
 
-def _programs(of: Driven, drive: StageDrive) -> _Programs:
+def _along_axes(of: Driven, drive: StageDrive) -> _Programs:
     """Six programs a design, forwards and backwards along x, y, theta."""
     scale = 1 / np.linalg.norm(of.poses, axis=2, keepdims=True)
     turn = np.linalg.svd(of.poses * scale)[2]
@@ -104,46 +115,61 @@ def _programs(of: Driven, drive: StageDrive) -> _Programs:
     return _Programs(design, slope, Z, rows[design] @ Z, ends[design])
 
 
-def _within_yield(of: _Programs, designs: Designs, carried: NeckForces) -> Array:
-    """How far (n, 2, 3) with the half-spaces of yield that matter, by what necks carry per command, (n, 9, m)."""
+def _within_yield(of: _Programs, designs: Designs, carried: NeckForces, rest: NeckForces) -> Array:
+    """How far (n, 2, 3) with the half-spaces of yield that matter.
+
+    carried, rest : what necks carry per command, (n, 9, m), and of preloads, (n, 9, 1).
+    """
     value, z = maximise(of.slope, of.rows, of.ends)
+    yielding = _worst(designs, of.design, NeckForces(*(0 * (each[of.design] @ of.Z) for each in carried)), rest, z)[0]
+    value[yielding] = np.nan
     todo, rows, ends = np.arange(len(value)), of.rows, of.ends
     for _ in range(ROUNDS):
         design = of.design[todo]
         forces = NeckForces(*(each[design] @ of.Z[todo] for each in carried))
-        broken, cut = _worst(designs, design, forces, z[todo])
+        broken, cut, end = _worst(designs, design, forces, rest, z[todo])
+        broken &= np.isfinite(value[todo])
         if not broken.any():
             return value.reshape(-1, 2, 3)
         todo = todo[broken]
-        strength = designs.yield_strength[of.design[todo], None]
         rows = np.concatenate([rows[broken], cut[broken]], axis=1)
-        ends = np.concatenate([ends[broken], np.repeat(strength, 9, axis=1)], axis=1)
+        ends = np.concatenate([ends[broken], end[broken]], axis=1)
         value[todo], z[todo] = maximise(of.slope[todo], rows, ends)
     value[todo] = np.nan  # never seen
     return value.reshape(-1, 2, 3)
 
 
-def _worst(designs: Designs, design: Index, forces: NeckForces, z: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Which programs (p,), of which designs, break yield; for each neck the half-space (p, 9, d) of its worst place.
+def _worst(
+    designs: Designs, design: Index, forces: NeckForces, rest: NeckForces, z: Array
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which programs (p,), of which designs, break yield; for each neck the half-space of its worst place.
 
-    Places are looked at where the narrowest section would break it with the lever of the farthest.
+    Half-spaces as rows (p, 9, d) and ends (p, 9). Places are looked at where the narrowest section would break it with
+    the lever of the farthest.
     """
-    carried = NeckForces(*(np.einsum("pkd,pd->pk", each, z) for each in forces))
+    carried = NeckForces(
+        *(np.einsum("pkd,pd->pk", each, z) + own[design, :, 0] for each, own in zip(forces, rest, strict=True))
+    )
     near = np.flatnonzero(np.any(_at_most(designs, design, carried) > designs.yield_strength[design, None], axis=1))
-    broken, cut = np.zeros(len(z), dtype=bool), np.zeros((len(z), 9, z.shape[1]))
+    broken, cut, ends = np.zeros(len(z), dtype=bool), np.zeros((len(z), 9, z.shape[1])), np.ones((len(z), 9))
     if not len(near):
-        return broken, cut
+        return broken, cut, ends
     some = designs.chosen(design[near])
     at = NeckSections(*(each.reshape(len(near), 9, -1) for each in sections_of(some)))
     M, N, V = (each[near] for each in carried)
     stress = stress_along(at, NeckForces(M, N, V))
     broken[near] = np.max(stress, axis=(1, 2)) > some.yield_strength * (1 + ROUND_OFF)
-    worst = np.argmax(stress, axis=2)[..., None]
-    x, bent, pulled = (np.take_along_axis(each, worst, 2) for each in at)
+    x, bent, pulled = (np.take_along_axis(each, np.argmax(stress, axis=2)[..., None], 2) for each in at)
     one, other = np.sign(M[..., None] + V[..., None] * x), np.sign(N[..., None])
-    moment, normal, shear = (each[near] for each in forces)
-    cut[near] = one * bent * (moment + shear * x) + other * pulled * normal
-    return broken, cut
+    signed = [
+        one * bent * (moment + shear * x) + other * pulled * normal
+        for moment, normal, shear in (
+            tuple(each[near] for each in forces),
+            tuple(each[design[near]] for each in rest),
+        )
+    ]
+    cut[near], ends[near] = signed[0], some.yield_strength[:, None] - signed[1][..., 0]
+    return broken, cut, ends
 
 
 def _at_most(designs: Designs, design: Index, carried: NeckForces) -> Array:

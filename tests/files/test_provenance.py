@@ -91,10 +91,10 @@ def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
 
 
 @pytest.mark.parametrize(
-    ("page", "file", "besides"), [("geometry", Stage, {"chain", "hinge", "between"}), ("cases", Case, None)]
+    ("page", "file", "besides"), [("geometry", Stage, {"chain", "between"}), ("cases", Case, None)]
 )
 def test_pages_mark_the_keys_that_a_file_must_give(page, file, besides):
-    """The first table of each page; of overrides `chain` and `hinge`, of actuators `between`, one amplitude of two."""
+    """The first table of each page; of overrides `chain`, of actuators `between`, one amplitude of two."""
     table = (ROOT / page / "README.md").read_text().partition("| key | meaning |\n")[2].partition("\n\n")[0]
     marked = set(re.findall(r"`(\w+)` \*", table))
     must = {key.rpartition(".")[2] for key in needed(Problem("missing", (), ""), file)}

@@ -239,3 +239,52 @@ def test_a_driven_stage_is_written_and_read_back(stage, tmp_path):
     again = load_feasible(tmp_path / "copy.toml")
     assert again == stage
     assert again.hash == stage.hash
+
+
+OWN = '[[override]]\nchain = 2\nactuator = "base"\n'
+BAD_OVERRIDES = [  # what is added, what is said
+    (OWN.replace('"base"', '"bass"') + "preload_n = 40.0\n", "an actuator of this stage, did you mean base?"),
+    (OWN, "expected at least one of arm_mm, side"),
+    (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
+    (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
+    (
+        OWN + "stroke_um = 9.0\n",
+        "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue",
+    ),
+    (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the metal"),
+    (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
+    (OWN + 'hinge = "base"\npreload_n = 40.0\n', "the hinge or the actuator that it is about, one of the two"),
+    ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "the hinge or the actuator that it is about, one of the two"),
+    (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "each actuator overridden once"),
+    ('[[override]]\nchain = 2\nhinge = "base"\npreload_n = 40.0\n', "with a hinge only radius_mm"),
+]
+
+
+@pytest.mark.parametrize(("added", "said"), BAD_OVERRIDES)
+def test_a_bad_override_of_an_actuator_is_refused_in_one_line(project, added, said):
+    path = project.path("geometry/mobility6.toml")
+    path.write_text(path.read_text().replace("[provenance]", added + "\n[provenance]"))
+    with pytest.raises(BadInput) as refused:
+        load_feasible(path)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert str(refused.value).startswith(f"{path}, line ")
+
+
+def test_an_override_changes_the_actuator_of_its_chain_and_no_other(project, stage, tmp_path):
+    path = project.path("geometry/mobility6.toml")
+    path.write_text(path.read_text().replace("[provenance]", OWN + "preload_n = 40.0\narm_mm = 12.0\n\n[provenance]"))
+    own = load_feasible(path)
+    found, before = drive_of(own), drive_of(stage)
+    np.testing.assert_array_equal(found.preload, [50, 50, 50, 50, 40, 40, *[50] * 6])
+    assert found.stiffness[4] < found.stiffness[0] == before.stiffness[0]  # the ball of less force is softer
+    first = [contacts(own, chain, 0)[0].point for chain in (1, 2, 3)]
+    assert first == pytest.approx([44 - 36.5j, 42 - 36.5j, 44 - 36.5j])
+    assert own.hash == stage.hash
+    assert own.drive_hash != stage.drive_hash
+    in_python = stage.replace(override={(2, "actuator", "base"): {"preload": 40.0, "arm": 12.0}})
+    assert in_python.drive_hash == own.drive_hash
+    own.save(tmp_path / "copy.toml")
+    assert load_feasible(tmp_path / "copy.toml") == own
+    assert "override.2.actuator.base.preload_n" in own.drive_doubts.not_stated
+    assert not any("actuator" in key for key in own.not_stated)

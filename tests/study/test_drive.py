@@ -10,7 +10,6 @@ from scipy.optimize import linprog
 
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
-from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.driven_designs import drives_of
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import Stage
@@ -19,9 +18,8 @@ from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.sampling import sample
-from flexfem.verify.driven import limits_of
+from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.driven_models import commanding
-from flexfem.verify.neck_limits import NeckForces, NeckSections, limits_of_necks, per_command, sections_of
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
@@ -86,13 +84,9 @@ def write(folder: Path, factors: dict[str, tuple[float, float]], head: str = HEA
 
 def ranges(stage: Stage, choice: tuple[int | None, str, bool]) -> tuple[Array, Array]:
     """Range (3,) along each axis, mm and rad, the lesser of both ways, and stiffness engaged: one design, by HiGHS."""
-    one, drive, frames = commanding(stage, *choice), drive_of(stage), stage_frames(stage)
-    carried = per_command(one.of, frames, one.model.necks)
-    sections = NeckSections(*(each[0] for each in sections_of(lower(stage))))
-    nothing = NeckForces(*(np.zeros((3, 3)) for _ in range(3)))
-    strength = np.array(stage.material.yield_strength)
-    limits = [*limits_of(one.of, drive, np.zeros(3)).values(), limits_of_necks(sections, carried, nothing, strength)]
-    rows, ends = np.concatenate([each.rows for each in limits]), np.concatenate([each.sizes for each in limits])
+    one, drive = commanding(stage, *choice), drive_of(stage)
+    limits = limits_of_commands(stage, one, one.of, drive, np.zeros(3))
+    rows, ends = limits.rows, limits.bounds
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
     found = np.zeros((2, 3))
     for k, sign in enumerate((1.0, -1.0)):
@@ -142,6 +136,16 @@ def test_a_hundred_random_designs_are_as_one_stage_by_another_solver(tmp_path):
     assert same_as_one_by_one(loaded, (21, "calibrated", False), 110) >= 100
 
 
+def test_preloads_of_single_stacks_stress_necks(tmp_path):
+    """Stacks at the elbow without partners: their preloads, too, count against yield."""
+    light = dict.fromkeys(("actuator.elbow.preload_n", "override.3.actuator.elbow.preload_n"), (0.5, 4.0))
+    loaded = write(tmp_path, FACTORS | light | {"material.yield_strength_mpa": (100.0, 300.0)}, HEAD)
+    text = (tmp_path / "stage.toml").read_text()
+    place = text.index("pair = true", text.index('name = "elbow"'))
+    (tmp_path / "stage.toml").write_text(text[:place] + text[place:].replace("pair = true", "pair = false", 1))
+    assert same_as_one_by_one(load_study(loaded.path), (21, "calibrated", False), 6) >= 3
+
+
 @pytest.mark.slow
 def test_designs_with_elastic_links_are_as_one_stage_by_another_solver(tmp_path):
     loaded = write(tmp_path, FACTORS, HEAD.replace("mobility = 21", "mobility = 21\nlinks = true"))
@@ -179,7 +183,7 @@ REFERENCE = {  # drive range in x, y (um), theta (mrad), and stiffness engaged (
 
 
 @pytest.mark.parametrize("name", REFERENCE)
-def test_the_ranges_of_the_reference_stages(tmp_path, name):
+def test_the_ranges_of_the_reference_stages_in_studies(tmp_path, name):
     head = HEAD.replace("stage.toml", str(GEOMETRY / f"{name}.toml"))
     (tmp_path / "study.toml").write_text(head + '\n[[factor]]\nkey = "thickness_mm"\nfrom = 9.99\nto = 10.01\n')
     loaded = load_study(tmp_path / "study.toml")
