@@ -20,7 +20,7 @@ from flexfem.plot.curves import DASHES, NAMES
 from flexfem.plot.marks import write
 from flexfem.plot.style import GREY, INK, in_house_style, panels, wrapped
 from flexfem.plot.text import significant
-from flexfem.units import COMMANDS, FORCES, MICROMETRE
+from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE
 from flexfem.verify.limits import KINDS, grouped, kinds
 from flexfem.verify.reach import PoseEdge, Range, Reach
 
@@ -59,7 +59,7 @@ def _lines(found: Reach) -> list[str]:
         f"{'load ' + ', '.join(load) if any(found.load) else 'no load'}; linear. Below, what bounds the edges; "
         "strokes: + the longest, \N{MINUS SIGN} the shortest.",
         f"Ranges with the other two at zero: {ranges}. About rest: a circle of {um.factor * found.circle:.4g} {um} at "
-        f"θ = 0, and a ball of {um.factor * found.ball:.4g} {um} with rotations times l₃ = {found.lever:g} mm.",
+        f"θ = 0, and a ball of {um.factor * found.ball:.4g} {um} with rotations times l₃ = {found.lever:g} {LENGTH}.",
     ]
 
 
