@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from flexfem.reports import stiffness as stiffness
     from flexfem.reports import summary as summary
     from flexfem.reports import under_load as under_load
+    from flexfem.reports import under_load_solid as under_load_solid
     from flexfem.reports import verification as verification
     from flexfem.reports import workspace as workspace
     from flexfem.stage.actuators import Actuator as Actuator
@@ -94,7 +95,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "reach",
             "stiffness",
         ),
-        *("summary", "under_load", "verification", "workspace"),
+        *("summary", "under_load", "under_load_solid", "verification", "workspace"),
     ),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),

@@ -14,6 +14,7 @@ from flexfem.refused import BadInput
 
 Key = TypeVar("Key", bound=str)
 FINEST = 64  # triangles across a neck
+MOST_LAYERS = 16  # in half the thickness
 
 
 def vectors(what: str, values: ArrayLike, most: int | None = None, largest: float = np.inf) -> Array:
@@ -35,6 +36,13 @@ def resolution(value: Any, least: int = 2) -> int:
     """Triangles across every neck, `least` to `FINEST`. Raises BadInput."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= FINEST:
         raise BadInput(f"resolution {value!r}, expected an integer from {least} to {FINEST}")
+    return int(value)
+
+
+def layers(value: Any, least: int = 1) -> int:
+    """Layers in half the thickness, `least` to `MOST_LAYERS`. Raises BadInput."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= MOST_LAYERS:
+        raise BadInput(f"layers {value!r}, expected an integer from {least} to {MOST_LAYERS}")
     return int(value)
 
 

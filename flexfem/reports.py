@@ -19,6 +19,9 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.feasibility import check_feasible
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexfem.arrays import Array
     from flexfem.stage.schema import Stage
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.registry import BenchmarkTable
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from flexfem.verify.protocol import Solved
     from flexfem.verify.reach import Reach
     from flexfem.verify.result import Fields, Result
+    from flexfem.verify.solid import SolidReport
     from flexfem.verify.summary import Summary
     from flexfem.verify.workspace import Workspace
 
@@ -193,13 +197,7 @@ def under_load(
     from flexfem.fem.response import load_case
     from flexfem.verify.answers import report_load
 
-    if force is not None and displacement is not None:
-        raise BadInput("force and displacement, expected one of the two")
-    target = None if vtu is None else checked_path(vtu)
-    if target is not None and target.suffix != ".vtu":
-        raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
-    load = np.zeros(3) if force is None else arguments.vectors("force", force, 1, LARGEST_FORCE)
-    held = None if displacement is None else arguments.vectors("displacement", displacement, 1, LARGEST_DISPLACEMENT)
+    target, load, held = _load_and_file(force, displacement, vtu)
     model = solve(stage, resolution)
     if held is not None:
         load = np.asarray(np.linalg.solve(model.compliance, held), dtype=np.float64)
@@ -208,6 +206,69 @@ def under_load(
     if target is not None:
         write_vtu(solved.mesh, target, {"displacement": case.field, "von_mises": case.stress})
     return report_load(stage, solved, case, resolution)
+
+
+def under_load_solid(
+    stage: Stage,
+    force: ArrayLike | None = None,
+    displacement: ArrayLike | None = None,
+    resolution: int | None = None,
+    layers: int | None = None,
+    vtu: PathLike | None = None,
+) -> SolidReport:
+    """Finite elements in three dimensions at rest, and under a force (3,) or held at a displacement (3,).
+
+    Parameters
+    ----------
+    force, displacement, vtu : as of `under_load`; the file holds half of the thickness, stresses too (n, m, 3, 3).
+    resolution : quadratic triangles across every neck, from 4.   layers : in half the thickness, from 3.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `under_load`, for a stage of any model.
+    """
+    import numpy as np
+
+    from flexfem.fem.export import write_solid_vtu
+    from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
+    from flexfem.verify import solid as verify
+
+    target, load, held = _load_and_file(force, displacement, vtu)
+    finest = arguments.resolution(verify.RESOLUTION if resolution is None else resolution, 4)
+    count = arguments.layers(verify.LAYERS if layers is None else layers, 3)
+    check_feasible(stage)
+    response = verify.solve_solid(stage, finest, count)
+    if held is not None:
+        load = np.asarray(np.linalg.solve(response.compliance, held), dtype=np.float64)
+    found = verify.report_solid(stage, response, load, finest)
+    if target is not None:
+        mesh, field = response.mesh, np.tensordot(load, response.fields, axes=1)
+        every = np.arange(len(mesh.nodes))
+        stress = solid_nodal_stress(mesh, verify.sheet_of(stage), response.layers, field, every)
+        told = {
+            "displacement": field,
+            "von_mises": solid_von_mises(stress),
+            "stress": stress.reshape(*field.shape[:2], 9),
+        }
+        write_solid_vtu(mesh, response.layers.heights, target, told)
+    return found
+
+
+def _load_and_file(
+    force: ArrayLike | None, displacement: ArrayLike | None, vtu: PathLike | None
+) -> tuple[Path | None, Array, Array | None]:
+    """The file to write, the load (3,), and the displacement (3,) to hold. Raises BadInput."""
+    import numpy as np
+
+    if force is not None and displacement is not None:
+        raise BadInput("force and displacement, expected one of the two")
+    target = None if vtu is None else checked_path(vtu)
+    if target is not None and target.suffix != ".vtu":
+        raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
+    load = np.zeros(3) if force is None else arguments.vectors("force", force, 1, LARGEST_FORCE)
+    held = None if displacement is None else arguments.vectors("displacement", displacement, 1, LARGEST_DISPLACEMENT)
+    return target, load, held
 
 
 def command(

@@ -95,6 +95,10 @@ def solve(
         typer.Option(metavar="X Y THETA", help="Instead: displacement of the platform to hold: mm, mm, rad."),
     ] = None,
     vtu: Annotated[Path | None, typer.Option(help="Write displacement and stress under the load to this file.")] = None,
+    three_dimensional: Annotated[
+        bool, typer.Option("--three-dimensional", help="Wedges through the thickness, with bands.")
+    ] = False,
+    layers: Annotated[int | None, typer.Option(min=3, max=16, help="In half the thickness; default 3.")] = None,
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
@@ -107,6 +111,12 @@ def solve(
         raise BadInput("--force and --displacement, expected one of the two")
     check_within("--force", force, reports.LARGEST_FORCE)
     check_within("--displacement", displacement, reports.LARGEST_DISPLACEMENT)
+    if layers is not None and not three_dimensional:
+        raise BadInput("--layers without --three-dimensional, expected both: layers are through the thickness")
+    if three_dimensional:
+        solid = reports.under_load_solid(loaded, force, displacement, resolution, layers, vtu)
+        console.show(solid, json, tables.print_solid)
+        return
     found = reports.under_load(loaded, force, displacement, resolution or reports.RESOLUTION, vtu)
     console.show(found, json, tables.print_load)
 

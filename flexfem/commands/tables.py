@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from flexfem.verify.case import Direction
     from flexfem.verify.hinges import KnownFormula
     from flexfem.verify.reach import Extent, Range
+    from flexfem.verify.solid import SolidReport
     from flexfem.verify.summary import ModelSummary, Summary
 
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
@@ -131,7 +132,35 @@ def print_load(of: LoadReport) -> None:
     print_ending(out, of)
 
 
-def _print_load_case(out: Console, of: LoadReport) -> None:
+def print_solid(of: SolidReport) -> None:
+    """Print what `solve --three-dimensional` found."""
+    out = people()
+    heights = ", ".join(f"{z:.4g}" for z in of.heights)
+    wedges = f"{of.triangles} triangles times {of.layers} layers in half the thickness"
+    out.print(f"{of.name}: finite elements in three dimensions, {wedges}, {of.unknowns} unknowns")
+    out.print(f"bounds of the layers from the mid-plane, {LENGTH}: {heights}")
+    _print_matrix(out, f"stiffness, {_both(STIFFNESSES)}", of.stiffness)
+    _print_matrix(out, f"compliance, {_both(COMPLIANCES)}", of.compliance)
+    head = ("of the compliance, %", *DIRECTIONS)
+    rows = [
+        (said, *(f"{100 * sign * of_one[k, k] / of.compliance[k, k]:.3g}" for k in range(3)))
+        for said, of_one, sign in (
+            ("band, mesh in the plane", of.band_plane, 1),
+            ("band, layers through the thickness", of.band_thickness, 1),
+            ("plane stress is softer by", of.plane_stress - of.compliance, 1),
+            ("plane strain is stiffer by", of.plane_strain - of.compliance, -1),
+        )
+    ]
+    out.print(table(head, rows))
+    if any(of.force):
+        _print_load_case(out, of)
+        out.print(f"where, {LENGTH} from the mid-plane (the face is at {of.heights[-1]:g}):")
+        for chain, row in enumerate(of.neck_height, start=1):
+            out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
+    print_ending(out, of)
+
+
+def _print_load_case(out: Console, of: LoadReport | SolidReport) -> None:
     for name, found, units in (("force", of.force, FORCES), ("displacement", of.displacement, POSES)):
         values = "  ".join(f"{value: .6e}" for value in found)
         out.print(f"{name:<12} {values}  {', '.join(unit.plain for unit in units)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -145,6 +146,32 @@ def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array]) -> None:
     for group in ("ground", "hub"):
         data[group] = np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float)
     points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
-    grid = meshio.Mesh(points, [("triangle6", mesh.triangles)], point_data=data, cell_data={"body": [mesh.bodies]})
+    _write_grid(path, meshio.Mesh(points, [("triangle6", mesh.triangles)], data, {"body": [mesh.bodies]}))
+
+
+def write_solid_vtu(mesh: StageMesh, heights: Array, path: Path, fields: dict[str, Array]) -> None:
+    """Write wedges of 18 nodes with nodal fields (n, m, ...); 1 marks the nodes of `ground` and `hub`.
+
+    heights : (m,), mm, of the nodes above the mid-plane, ends and middles of the layers: half of the thickness.
+    """
+    import meshio
+
+    m = len(heights)
+    data = {name: field.reshape(-1, *field.shape[2:]) for name, field in fields.items()}
+    for group in ("ground", "hub"):
+        data[group] = np.repeat(np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m)
+    points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(heights, len(mesh.nodes))])
+    corners, middles = m * mesh.triangles[:, :3], m * mesh.triangles[:, 3:]
+    wedges = [
+        np.hstack([corners + k, corners + k + 2, middles + k, middles + k + 2, corners + k + 1, middles + k + 1])
+        for k in range(0, m - 1, 2)
+    ]
+    bodies = [np.tile(mesh.bodies, len(wedges))]
+    _write_grid(path, meshio.Mesh(points, [("wedge18", np.concatenate(wedges))], data, {"body": bodies}))
+
+
+def _write_grid(path: Path, grid: Any) -> None:
+    import meshio
+
     with replacing(path) as temporary:
         meshio.write(temporary, grid, file_format="vtu")

@@ -153,7 +153,7 @@ def report_stage(stage: Stage) -> StageReport:
     """What a file says of a stage, and where its numbers come from."""
     sources = {key: provenance_of(stage, key) for key in key_paths(stage) if not of_drive(key)}
     return StageReport(
-        **_stage(stage),
+        **of_stage(stage),
         mobility=stage.mobility,
         model=stage.model,
         chains_alike=stage.chains_alike,
@@ -193,7 +193,7 @@ def _actuator(stage: Stage, index: int) -> PlacedActuator:
 def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:
     """The analytic model of a stage with what is to be known of it."""
     return StiffnessReport(
-        **_stage(stage),
+        **of_stage(stage),
         units=UNITS,
         model=stage.model,
         mobility=result.mobility,
@@ -210,7 +210,7 @@ def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:
 def report_mesh(stage: Stage, mesh: StageMesh, resolution: int, written: str) -> MeshReport:
     """A mesh of a stage, and where it was written."""
     return MeshReport(
-        **_stage(stage),
+        **of_stage(stage),
         written=written,
         resolution=resolution,
         nodes=len(mesh.nodes),
@@ -224,7 +224,7 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
     highest, where = float(np.max(case.neck_stress)), "under this load"
     doubts = warning.of_yield(highest, stage.material.yield_strength, where)
     return LoadReport(
-        **_stage(stage),
+        **of_stage(stage),
         units=f"{UNITS}; stress MPa",
         model=stage.model,
         resolution=resolution,
@@ -241,7 +241,7 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
     )
 
 
-def _stage(stage: Stage) -> dict[str, Any]:
+def of_stage(stage: Stage) -> dict[str, Any]:
     """Which stage it is, and which of its numbers are in doubt."""
     doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
     return {"file": str(stage.origin), "name": stage.name, **doubts}
