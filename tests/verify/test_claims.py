@@ -40,7 +40,7 @@ EXPECTED = {
     "measured-stiffness": "cannot be decided",
     "stiffer-simulated": "cannot be decided",
 }
-DEPEND = ("six-commanded", "three-along", "rotation-more", "second-order")
+DEPEND = ("six-commanded", "three-along", "six-better", "rotation-more", "second-order")
 
 
 def analytic_stand_in(stage, resolution):
