@@ -16,7 +16,7 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.refused import BadInput
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
-from flexfem.units import MICROMETRE
+from flexfem.units import LENGTH, MICROMETRE
 from flexfem.verify.case import Drive
 from flexfem.verify.errors import error_matrix
 from flexfem.verify.imposed import elements, imposed
@@ -122,7 +122,8 @@ def joints_on_metal(stage: Stage, mobility: int, drive: Drive) -> Array:
 def necks_changed(stage: Stage, change: float) -> Stage:
     """The stage with all its necks thicker by `change`, mm. Raises BadInput when no neck is left."""
     if np.min(stage.array("neck")) + change <= 0:
-        raise BadInput(f"a neck of {np.min(stage.array('neck')):g} mm, expected more than {-change:g} mm")
+        thinnest = np.min(stage.array("neck"))
+        raise BadInput(f"a neck of {thinnest:g} {LENGTH.plain}, expected more than {-change:g} {LENGTH.plain}")
     hinges: dict[str, Hinge] = {name: getattr(stage.hinges, name) for name in HINGE_NAMES}
     drawn = {name: hinge.model_copy(update={"neck": hinge.neck + change}) for name, hinge in hinges.items()}
     others = tuple(
