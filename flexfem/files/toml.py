@@ -12,7 +12,7 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
@@ -123,8 +123,10 @@ def read_toml(path: Path) -> TomlFile:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
-def validate(model_class: type[Model], path: Path) -> Model:
-    """Read a TOML file into a model of it.
+def validate(
+    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any], LineIndex], dict[str, Any]] | None = None
+) -> Model:
+    """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
 
     Raises
     ------
@@ -134,6 +136,7 @@ def validate(model_class: type[Model], path: Path) -> Model:
     """
     data, lines = read_toml(path)
     _require_plain_stem(path)
+    data = data if completed is None else completed(data, lines)
     try:
         return model_class.model_validate(data)
     except ValidationError as error:

@@ -15,11 +15,12 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.files.keypath import ABOUT, KeyPath, key_path, path_of
 from flexfem.files.refusals import problem_of, suggestion
 from flexfem.stage.actuators import Actuator, Numbers
+from flexfem.stage.materials import FATIGUE
 from flexfem.stage.overrides import OF_ACTUATORS, actuators_of
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.stage.tables import Hinge
 
-_PROBE = 0.25  # possible for every key, and a power of two: the unit comes out exact
+_PROBE = 0.25  # possible for every key, or its negative, and a power of two: the unit comes out exact
 
 
 class Key(NamedTuple):
@@ -62,7 +63,7 @@ class Key(NamedTuple):
         """Fields of `stage.designs.Designs` that it sets and where in them; none where no model asks for it.
 
         A hinge or an actuator with an override of its own does not follow the one it overrides; no output depends
-        on the density.
+        on the density or on fatigue.
         """
         if self.of_drive:
             return [("actuator", place) for place in self._actuators_in(stage)]
@@ -72,7 +73,7 @@ class Key(NamedTuple):
             own = {o.place for o in stage.override if getattr(o, self.attribute) is not None}
             position = HINGE_NAMES.index(self.table[1])
             return [(self.attribute, (chain - 1, position)) for chain in CHAINS if (chain, self.table[1]) not in own]
-        if self.attribute == "density":
+        if self.attribute in ("density", *FATIGUE):
             return []
         field = "_".join((*self.table[:1], self.attribute)) if self.attribute == "radius" else self.attribute
         return [(field, () if self.element is None else (self.element,))]
@@ -230,4 +231,11 @@ def _is_float(kind: Any) -> bool:
 
 def _key(path: KeyPath, table: tuple[str, ...], attribute: str, index: int | None, kind: Any) -> Key:
     check = TypeAdapter(kind, config=ConfigDict(strict=True, allow_inf_nan=False))
-    return Key(key_path(path), table, attribute, index, check, check.validate_python(_PROBE) / _PROBE)
+    return Key(key_path(path), table, attribute, index, check, _unit(check))
+
+
+def _unit(check: TypeAdapter[float]) -> float:
+    """Inside units per file unit, by a number that the key may have."""
+    with suppress(ValidationError):
+        return check.validate_python(_PROBE) / _PROBE
+    return check.validate_python(-_PROBE) / -_PROBE

@@ -8,10 +8,11 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Mapping
+from itertools import compress
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from flexfem import own
 from flexfem.files.refusals import refusal, shown
@@ -23,10 +24,27 @@ from flexfem.stage.inside import INSIDE, Dimensioned, Modulus
 NEAREST = 5  # names listed beside one that is not known
 
 
+STEEPEST, FLATTEST = -0.5, -0.01  # exponents b; of metals -0.05 to -0.15
+LEAST_STRENGTH = 0.5  # sigma'_f over the yield strength; it is near the true fracture strength, which is above yield
+
+Cycles: TypeAlias = Annotated[float, Field(gt=0, le=1e12)]
+
+
+def _falls(exponent: float) -> float:
+    if not STEEPEST <= exponent <= FLATTEST:
+        raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
+    return exponent
+
+
 class Material(Dimensioned):
     """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3.
 
     The name of a registered material alone gives its numbers; other numbers beside such a name are refused.
+
+    fatigue_strength_coefficient, fatigue_strength_exponent : of Basquin's law `sigma_a = sigma'_f (2 N)^b`, MPa and
+        negative, of unnotched specimens at zero mean stress; None where they are not known.
+    walker_exponent : gamma of Walker's equation for mean stress; None takes 0.5, that of Smith, Watson and Topper.
+    fatigue_range : cycles from and to which the law was fitted; None where the source does not say.
     """
 
     name: Label
@@ -34,6 +52,10 @@ class Material(Dimensioned):
     poissons_ratio: float = Field(ge=0, lt=0.5)
     density: float = Field(alias="density_kg_m3", gt=0)
     yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
+    fatigue_strength_coefficient: float | None = Field(default=None, alias="fatigue_strength_coefficient_mpa", gt=0)
+    fatigue_strength_exponent: Annotated[float, AfterValidator(_falls)] | None = None
+    walker_exponent: float | None = Field(default=None, gt=0, le=1)
+    fatigue_range: tuple[Cycles, Cycles] | None = Field(default=None, alias="fatigue_range_cycles")
 
     @model_validator(mode="before")
     @classmethod
@@ -41,17 +63,37 @@ class Material(Dimensioned):
         known = _known(data.get("name")) if isinstance(data, dict) else None
         if known is None and isinstance(data, dict) and set(data) == {"name"} and isinstance(data["name"], str):
             nearest = difflib.get_close_matches(data["name"], REGISTERED, n=NEAREST, cutoff=0.0)
-            others = ", ".join(_keys(info))
+            required = [Material.model_fields[name].is_required() for name in NUMBERS]
+            others = ", ".join(compress(_keys(info), required))
             raise refusal(f"a registered material ({', '.join(nearest)}), or beside it {others}", "name")
-        return data if known is None else known.material.model_dump(by_alias=info.context != INSIDE) | data
+        if known is None:
+            return data
+        return known.material.model_dump(by_alias=info.context != INSIDE, exclude_none=True) | data
+
+    @model_validator(mode="after")
+    def _fatigue_is_whole(self, info: ValidationInfo) -> Material:
+        key = dict(zip(NUMBERS, _keys(info), strict=True))
+        coefficient, exponent, within = FATIGUE[0], FATIGUE[1], FATIGUE[-1]
+        given = [name for name in FATIGUE if getattr(self, name) is not None]
+        for needed in (coefficient, exponent):
+            if given and needed not in given:
+                raise refusal(f"{key[needed]} beside it", key[given[0]])
+        if given and (self.fatigue_strength_coefficient or 0.0) < LEAST_STRENGTH * self.yield_strength:
+            expected = f"at least {LEAST_STRENGTH:g} of {key['yield_strength']}: less is a unit mistake"
+            raise refusal(expected, key[coefficient])
+        if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
+            raise refusal("fewer cycles first", key[within])
+        return self
 
     @model_validator(mode="after")
     def _contradicts_no_registered_one(self, info: ValidationInfo) -> Material:
         known = _known(self.name)
         for name, key, place in zip(NUMBERS, KEYS, _keys(info), strict=True):
-            if known is not None and getattr(self, name) != getattr(known.material, name):
+            theirs = None if known is None else getattr(known.material, name)
+            if known is not None and theirs is not None and getattr(self, name) != theirs:
                 number = known.material.model_dump(by_alias=True)[key]
-                raise refusal(f"{number:g} as of the registered material {self.name}, or another name", place)
+                number = f"{number:g}" if isinstance(number, float) else shown(number)
+                raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
         return self
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Material:
@@ -60,6 +102,7 @@ class Material(Dimensioned):
 
 
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
+FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
 
 
@@ -68,10 +111,17 @@ def _keys(info: ValidationInfo) -> tuple[str, ...]:
 
 
 class Registered(NamedTuple):
-    """A material known by its name, and where its numbers come from."""
+    """A material known by its name, and where its numbers come from; `sources` by key, where one has its own."""
 
     material: Material
     source: str
+    sources: Mapping[str, str] = MappingProxyType({})
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """Sources by key path of a stage file."""
+        found = {"material": self.source, **{f"material.{key}": text for key, text in self.sources.items()}}
+        return {key: f"{text} ({self.material.name})" for key, text in found.items()}
 
 
 REGISTERED: dict[str, Registered] = {}
@@ -82,8 +132,8 @@ def _known(name: Any) -> Registered | None:
     """The registered material of a name, None of none; what is shipped or the user's own is read when first asked."""
     while _unread:
         for each, content in tomllib.loads(read_data(_unread.pop())).items():
-            source = content.pop("source")
-            REGISTERED[each] = Registered(Material.model_validate({"name": each, **content}), source)
+            source, sources = content.pop("source"), content.pop("sources", {})
+            REGISTERED[each] = Registered(Material.model_validate({"name": each, **content}), source, sources)
     own.load()
     return REGISTERED.get(name) if isinstance(name, str) else None
 
@@ -102,7 +152,14 @@ def materials() -> Mapping[str, Material]:
 
 
 def register_material(
-    name: str, *, youngs_modulus: float, poissons_ratio: float, yield_strength: float, density: float, source: str
+    name: str,
+    *,
+    youngs_modulus: float,
+    poissons_ratio: float,
+    yield_strength: float,
+    density: float,
+    source: str,
+    **fatigue: Any,
 ) -> Material:
     """Make a material of one's own known by a name, to every stage file and study that says so.
 
@@ -113,6 +170,8 @@ def register_material(
     poissons_ratio : from 0, below 0.5.
     density : kg/m^3.
     source : where the numbers come from, one line; begins with "assumed" when they are.
+    **fatigue : `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`, `fatigue_range`, as of
+        `Material`.
 
     Raises
     ------
@@ -136,6 +195,7 @@ def register_material(
                 "poissons_ratio": poissons_ratio,
                 "yield_strength": yield_strength,
                 "density": density,
+                **fatigue,
             }
         )
     except BadInput as refused:
@@ -148,10 +208,10 @@ def register_material(
     return made
 
 
-def source_of(name: Any) -> str | None:
-    """Where the numbers of a registered material come from, as a provenance; None of another name."""
+def sources_of(name: Any) -> dict[str, str]:
+    """Where the numbers of a registered material come from, as a provenance by key path; none of another name."""
     known = _known(name)
-    return None if known is None else f"{known.source} ({name})"
+    return {} if known is None else known.provenance
 
 
 def with_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -159,6 +219,7 @@ def with_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[st
 
     A registered name among the changes brings its own numbers.
     """
+    held = {name: value for name, value in held.items() if value is not None}
     if "name" in changes:
         return dict(changes) if _known(changes["name"]) else {**held, **changes}
     content = {**held, **changes}

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path as FilePath
 from typing import Any, ClassVar
@@ -28,8 +28,9 @@ from flexfem.stage.designs import Elastic, lower
 from flexfem.stage.drives import check_drive
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.inside import Dimensioned, Length
+from flexfem.stage.material_files import with_material_of_file
 from flexfem.stage.materials import Material as Material
-from flexfem.stage.materials import source_of
+from flexfem.stage.materials import sources_of
 from flexfem.stage.origin import Origin
 from flexfem.stage.overrides import Override as Override
 from flexfem.stage.overrides import actuators_of, check_overrides
@@ -67,10 +68,10 @@ class Stage(Dimensioned, Sourced):
     @classmethod
     def _registered_material_has_its_source(cls, data: Any) -> Any:
         material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        source = source_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
-        if source is None or not isinstance(stated, dict | None):
+        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
+        if not sources or not isinstance(stated, dict | None):
             return data
-        return data | {"provenance": {"material": source} | (stated or {})}
+        return data | {"provenance": sources | (stated or {})}
 
     @model_validator(mode="after")
     def _names_each_actuator_once(self) -> Stage:
@@ -145,10 +146,10 @@ link, expected < chain.link_width_mm = 9
         before, after = values_by_key(self), values_by_key(changed)
         different = [key for key, value in after.items() if before.get(key) != value]
         replaced = {key: "replaced in Python" for key in different if provenance_of(changed, key) is not None}
-        found, source = dict(changed.provenance) | replaced, source_of(changed.material.name)
-        if source is None or changed.material == self.material:
+        found, sources = dict(changed.provenance) | replaced, sources_of(changed.material.name)
+        if not sources or changed.material == self.material:
             return found
-        return {"material": source} | {key: text for key, text in found.items() if not key.startswith("material")}
+        return sources | {key: text for key, text in found.items() if not key.startswith("material")}
 
     def to_toml(self) -> str:
         """The text of a stage file that reads back as an equal stage, with the same hash, bit for bit."""
@@ -214,7 +215,8 @@ link, expected < chain.link_width_mm = 9
     def hash(self) -> str:
         """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance, no drive."""
         content = self.model_dump(exclude={"name", "provenance", "override", "actuator"})
-        del content["material"]["name"]
+        numbers = content["material"].items()  # what is not stated is in no hash, as before those keys
+        content["material"] = {key: value for key, value in numbers if key != "name" and value is not None}
         if self.model == "plane_stress":  # the hashes of stages older than the key stay
             del content["model"]
         content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in _hinges(self)]
@@ -279,7 +281,7 @@ def load_stage(path: Path) -> Stage:
         The file cannot be read, is not TOML, or says something no stage can have; one line naming file, line, key,
         value and expectation.
     """
-    stage = validate(Stage, path)
+    stage = validate(Stage, path, partial(with_material_of_file, path))
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
 

@@ -50,18 +50,108 @@ def named(tmp_path):
 def test_shipped_materials_have_the_numbers_that_their_sources_state():
     """Literally, and in the units of the source, which states every one of the four: ksi, g/cm^3, psi."""
     assert "data/materials.toml" in sources.hashes()  # held while a command runs
-    known = flexfem.materials().items()
-    assert {name: (m.youngs_modulus, m.poissons_ratio, m.density, m.yield_strength) for name, m in known} == {
+    known = flexfem.materials()
+    assert {name: (m.youngs_modulus, m.poissons_ratio, m.density, m.yield_strength) for name, m in known.items()} == {
         "al-7075-t6": (71700.0, 0.33, 2810.0, 503.0),
         "al-6061-t6": (68900.0, 0.33, 2700.0, 276.0),
+        "al-2024-t4": (73000.0, 0.33, 2780.0, 303.0),
         "ti-6al-4v": (113800.0, 0.342, 4430.0, 880.0),
+        "ti-6al-4v-sta": (113800.0, 0.342, 4430.0, 1185.0),
+        "steel-4340": (205000.0, 0.29, 7850.0, 1103.0),
+        "steel-301-full-hard": (193000.0, 0.29, 7880.0, 965.0),
+        "steel-304": (193000.0, 0.29, 8000.0, 215.0),
+        "invar-36": (141000.0, 0.29, 8050.0, 207.0),
     }  # fmt: skip
-    for name, metal in known:
-        source = materials.source_of(name)
+    for name in ("al-7075-t6", "al-6061-t6", "ti-6al-4v"):
+        metal, source = known[name], materials.sources_of(name)["material"]
         ksi, ratio, density, psi = re.search(r": (\d+) ksi, (0\.\d+), (\d\.\d+) g/cm\^3, (\d+) psi", source).groups()
         assert metal.youngs_modulus == pytest.approx(6.894757 * float(ksi), rel=2e-3), name
         assert (metal.poissons_ratio, metal.density) == (float(ratio), pytest.approx(1000 * float(density))), name
         assert metal.yield_strength == pytest.approx(6.894757e-3 * float(psi), rel=4e-3), name
+
+
+def test_fatigue_constants_are_those_of_dowlings_table_and_no_others():
+    """N. E. Dowling, Mechanical Behavior of Materials, 4th ed., Table 9.1."""
+    known = {name: m for name, m in flexfem.materials().items() if m.fatigue_strength_coefficient is not None}
+    assert {name: (m.fatigue_strength_coefficient, m.fatigue_strength_exponent) for name, m in known.items()} == {
+        "al-2024-t4": (900.0, -0.102), "ti-6al-4v-sta": (2030.0, -0.104), "steel-4340": (1758.0, -0.0977)
+    }  # fmt: skip
+    for name, metal in known.items():
+        found = re.search(r"yield (\d+) MPa, (\d+) MPa, (-[\d.]+)", materials.sources_of(name)["material"]).groups()
+        assert tuple(map(float, found)) == (
+            metal.yield_strength, metal.fatigue_strength_coefficient, metal.fatigue_strength_exponent
+        )  # fmt: skip
+
+
+FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent = -0.12"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([FATIGUE[0], "fatigue_strength_exponent = 0.12"], "fatigue_strength_exponent = 0.12, expected -0.5 to -0.01"),
+        ([FATIGUE[0], "fatigue_strength_exponent = 0.0"], "fatigue_strength_exponent = 0.0, expected -0.5 to -0.01"),
+        ([FATIGUE[0]], "coefficient_mpa = 1200, expected fatigue_strength_exponent beside it"),
+        ([FATIGUE[1]], "exponent = -0.12, expected fatigue_strength_coefficient_mpa beside it"),
+        (["walker_exponent = 0.6"], "walker_exponent = 0.6, expected fatigue_strength_coefficient_mpa beside"),
+        ([*FATIGUE, "walker_exponent = 1.2"], "material.walker_exponent = 1.2, expected <= 1"),
+        ([*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"], "expected fewer cycles first"),
+        ([*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"], "fatigue_range_cycles[0] = 0.0, expected > 0"),
+        (["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]], "coefficient_mpa = 1.2, expected at least 0.5 of"),
+        (["density_kg_m3 = -2810"], "density_kg_m3 = -2810, expected > 0"),
+    ],
+)
+def test_impossible_fatigue_data_is_refused_in_one_line(named, lines, said):
+    plain = ["name = 'own'", "youngs_modulus_gpa = 71.7", "poissons_ratio = 0.33", "yield_strength_mpa = 503"]
+    plain += [] if "density" in lines[0] else ["density_kg_m3 = 2810"]
+    with pytest.raises(flexfem.BadInput, match=re.escape(said)) as refused:
+        flexfem.load(named(*plain, *lines))
+    assert re.match(r".*stage\.toml, line \d+: material\.", str(refused.value)) and "\n" not in str(refused.value)
+
+
+OWN = """
+["house alloy"]
+youngs_modulus_gpa = 70.3
+poissons_ratio = 0.31
+density_kg_m3 = 2750
+yield_strength_mpa = 410
+fatigue_strength_coefficient_mpa = 1200
+fatigue_strength_exponent = -0.12
+source = "works certificate 7"
+sources = { poissons_ratio = "assumed: as of others" }
+"""
+
+
+def test_a_material_of_a_file_beside_the_stage_has_its_numbers_and_sources(named, tmp_path):
+    """By number as if the stage said so itself: same hash; written out it no longer needs the file."""
+    (tmp_path / "own.toml").write_text(OWN)
+    stage = flexfem.load(named('name = "house alloy"', 'file = "own.toml"'))
+    assert (stage.material.youngs_modulus, stage.material.fatigue_strength_exponent) == (70300.0, -0.12)
+    assert stage.provenance["material"] == "works certificate 7 (house alloy), own.toml"
+    assert "material.poissons_ratio" in stage.assumed and "material.density_kg_m3" not in stage.assumed
+    stage.save(tmp_path / "alone.toml")
+    alone = flexfem.load(tmp_path / "alone.toml")
+    assert alone.hash == stage.hash and "file" not in (tmp_path / "alone.toml").read_text().partition("[chain]")[0]
+    assert stage.replace(material={"fatigue_strength_exponent": -0.13}).hash != stage.hash
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("density_kg_m3 = 2750", "density_kg_m3 = -2750", "own.toml, line 5: "),
+        ("density_kg_m3 = 2750\n", "", "density_kg_m3 is missing"),
+        ('source = "works certificate 7"\n', "", "source is missing"),
+        ("-0.12", "0.12", "fatigue_strength_exponent = 0.12, expected -0.5 to -0.01"),
+        ("house alloy", "other alloy", 'material.name = "house alloy", expected one that'),
+        ('["house', '["al-6061-t6"]\n["house', "al-6061-t6"),
+    ],
+)
+def test_a_bad_file_of_materials_is_refused_with_its_line(named, tmp_path, old, new, said):
+    assert old in OWN
+    (tmp_path / "own.toml").write_text(OWN.replace(old, new))
+    with pytest.raises(flexfem.BadInput, match=re.escape(said)) as refused:
+        flexfem.load(named('name = "house alloy"', 'file = "own.toml"'))
+    assert re.search(r"\.toml, line \d+: ", str(refused.value)) and "\n" not in str(refused.value)
 
 
 def test_a_name_alone_is_the_material_with_its_numbers_and_its_source(named, capsys):

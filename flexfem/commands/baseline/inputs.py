@@ -26,7 +26,7 @@ from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment
-from flexfem.stage.schema import Stage, of_drive
+from flexfem.stage.schema import Stage, load_stage, of_drive
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.case import Case
 
@@ -36,7 +36,7 @@ TELLTALE: dict[str, Kind] = {"curve": "case", "claim": "claims", "sampling": "st
 MODELS: dict[Kind, Callable[[Path], BaseModel]] = {
     "case": lambda path: validate(Case, path),
     "claims": lambda path: validate(Claims, path),
-    "stage": lambda path: validate(Stage, path),
+    "stage": load_stage,
 }
 DATA = Path(__file__).parents[2] / "data"  # the charts that the analytic model reads
 
