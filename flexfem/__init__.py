@@ -41,12 +41,14 @@ if TYPE_CHECKING:
     from flexfem.reports import experiment as experiment
     from flexfem.reports import identify as identify
     from flexfem.reports import mesh as mesh
+    from flexfem.reports import modes as modes
     from flexfem.reports import reach as reach
     from flexfem.reports import stiffness as stiffness
     from flexfem.reports import summary as summary
     from flexfem.reports import under_load as under_load
     from flexfem.reports import under_load_solid as under_load_solid
     from flexfem.reports import verification as verification
+    from flexfem.reports import vibration as vibration
     from flexfem.reports import workspace as workspace
     from flexfem.stage.actuators import Actuator as Actuator
     from flexfem.stage.materials import Material as Material
@@ -92,10 +94,11 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "experiment",
             "identify",
             "mesh",
+            "modes",
             "reach",
             "stiffness",
         ),
-        *("summary", "under_load", "under_load_solid", "verification", "workspace"),
+        *("summary", "under_load", "under_load_solid", "verification", "vibration", "workspace"),
     ),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),

@@ -60,6 +60,25 @@ def positive(what: str, value: Any, most: float) -> float:
     return float(value)
 
 
+def integer(what: str, value: Any, most: int) -> int:
+    """An integer from 1 to `most`. Raises BadInput."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:
+        raise BadInput(f"{what} {value!r}, expected an integer from 1 to {most}")
+    return int(value)
+
+
+def pair(what: str, values: Any, most: tuple[float, float], named: str) -> tuple[float, float]:
+    """Two numbers from zero, each at most its own of `most`. Raises BadInput that says what they are `named`."""
+    try:
+        first, second = (float(value) for value in values)
+    except (TypeError, ValueError):
+        raise BadInput(f"{what} {values!r}, expected two numbers: {named}") from None
+    if not (0 <= first <= most[0] and 0 <= second <= most[1]):
+        expected = f"from 0 to {most[0]:g} and from 0 to {most[1]:g}"
+        raise BadInput(f"{what} {first:g} {second:g}, expected two numbers {expected}: {named}")
+    return first, second
+
+
 def by_name(what: str, values: Any, known: Mapping[Key, float], most: float) -> dict[Key, float]:
     """Positive numbers by name, those not given as `known`. Raises BadInput."""
     if values is None:

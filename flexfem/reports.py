@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from flexfem.verify.experiment import Experiment
     from flexfem.verify.fixture import Fixture, Measurement
     from flexfem.verify.identified import Identification, Unknown
+    from flexfem.verify.modes import Drives, NaturalModes, Vibration
     from flexfem.verify.protocol import Solved
     from flexfem.verify.reach import Reach
     from flexfem.verify.result import Fields, Result
@@ -47,6 +48,8 @@ LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
 LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
+LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage of necks carries a hundredth of it
+MOST_MODES = 100
 LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
 Progress = Callable[[str], object]
 PathLike = str | os.PathLike[str]
@@ -355,6 +358,58 @@ def reach(
     finest = None if resolution is None else arguments.resolution(resolution)
     asked = formula is not None or mobility is not None or links
     return verify.reach(stage, loaded, (mobility, formula or DEFAULT_FORMULA, links) if asked else None, finest)
+
+
+def modes(
+    stage: Stage,
+    count: int = 6,
+    payload: tuple[float, float] = (0.0, 0.0),
+    drives: Drives = "disengaged",
+    resolution: int = RESOLUTION,
+    progress: Progress | None = None,
+) -> NaturalModes:
+    """Natural frequencies and modes in the plane, by finite elements with bands and by the analytic models.
+
+    Parameters
+    ----------
+    count : how many, from the lowest.
+    payload : mass, kg, and moment of inertia about the platform centre, kg mm^2, of what the platform carries there.
+    drives : "engaged" adds the stiffness of the stacks, which hold their strokes; their mass is left out.
+    resolution : of the finest of three meshes.   progress : called with a line after each mesh.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; drives are engaged that the stage does not have.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.modes(flexfem.load("geometry/mobility6.toml"), count=3, resolution=4)
+    >>> [round(one.frequency, 1) for one in found.modes]  # Hz
+    [131.3, 131.3, 193.5]
+    """
+    return vibration(stage, count, payload, drives, resolution, progress).record
+
+
+def vibration(
+    stage: Stage,
+    count: int = 6,
+    payload: tuple[float, float] = (0.0, 0.0),
+    drives: Drives = "disengaged",
+    resolution: int = RESOLUTION,
+    progress: Progress | None = None,
+) -> Vibration:
+    """As `modes`, with the shapes of the modes and the structure that has them."""
+    from flexfem.verify import modes as verify
+
+    check_feasible(stage)
+    wanted = arguments.integer("count", count, MOST_MODES)
+    if drives not in verify.DRIVES:
+        raise BadInput(f"drives {drives!r}, expected {' or '.join(verify.DRIVES)}")
+    given = arguments.pair("payload", payload, LARGEST_PAYLOAD, "mass (kg) and moment of inertia (kg mm^2)")
+    carried = verify.payload_of(*given)
+    return verify.natural_modes(stage, wanted, carried, drives, arguments.resolution(resolution, 4), progress)
 
 
 def experiment(

@@ -24,7 +24,7 @@ class Unit(NamedTuple):
     @property
     def plain(self) -> str:
         """The name for terminals: with ASCII letters."""
-        return self.name.replace("µ", "u").replace("°", "deg")
+        return self.name.replace("µ", "u").replace("°", "deg").replace("²", "^2")
 
 
 UNITS = {  # by what keys of files and columns of studies end in
@@ -47,7 +47,11 @@ UNITS = {  # by what keys of files and columns of studies end in
     "per_n": Unit(1.0, "1/N"),
     "mpa_per_um": Unit(1e-3, "MPa/µm"),
     "mpa_per_mrad": Unit(1e-3, "MPa/mrad"),
+    "hz": Unit(1 / (2 * math.pi), "Hz"),  # of rad/s
+    "kg": Unit(1e3, "kg"),  # of tonne, which goes with N, mm and s
+    "kg_mm2": Unit(1e3, "kg mm²"),
 }
+DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
 NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
 

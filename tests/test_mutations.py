@@ -675,6 +675,62 @@ MUTATIONS = [
         "known is None and (known := _a)",
         "test_unlike_platforms_have_their_own_compliance",
     ),
+    Mutation(
+        "mass counted twice",
+        "mass_matrices",
+        "areal * _a",
+        "2 * areal * _a",
+        "test_effective_masses_of_all_modes_and_what_the_ground_holds_are_the_whole_mass",
+    ),
+    Mutation(
+        "density of kg/m^3 a million times too large",
+        "DENSITY",
+        "1e-12",
+        "1e-6",
+        "test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included",
+    ),
+    Mutation(
+        "one third of the platform's mass",
+        "mass_matrix",
+        "bodies[..., PLATFORM, :].sum(axis=-2)",
+        "bodies[..., 0, PLATFORM, :]",
+        "test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once",
+    ),
+    Mutation(
+        "hub without mass",
+        "carried",
+        "inertia_of(_a, _b).matrix + _c",
+        "_c",
+        "test_a_meshed_stage_with_its_hub_has_the_drawn_mass",
+    ),
+    Mutation(
+        "rad/s called Hz",
+        "UNITS",
+        "1 / (2 * math.pi)",
+        "1.0",
+        "test_a_payload_far_heavier_than_the_stage_is_a_mass_on_a_spring_in_hertz",
+    ),
+    Mutation(
+        "moment of inertia of the payload ignored",
+        "payload_matrix",
+        "payload.inertia",
+        "0.0",
+        "test_a_payload_far_heavier_than_the_stage_is_a_mass_on_a_spring_in_hertz",
+    ),
+    Mutation(
+        "engaged stacks without stiffness",
+        "with_stacks",
+        "not np.any(rates)",
+        "np.any(rates)",
+        "test_stacks_add_their_stiffness",
+    ),
+    Mutation(
+        "first moment of a body turned the other way",
+        "_turned",
+        "s * x + c * y",
+        "c * y - s * x",
+        "test_turning_a_chain_turns_its_first_moments",
+    ),
 ]
 
 

@@ -54,6 +54,9 @@ ASKED = {
         stage, displacement=[0.01, 0.0, 1e-4], resolution=2
     ),
     ("converge", STAGE, *(f"--level={n}" for n in (2, 3, 4))): lambda stage: public.converge(stage, [2, 3, 4]),
+    ("modes", STAGE, "--count", 2, "--payload", 0.1, 20, "--resolution", 4): lambda stage: public.modes(
+        stage, 2, (0.1, 20.0), resolution=4
+    ),
     ("formulas",): lambda stage: public.known_formulas(),
 }
 

@@ -41,7 +41,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: tuple[Stack, ...]) ->
     """
     batches, tied = integration(mesh), tie_hub(mesh)
     solve = factorise(tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid))
-    loads = _loads(mesh, tied, stacks)
+    loads = stack_loads(mesh, tied, stacks)
     motion, residual = np.zeros_like(loads), loads
     for _ in range(MOST_SOLVES):
         motion = motion + solve(residual)
@@ -60,7 +60,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: tuple[Stack, ...]) ->
     return DrivenResponse((compliance + compliance.T) / 2, fields)
 
 
-def _loads(mesh: StageMesh, tied: Tied, stacks: tuple[Stack, ...]) -> Array:
+def stack_loads(mesh: StageMesh, tied: Tied, stacks: tuple[Stack, ...]) -> Array:
     """Loads (unknowns, 3 + n) of the platform's three directions and of the stacks."""
     nodal, hub = np.zeros((3 + len(stacks), *mesh.nodes.shape)), np.eye(3, 3 + len(stacks))
     for j, stack in enumerate(stacks, start=3):

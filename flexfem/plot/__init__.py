@@ -20,6 +20,7 @@ _HOMES = {
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),
     "model_sketch": ("plot_model",),
+    "modes": ("plot_mode",),
     "reach": ("plot_section", "plot_solid"),
     "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
     "study_map": ("plot_map",),

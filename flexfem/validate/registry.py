@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flexfem.files.writing import markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.validate import beams, bending, exact, holes, membranes
+from flexfem.validate import beams, bending, exact, holes, membranes, vibrating
 from flexfem.validate.records import Finding
 
 FILE = "benchmarks.md"
@@ -31,6 +31,9 @@ BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
         "circular-notch": holes.notch,
         "elastica": bending.elastica,
         "tangent": bending.tangent_order,
+        "nafems-fv32": vibrating.nafems_fv32,
+        "vibrating-rods": vibrating.rods,
+        "free-body": vibrating.free_motions,
     }
 )
 

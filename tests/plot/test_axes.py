@@ -70,6 +70,11 @@ def driven() -> Any:
     return flexfem.command(flexfem.load(STAGE), [2e-3, -1e-3, 5e-5], resolution=2)
 
 
+@cache
+def vibrating() -> Any:
+    return flexfem.vibration(flexfem.load(STAGE), 2, resolution=4)
+
+
 DRAWN: dict[str, Any] = {
     "plot_across": lambda made: (made.workspace(), "y"),
     "plot_along": lambda made: (made.workspace(), "x"),
@@ -88,6 +93,7 @@ DRAWN: dict[str, Any] = {
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
     "plot_map": lambda made: (study_map(),),
     "plot_mesh": lambda made: (made.model(), made.fields()),
+    "plot_mode": lambda made: (vibrating(), 2),
     "plot_model": lambda made: (made.model(),),
     "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
     "plot_notch": lambda made: (made.fields(), made.model().hinges[1]),

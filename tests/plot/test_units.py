@@ -40,6 +40,9 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad
     "MPa/µm": 1e3,
     "N/µm": 1e3,
     "MPa/mrad": 1e3,
+    "Hz": 6.283185307179586,  # rad/s
+    "kg": 1e-3,  # tonne
+    "kg mm²": 1e-3,
     **dict.fromkeys(
         ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
     ),

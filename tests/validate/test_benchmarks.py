@@ -8,7 +8,7 @@ import pytest
 
 from flexfem.fem.plane_stress import nodal_stress
 from flexfem.fem.problem import nearest_node, on_chords
-from flexfem.validate import beams, bending, exact, holes, membranes
+from flexfem.validate import beams, bending, exact, holes, membranes, vibrating
 from flexfem.validate.records import Finding
 from flexfem.validate.registry import BENCHMARKS
 
@@ -137,3 +137,18 @@ def test_taylor_remainder_of_the_tangent_stiffness_is_of_second_order() -> None:
     found = bending.remainders()
     assert found.slope(found.material, bending.SMALL) == pytest.approx(1.0, abs=0.01)  # the geometric part is needed
     assert found.ours.min() < 1e-13  # down to round-off
+
+
+def test_nafems_fv32_tapered_membrane() -> None:
+    found = passing("nafems-fv32")
+    assert [each.target for each in found.values()] == [44.623, 130.03, 162.70, 246.05, 379.90, 391.44]
+    assert vibrating.tapered(2).nodes.max() == 10e3  # mm
+
+
+def test_inman_bar_and_beam_vibrate_at_their_closed_forms() -> None:
+    """In Hz: of the bar sqrt(70e9 / 2700) m/s over four times 0.12 m."""
+    assert passing("vibrating-rods")["fixed-free bar, frequency 1 (Hz)"].target == pytest.approx(10607.8, abs=0.05)
+
+
+def test_a_free_body_has_three_motions_of_no_frequency() -> None:
+    passing("free-body")

@@ -1,0 +1,88 @@
+"""Natural frequencies of the pseudo-rigid model against (16) and a mass matrix of its joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from flexfem.analytic.drive import driven_model
+from flexfem.analytic.dynamics import dynamics, engaged, many
+from flexfem.analytic.kinematics import chain_poses, first_order
+from flexfem.analytic.model import analyse, assemble
+from flexfem.analytic.stiffness import stiffness
+from flexfem.stage.designs import stage_frames
+from flexfem.stage.drives import drive_of
+from flexfem.stage.inertia import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
+from flexfem.stage.schema import load_stage
+from flexfem.verify.modes import payload_of
+
+from ..conftest import ROOT, UNLIKE, with_changes
+
+PAYLOAD = Payload(4e-5, 0.021)
+
+
+@pytest.mark.parametrize(
+    ("mobility", "formula"), [(3, "koster"), (6, "paros-weisbord"), (12, "wu-zhou"), (21, "calibrated")]
+)
+def test_frequencies_are_those_of_the_independent_joints(mobility, formula):
+    """K_aa of (16) and the kinetic energy of every body by the Jacobian of its own joints."""
+    stage = with_changes({"override": UNLIKE})
+    found = dynamics(stage, analyse(stage, mobility, formula), PAYLOAD)
+    of = assemble(stage, mobility, formula)
+    at = stiffness(of)
+    G, joints = at.influence.G_a, of.joints
+    columns = first_order(joints, chain_poses(of.frames, joints, np.zeros(len(joints.kind))))
+    M = at.influence.G_u.T @ found.mass[:3, :3] @ at.influence.G_u
+    for k, (chain, link) in enumerate((chain, link) for chain in range(3) for link in (1, 2)):
+        mine = joints.chains[chain]
+        J = (columns[chain] * (joints.hinge[mine] < link)) @ G[mine]
+        M += J.T @ found.mass[3 + 3 * k : 6 + 3 * k, 3 + 3 * k : 6 + 3 * k] @ J
+    expected = np.sqrt(scipy.linalg.eigh(at.K_aa, M, eigvals_only=True))
+    np.testing.assert_allclose(found.frequencies[:mobility], expected, rtol=1e-6)
+    assert np.isinf(found.frequencies[mobility:]).all()
+
+
+def test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once():
+    stage = with_changes({"override": UNLIKE})
+    found = dynamics(stage, analyse(stage), PAYLOAD)
+    pads = inertia_of(body_moments(stage)[:, 0].sum(axis=0), mass_per_area(stage)).matrix
+    together = found.mass.reshape(7, 3, 7, 3).sum(axis=(0, 2)) + pads
+    expected = drawn_inertia(stage).matrix + np.diag([4e-5, 4e-5, 0.021])
+    np.testing.assert_allclose(together, expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("links", [False, True])
+def test_a_heavy_payload_vibrates_on_the_static_stiffness(links):
+    """Also in rotation, where only its moment of inertia counts."""
+    stage = with_changes({"override": UNLIKE})
+    model = analyse(stage, 21, "calibrated", links)
+    found = dynamics(stage, model, payload_of(500.0, 4e5)).frequencies[:3]
+    expected = np.sqrt(scipy.linalg.eigh(model.stiffness, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
+    np.testing.assert_allclose(found, expected, rtol=5e-4)
+
+
+def test_engaged_stacks_stiffen_as_they_do_at_rest():
+    stage = load_stage(ROOT / "geometry" / "mobility6.toml")
+    model, drive = analyse(stage, 21, "calibrated", True), drive_of(stage)
+    of = engaged(dynamics(stage, model, payload_of(500.0, 4e5), drive.stacks), drive.stiffness)
+    C = driven_model(stage, model).compliance
+    held = C[:3, :3] - C[:3, 3:] @ np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:]) @ C[3:, :3]
+    expected = np.sqrt(scipy.linalg.eigh(np.linalg.inv(held), np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
+    np.testing.assert_allclose(of.frequencies[:3], expected, rtol=5e-4)
+
+
+def test_many_designs_are_each_as_alone():
+    stages = [with_changes({"override": UNLIKE}), with_changes({"thickness_mm": 6.1})]
+    models = [analyse(stage, 21, "calibrated") for stage in stages]
+    single = [dynamics(stage, model, PAYLOAD) for stage, model in zip(stages, models, strict=True)]
+    frames = [stage_frames(stage) for stage in stages]
+    both = many(
+        type(frames[0])(*(np.stack(part) for part in zip(*frames, strict=True))),
+        type(models[0].hinges)(*(np.stack(part) for part in zip(*(model.hinges for model in models), strict=True))),
+        models[0].freedoms,
+        np.stack([one.mass for one in single]),
+    )
+    np.testing.assert_allclose(both.frequencies, [one.frequencies for one in single], rtol=1e-9)
+    nothing = both._replace(compliance=both.compliance * np.array([np.nan, 1.0])[:, None, None]).frequencies
+    assert np.isnan(nothing[0]).all() and np.isfinite(nothing[1]).all()

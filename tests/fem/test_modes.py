@@ -1,0 +1,137 @@
+"""Natural frequencies in plane finite elements: dense reference, masses, payloads and stacks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+
+from flexfem.fem.drive import driven_response
+from flexfem.fem.mesh import quadrature, shape_functions
+from flexfem.fem.modes import (
+    aligned,
+    base_loads,
+    free_of,
+    inertia_forces,
+    mass_lower,
+    modes,
+    rigid_fields,
+    structure,
+    total_mass,
+)
+from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix
+from flexfem.fem.problem import nodes_on
+from flexfem.fem.response import plate_of, tie_hub
+from flexfem.refused import ComputationFailed
+from flexfem.stage.drives import drive_of
+from flexfem.stage.inertia import Payload, carried, drawn_inertia
+from flexfem.stage.schema import load_stage
+from flexfem.validate.vibrating import tapered
+from flexfem.verify.modes import payload_of, vibration
+
+from .conftest import GEOMETRY
+
+PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12
+
+
+@pytest.fixture(scope="module")
+def membrane():
+    mesh = tapered(2)
+    return structure(mesh, PLATE, DENSITY, free_of(mesh, nodes_on(mesh, "left")))
+
+
+def dense(mesh, held):
+    """Stiffness and mass (m, m) of the unknowns that are not held, and the mass of all."""
+    K = stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes)).toarray()
+    half = mass_lower(mesh, PLATE.thickness * DENSITY, free_of(mesh, np.empty(0, dtype=int))).toarray()
+    M = half + np.tril(half, -1).T
+    free = np.setdiff1d(np.arange(len(K)), np.concatenate([2 * held, 2 * held + 1]))
+    return K[np.ix_(free, free)], M[np.ix_(free, free)], M, free
+
+
+def test_frequencies_are_those_of_dense_matrices(membrane):
+    K, M, *_ = dense(membrane.mesh, nodes_on(membrane.mesh, "left"))
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[:7])
+    np.testing.assert_allclose(modes(membrane, 7).frequencies, expected, rtol=1e-10)
+
+
+def test_effective_masses_of_all_modes_and_what_the_ground_holds_are_the_whole_mass(membrane):
+    """Of the trapezium, 10 m by 3 m in the mean, 3.7 mm thick: 304.0 kg."""
+    held = nodes_on(membrane.mesh, "left")
+    K, M, whole, free = dense(membrane.mesh, held)
+    shapes = scipy.linalg.eigh(K, M)[1]
+    shares = (shapes.T @ base_loads(membrane)) ** 2
+    clamped = np.setdiff1d(np.arange(len(whole)), free)
+    across = whole[np.ix_(free, clamped)]
+    schur = whole[np.ix_(clamped, clamped)] - across.T @ np.linalg.solve(M, across)
+    rigid = rigid_fields(membrane.mesh.nodes).reshape(3, -1)[:, clamped]
+    found = shares.sum(axis=0) + np.einsum("ai,ij,aj->a", rigid, schur, rigid)
+    mass = 10e3 * 3e3 * 3.7 * 2739e-12
+    np.testing.assert_allclose(found[:2], mass, rtol=1e-12)
+    np.testing.assert_allclose(found[2], total_mass(membrane)[2, 2], rtol=1e-12)
+    assert mass == pytest.approx(0.3040, abs=1e-4)
+
+
+def test_consistent_mass_is_exact_on_curved_triangles(unlike):
+    """Kinetic energy of a velocity that is linear in x and y, against a quadrature of far higher degree."""
+    mesh = unlike.mesh
+    field = (mesh.nodes @ np.array([[0.3, -0.7], [1.1, 0.2]]) + [2.0, 1.0])[None]
+    energy = float(np.sum(field * inertia_forces(mesh, 1.0, field)))
+    N = shape_functions(quadrature(12)[0])[0]
+    fine = 0.0
+    for batch in integration(mesh, 12):
+        fine += float(np.sum(batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2))
+    assert energy == pytest.approx(fine, rel=1e-12)
+
+
+def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
+    found = vibration(unlike.stage, 4, Payload(), "disengaged")
+    np.testing.assert_allclose(total_mass(found), drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
+
+
+def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(unlike):
+    """A point mass of 500 kg and 4e5 kg mm^2 on the static stiffness: a 3 x 3 problem by hand."""
+    of = structure(
+        unlike.mesh,
+        plate_of(unlike.stage),
+        unlike.stage.material.density * 1e-12,
+        tie_hub(unlike.mesh),
+        carried(unlike.stage, payload_of(500.0, 4e5)),
+    )
+    K, M = np.linalg.inv(unlike.response.compliance), np.diag([0.5, 0.5, 400.0])
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
+    np.testing.assert_allclose(modes(of, 3).frequencies, expected, rtol=5e-4)
+
+
+def test_stacks_add_their_stiffness():
+    """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
+    stage = load_stage(GEOMETRY / "mobility6.toml")
+    of = vibration(stage, 4, payload_of(500.0, 4e5), "engaged")
+    drive = drive_of(stage)
+    C = driven_response(of.mesh, plate_of(stage), drive.stacks).compliance
+    springs = np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:])
+    K = np.linalg.inv(C[:3, :3] - C[:3, 3:] @ springs @ C[3:, :3])
+    expected = np.sqrt(scipy.linalg.eigh(K, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
+    np.testing.assert_allclose(modes(of, 3).frequencies, expected, rtol=5e-4)
+
+
+def test_modes_of_one_frequency_are_turned_into_x_and_y():
+    participation = np.array([[0.3, 0.8, 0.0], [0.8, -0.3, 0.0], [0.1, 0.2, 5.0]])
+    Q = aligned(np.array([4.0, 4.0 * (1 + 1e-9), 9.0]), participation)
+    np.testing.assert_allclose(Q @ Q.T, np.eye(3), atol=1e-12)
+    turned = Q.T @ participation
+    assert abs(turned[1, 0]) < 1e-12 and abs(turned[0, 1]) < 1e-12
+    assert abs(turned[0, 0]) == pytest.approx(math.hypot(0.3, 0.8))
+    np.testing.assert_array_equal(turned[2], participation[2])
+
+
+def test_more_modes_than_unknowns_are_refused(membrane):
+    with pytest.raises(ComputationFailed, match="modes of"):
+        modes(membrane, membrane.mass.shape[0])
+
+
+def test_a_mass_matrix_is_positive_definite(membrane):
+    assert np.linalg.eigvalsh(membrane.mass.toarray()).min() > 0 and isinstance(membrane.mass, sp.csc_array)

@@ -1,0 +1,60 @@
+"""Mass and inertia of what is drawn: closed forms, polygons, and the sum over the stage."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexfem.stage.bodies import draw_sector
+from flexfem.stage.inertia import Payload, area_moments, body_moments, carried, drawn_inertia, payload_matrix
+from flexfem.stage.outline import Segment, area, polygon_points, polyline
+
+from ..conftest import UNLIKE, with_changes
+
+
+def test_moments_of_a_half_disc_aside():
+    """About the origin: area, first moments by the centroid 4 r / 3 pi, polar moment by Steiner twice."""
+    r, at = 3.0, 5 - 2j
+    quarter = at + r * 1j
+    loop = [Segment(at + r, quarter, at), Segment(quarter, at - r, at), *polyline(at - r, at + r)]
+    A, centroid = math.pi * r**2 / 2, at + 1j * 4 * r / (3 * math.pi)
+    polar = math.pi * r**4 / 4 - A * (4 * r / (3 * math.pi)) ** 2 + A * abs(centroid) ** 2
+    np.testing.assert_allclose(area_moments(loop), [A, A * centroid.real, A * centroid.imag, polar], rtol=1e-13)
+
+
+def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
+    stage = with_changes({"override": UNLIKE})
+    for chain in (1, 2, 3):
+        for k, face in enumerate(draw_sector(stage, chain).values()):
+            found = body_moments(stage)[chain - 1, k]
+            assert found[0] == pytest.approx(area(face.loop), rel=1e-13)
+            x, y = polygon_points(face.loop, math.pi / 2000).T
+            cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+            xx, yy = np.roll(x, -1), np.roll(y, -1)
+            polar = np.sum(cross * (x**2 + x * xx + xx**2 + y**2 + y * yy + yy**2)) / 12
+            assert found[3] == pytest.approx(polar, rel=1e-6)
+
+
+def test_turning_a_chain_turns_its_first_moments():
+    one, two, three = body_moments(with_changes())[:, 2, 1:3] @ [1, 1j]
+    assert two / one == pytest.approx(np.exp(2j * math.pi / 3)) and three / one == pytest.approx(
+        np.exp(4j * math.pi / 3)
+    )
+
+
+def test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included():
+    """9.7 mm thick, 2739 kg/m^3; the hub is metal."""
+    stage = with_changes({"override": UNLIKE})
+    drawn = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+    kilograms = (drawn + math.pi * 7.7**2) * 9.7 * 2739e-9
+    assert drawn_inertia(stage).mass * 1e3 == pytest.approx(kilograms, rel=1e-12)
+    assert 0.05 < kilograms < 0.15
+
+
+def test_what_the_pose_carries_is_hub_and_payload():
+    hub = math.pi * 7.7**2 * 9.7 * 2739e-12  # tonne
+    expected = np.diag([hub + 3e-4, hub + 3e-4, hub * 7.7**2 / 2 + 0.07])
+    np.testing.assert_allclose(carried(with_changes(), Payload(3e-4, 0.07)), expected, rtol=1e-13)
+    np.testing.assert_array_equal(payload_matrix(Payload(3e-4, 0.07)), np.diag([3e-4, 3e-4, 0.07]))
