@@ -516,6 +516,7 @@ def budget(
     amplitudes: Mapping[Direction, float] | None = None,
     resolution: int = RESOLUTION,
     progress: Progress | None = None,
+    three_dimensional: bool = True,
 ) -> Budget:
     """Split the error of the stage's own analytic model into named shares that add up to it.
 
@@ -524,6 +525,7 @@ def budget(
     amplitudes : commands by direction at which the share of large displacements is taken, mm, mm, rad; by default
         0.05, 0.05 and 0.001.
     resolution : of the finest of three meshes.   progress : called with a line after each mesh.
+    three_dimensional : measure what three dimensions change, too.
 
     Raises
     ------
@@ -531,10 +533,12 @@ def budget(
         As `flexfem.solve`; a hinge is not on the hinge chart.
     """
     from flexfem.verify import budget as verify
+    from flexfem.verify import solid
 
     check_feasible(stage)
     at = arguments.by_name("amplitudes", amplitudes, verify.AMPLITUDES, LARGEST_AMPLITUDE)
-    return verify.budget(stage, at, arguments.resolution(resolution, 4), _solver(progress))
+    found = verify.budget(stage, at, arguments.resolution(resolution, 4), _solver(progress))
+    return solid.measured(stage, found) if three_dimensional else found
 
 
 def workspace(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flexfem.validate.records import Finding
     from flexfem.validate.registry import BenchmarkTable
     from flexfem.verdicts.records import ClaimsReport
-    from flexfem.verify.budget import Budget
+    from flexfem.verify.budget import Budget, ThreeDimensional
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.result import Result
     from flexfem.verify.workspace import Point, Workspace
@@ -102,9 +102,22 @@ def print_budget(of: Budget) -> None:
     rows.append(("total", *(f"{getattr(split.total, axis):.3f} ± {split.band:.3f}" for split, axis in splits)))
     outside = [(split.out_of_plane, axis) for split, axis in splits]
     if all(share is not None for share, _ in outside):
-        rows.append(("outside it: out of plane", *(f"{getattr(share, axis):+z.3f}" for share, axis in outside)))
+        rows.append(("outside it: hinges by the chart", *(f"{getattr(share, axis):+z.3f}" for share, axis in outside)))
+    if of.three_dimensional is not None:
+        rows += _in_three_dimensions(of, of.three_dimensional)
     out.print(table(("share", *DIRECTIONS), rows))
     print_ending(out, of)
+
+
+def _in_three_dimensions(of: Budget, solid: ThreeDimensional) -> list[tuple[str, ...]]:
+    """What three dimensions change, measured on the stage, and the error against such a stage."""
+    changed = [(getattr(solid.points[axis], axis), solid.band[axis], of.split[axis]) for axis in DIRECTIONS]
+    against = [getattr(split.total, axis) for (*_, split), axis in zip(changed, DIRECTIONS, strict=True)]
+    both = [(total + points, band + split.band) for total, (points, band, split) in zip(against, changed, strict=True)]
+    return [
+        ("outside it: three dimensions", *(f"{points:+z.3f} ± {band:.3f}" for points, band, _ in changed)),
+        ("total in three dimensions", *(f"{total:.3f} ± {band:.3f}" for total, band in both)),
+    ]
 
 
 def print_workspace(of: Workspace) -> None:

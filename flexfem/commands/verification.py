@@ -52,6 +52,9 @@ def budget(
         float, typer.Option(min=1e-3, max=1e4, help="Command in X and Y of the large-displacement share.")
     ] = 50.0,
     amplitude_mrad: Annotated[float, typer.Option(min=1e-3, max=1e3, help="And in theta.")] = 1.0,
+    three_dimensional: Annotated[
+        bool, typer.Option("--three-dimensional/--plane", help="Measure what three dimensions change, or leave it out.")
+    ] = True,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
@@ -64,7 +67,9 @@ def budget(
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
     length, angle = amplitude_um / unit_of("amplitude_um").factor, amplitude_mrad / unit_of("amplitude_mrad").factor
     told = console.counted(3, "meshing and solving")
-    found = reports.budget(loaded, {"x": length, "y": length, "theta": angle}, progress=told)
+    found = reports.budget(
+        loaded, {"x": length, "y": length, "theta": angle}, progress=told, three_dimensional=three_dimensional
+    )
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
 

@@ -48,12 +48,21 @@ def budget_figure(budget: Budget) -> Figure:
 
 def _outside(budget: Budget) -> str:
     """What is outside the planar total, in words."""
-    shares = [(NAMES[axis], split.out_of_plane, axis) for axis, split in budget.split.items()]
-    if any(share is None for _, share, _ in shares):
-        return "Outside the planar total: out of plane, not known, a hinge is not on the thickness chart."
-    said = ", ".join(f"{name} {getattr(share, axis):+.2f}" for name, share, axis in shares).replace("-", MINUS)
-    plane = budget.plane.replace("_", " ")
-    return f"Outside the planar total, three-dimensional necks against {plane}: {said} percentage points."
+    charted = {axis: split.out_of_plane for axis, split in budget.split.items()}
+    plane, solid = budget.plane.replace("_", " "), budget.three_dimensional
+    said = "Outside the planar total, three-dimensional necks"
+    by_chart = ", ".join(f"{NAMES[axis]} {getattr(share, axis):+.2f}" for axis, share in charted.items() if share)
+    by_chart = by_chart.replace("-", MINUS) + " percentage points"
+    known = all(share is not None for share in charted.values())
+    if solid is None:
+        unknown = "Outside the planar total: out of plane, not known, a hinge is not on the thickness chart."
+        return f"{said} against {plane}: {by_chart}." if known else unknown
+    found = ", ".join(
+        f"{NAMES[axis]} {getattr(solid.points[axis], axis):+.2f} ± {solid.band[axis]:.2f}" for axis in budget.split
+    ).replace("-", MINUS)
+    if known:
+        return f"{said} against {plane}: {by_chart} by the chart; measured on the stage: {found}."
+    return f"Outside the planar total, three dimensions against {plane}, measured: {found} percentage points."
 
 
 def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:

@@ -54,8 +54,8 @@ class Split(Record):
     """The shares of one command, their total, and the mesh band of the total in the commanded direction.
 
     amplitude : mm or rad, of the command at which the large-displacement share is taken.
-    out_of_plane : outside the planar total: what hinges of three dimensions change, against the stage's own plane
-        model; None when a hinge is not on the thickness chart.
+    out_of_plane : outside the planar total: what charted single hinges of three dimensions change, against the stage's
+        own plane model; None when a hinge is not on the thickness chart.
     """
 
     amplitude: float
@@ -65,14 +65,31 @@ class Split(Record):
     out_of_plane: Triple | None
 
 
+class ThreeDimensional(Record):
+    """What three dimensions change, measured on the stage (`solid.measured`), in percentage points.
+
+    points : by commanded direction, against the stage's own plane model.   band : of these in that direction.
+    """
+
+    resolution: int
+    layers: int
+    unknowns: int
+    points: dict[Direction, Triple]
+    band: dict[Direction, float]
+
+
 class Budget(OfStage):
-    """The error budget of a stage's own analytic model; `split` by commanded direction."""
+    """The error budget of a stage's own analytic model; `split` by commanded direction.
+
+    three_dimensional : outside the planar total; None where it was not asked.
+    """
 
     stage: str
     plane: str
     mobility: int
     formula: str
     split: dict[Direction, Split]
+    three_dimensional: ThreeDimensional | None = None
 
 
 def budget(

@@ -10,11 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
+from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, inverse
 from flexfem.clock import Limit
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.mesh import TIME_LIMIT
 from flexfem.fem.plane_stress import Plate
+from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.fem.solid import layers_of
 from flexfem.fem.solid_fields import NeckStress, solid_neck_stresses
@@ -24,7 +26,10 @@ from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.answers import UNITS, of_stage
-from flexfem.verify.errors import ROUND_OFF, SAFETY, compliance_bands, levels
+from flexfem.verify.budget import Budget, ThreeDimensional
+from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.errors import ROUND_OFF, SAFETY, compliance_bands, error_matrix, levels
+from flexfem.verify.result import Triple
 
 RESOLUTION = 6  # triangles across every neck: with three layers within 0.1 % (benchmarks/solid.py)
 LAYERS = 3  # in half the thickness
@@ -173,3 +178,41 @@ def held_faces(stage: Stage) -> list[str]:
     if stage.model != "plane_strain":
         return []
     return ['model = "plane_strain" holds the faces of the stage; in three dimensions they are free']
+
+
+BUDGET = (4, 3)  # resolution and layers: what three dimensions change hardly depends on the mesh in the plane
+
+
+def measured(stage: Stage, found: Budget) -> Budget:
+    """A budget with what three dimensions change, measured on the stage. Raises ComputationFailed.
+
+    Notes
+    -----
+    The error in three dimensions less that of the stage's own plane problem on the same mesh of the plane, whose own
+    error so cancels. The band is `SAFETY` times what the last step of the mesh and of the layers changed, one after the
+    other as in `solid_bands`.
+    """
+    resolution, count = BUDGET
+    coarse, medium, _ = levels(resolution)
+    finest = _change(stage, resolution, count)
+    steps = (
+        _change(stage, resolution, 1) - _change(stage, medium, 1),
+        _change(stage, coarse, count) - _change(stage, coarse, levels(count)[1]),
+    )
+    band = SAFETY * np.diag(np.abs(steps[0]) + np.abs(steps[1]))
+    of_solid = ThreeDimensional(
+        resolution=resolution,
+        layers=count,
+        unknowns=solve_solid(stage, resolution, count).unknowns,
+        points={axis: Triple.of(finest[:, k]) for k, axis in enumerate(DIRECTIONS)},
+        band=dict(zip(DIRECTIONS, band.tolist(), strict=True)),
+    )
+    return found.model_copy(update={"three_dimensional": of_solid})
+
+
+def _change(stage: Stage, resolution: int, layers: int) -> Array:
+    """Percentage points (3, 3), column j for command j, from the stage's own plane problem to three dimensions."""
+    response, predicted = solve_solid(stage, resolution, layers), analyse(stage).stiffness
+    plane, lever = cyclic_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
+    solid, flat = (error_matrix(predicted, each.compliance, lever) for each in (response, plane))
+    return np.asarray(solid - flat)

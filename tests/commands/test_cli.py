@@ -317,7 +317,7 @@ def test_a_mesh_study_is_stored_and_drawn(flexfem, tmp_path):
 @pytest.mark.usefixtures("coarsely")
 def test_a_budget_is_stored_and_drawn(flexfem, tmp_path):
     amplitudes = ("--amplitude-um", 120, "--amplitude-mrad", 3)
-    facts = machine(flexfem, "budget", STAGE, *amplitudes, "--output", tmp_path)
+    facts = machine(flexfem, "budget", STAGE, *amplitudes, "--plane", "--output", tmp_path)
     assert {axis: split["amplitude"] for axis, split in facts["split"].items()} == {
         "x": 0.12,
         "y": 0.12,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.verify.budget import Budget, BudgetShare, Split
+from flexfem.verify.budget import Budget, BudgetShare, Split, ThreeDimensional
 from flexfem.verify.converge import MeshStudy
 from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty
 from flexfem.verify.workspace import Box, Elements, Point, Travel, Workspace
@@ -96,6 +96,19 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Res
 def uncertainty(band: float, **changes: Any) -> Uncertainty:
     given = {"resolutions": [3, 4, 6], "values": [1.1, 1.02, 1.0], "verdict": "converging", "order": 2.7}
     return Uncertainty(**(given | {"observed": 3.1, "extrapolated": 0.99, "band": band} | changes))
+
+
+IN_THREE_DIMENSIONS = ThreeDimensional(
+    resolution=4,
+    layers=3,
+    unknowns=203_823,
+    points={
+        "x": Triple(x=-10.673, y=3.1, theta=3.2),
+        "y": Triple(x=2.1, y=5.217, theta=2.2),
+        "theta": Triple(x=1.1, y=1.2, theta=-7.461),
+    },
+    band={"x": 0.121, "y": 0.234, "theta": 0.345},
+)
 
 
 def budget(**changes: Any) -> Budget:
@@ -315,9 +328,12 @@ class Made(NamedTuple):
     size_in: Callable[[str], float]
     extent: Callable[[Any], Array]
     texts: Callable[[Any], list[str]]
+    three_dimensional: ThreeDimensional
 
 
 @pytest.fixture(scope="session")
 def made() -> Made:
     """Makers of stored results with made-up numbers."""
-    return Made(hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts)
+    return Made(
+        hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts, IN_THREE_DIMENSIONS
+    )

@@ -58,5 +58,12 @@ def test_what_is_outside_the_plane_is_said_with_its_sign(figure, made):
     assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
     split = {axis: one.model_copy(update={"out_of_plane": None}) for axis, one in made.budget().split.items()}
     without = " ".join(made.texts(budget_figure(made.budget(split=split, assumed=["thickness_mm"]))))
+    solid = budget_figure(made.budget(three_dimensional=made.three_dimensional))
+    alone = " ".join(made.texts(budget_figure(made.budget(split=split, three_dimensional=made.three_dimensional))))
+    assert "three dimensions against plane strain, measured: X −10.67 ± 0.12, Y +5.22" in alone
+    measured = "by the chart; measured on the stage: X −10.67 ± 0.12, Y +5.22 ± 0.23, θ −7.46 ± 0.34."
+    assert f"three-dimensional necks against plane strain: X −10.53, Y +6.22, θ −8.46 percentage points {measured}" in (
+        " ".join(made.texts(solid))
+    )
     assert re.search("out of plane, not known, a hinge is not on the thickness chart", without)
     assert "assumed dimensions" in without

@@ -146,7 +146,14 @@ def test_the_budget_has_the_shares_along_each_command(cells, made):
         ["large displacement", "-0.139", "+0.253", "+0.326"],
     ]
     assert rows[at + 6] == ["total", "12.091 ± 0.013", "9.188 ± 0.127", "9.477 ± 0.245"]
-    assert rows[at + 7] == ["outside it: out of plane", "-10.533", "+6.217", "-8.461"]
+    assert rows[at + 7] == ["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"]
+
+
+def test_the_budget_has_what_three_dimensions_change_along_each_command(cells, made):
+    rows = cells(comparisons.print_budget, made.budget(three_dimensional=made.three_dimensional))
+    at = rows.index(["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"])
+    assert rows[at + 1] == ["outside it: three dimensions", "-10.673 ± 0.121", "+5.217 ± 0.234", "-7.461 ± 0.345"]
+    assert rows[at + 2] == ["total in three dimensions", "1.418 ± 0.134", "14.405 ± 0.361", "2.016 ± 0.590"]
 
 
 def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):

@@ -89,7 +89,7 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
         "stiffness": lambda: _stiffness(stage),
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
-        "budget": lambda: _or_refused(lambda: budget.budget(stage, solve=solve)),
+        "budget": lambda: _less(("three_dimensional",), _or_refused(lambda: budget.budget(stage, solve=solve))),
         "workspace": lambda: _less(("reach", "no_reach"), _or_refused(lambda: workspace.workspace(stage, solve=solve))),
         "converge": lambda: _or_refused(lambda: converge(stage, LEVELS, solve)),
     }
