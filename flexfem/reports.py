@@ -234,6 +234,7 @@ def under_load_solid(
     import numpy as np
 
     from flexfem.fem.export import write_solid_vtu
+    from flexfem.fem.solid import sheet_of
     from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
     from flexfem.verify import solid as verify
 
@@ -248,7 +249,7 @@ def under_load_solid(
     if target is not None:
         mesh, field = response.mesh, np.tensordot(load, response.fields, axes=1)
         every = np.arange(len(mesh.nodes))
-        stress = solid_nodal_stress(mesh, verify.sheet_of(stage), response.layers, field, every)
+        stress = solid_nodal_stress(mesh, sheet_of(stage), response.layers, field, every)
         told = {
             "displacement": field,
             "von_mises": solid_von_mises(stress),
@@ -634,18 +635,27 @@ def claims(path: PathLike, progress: Callable[[int, int], object] | None = None)
     return report_claims(checked_path(path), watch=progress or (lambda done, of: None))
 
 
-def cross_check(stage: Stage, solver: str = "ngsolve", resolution: int = RESOLUTION) -> CrossCheck:
+def cross_check(
+    stage: Stage, solver: str = "ngsolve", resolution: int | None = None, three_dimensional: bool = False
+) -> CrossCheck:
     """Solve the same mesh by another program, ngsolve or calculix, and compare.
+
+    Parameters
+    ----------
+    resolution : triangles across every neck; by default 8, or 2 in three dimensions, with two layers.
 
     Raises
     ------
     BadInput, ComputationFailed
         As `flexfem.solve`; the solver is not known or not installed.
     """
-    from flexfem.validate.compare import cross_check as compare
+    from flexfem.validate import compare
 
     check_feasible(stage)
-    return compare(stage, arguments.resolution(resolution), solver)
+    if three_dimensional:
+        coarse = compare.SOLID_RESOLUTION if resolution is None else resolution
+        return compare.cross_check_solid(stage, arguments.resolution(coarse), solver)
+    return compare.cross_check(stage, arguments.resolution(RESOLUTION if resolution is None else resolution), solver)
 
 
 def benchmark(names: Sequence[str] | None = None, progress: Progress | None = None) -> BenchmarkTable:

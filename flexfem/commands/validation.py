@@ -19,6 +19,9 @@ app = typer.Typer()
 def cross_check(
     stage: StageFile,
     solver: Annotated[str, typer.Option(help="ngsolve or calculix.")] = "ngsolve",
+    three_dimensional: Annotated[
+        bool, typer.Option("--three-dimensional", help="Wedges, two layers in half the thickness; pose only.")
+    ] = False,
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
@@ -26,7 +29,7 @@ def cross_check(
     from flexfem import reports
     from flexfem.stage.schema import load_feasible
 
-    found = reports.cross_check(load_feasible(stage), solver, resolution or reports.RESOLUTION)
+    found = reports.cross_check(load_feasible(stage), solver, resolution, three_dimensional)
     console.show(found, json, comparisons.print_cross_check)
     raise typer.Exit(0 if found.passed else 1)
 

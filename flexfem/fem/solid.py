@@ -83,6 +83,11 @@ def layers_of(stage: Stage, number: int) -> Layers:
     return mirrored(stage.thickness, number, float(stage.array("neck").min()))
 
 
+def sheet_of(stage: Stage) -> Plate:
+    """The metal and the thickness of a stage."""
+    return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
+
+
 def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:
     """Layers with given bounds (l + 1,), mm, ascending; integrals count `copies` times."""
     s, w = np.polynomial.legendre.leggauss(POINTS)

@@ -73,7 +73,7 @@ def solve(
     with tempfile.TemporaryDirectory(prefix="flexfem-") as name:
         folder = Path(name)
         write_deck(mesh, plate, folder / "stage.inp", UNIT_LOADS * solved_at / plate.thickness, solved_at, uncoupled)
-        said = _run([program, "-i", "stage"], folder, time_limit)
+        said = run([program, "-i", "stage"], folder, time_limit)
         printed, stored = (_read(folder / f"stage.{kind}") for kind in ("dat", "frd"))
     try:
         fields, poses = printed_displacements(printed, "all"), printed_displacements(printed, "platform")
@@ -125,6 +125,12 @@ def extrapolated_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
     return np.asarray(total / np.bincount(mesh.triangles.ravel())[:, None])
 
 
+def version() -> str:
+    """The version of CalculiX, as it says. Raises BadInput when it is not installed."""
+    said = re.search(r"Version\s+(\S+)", run([find_program(), "-v"], Path.cwd(), TIME_LIMIT))
+    return said[1] if said else "unknown"
+
+
 def find_program() -> str:
     """Where CalculiX is. Raises BadInput with the way to install it."""
     program = shutil.which("ccx")
@@ -162,7 +168,7 @@ def stored_stress(stored: str) -> list[Array]:
     return found
 
 
-def _run(command: list[str], folder: Path, time_limit: float) -> str:
+def run(command: list[str], folder: Path, time_limit: float) -> str:
     threads = str(min(THREADS, os.cpu_count() or 1))
     environment = os.environ | {"OMP_NUM_THREADS": threads, "CCX_NPROC_EQUATION_SOLVER": threads}
     try:

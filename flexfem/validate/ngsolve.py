@@ -100,7 +100,7 @@ def curved_mesh(ng: Any, mesh: StageMesh) -> Curved:
     """Our triangles in NGSolve, checked node by node. Raises ComputationFailed when any is elsewhere."""
     straight = ng.Mesh(_straight_mesh(mesh))
     ends = np.sort([[corner.nr for corner in edge.vertices] for edge in straight.edges], axis=1)
-    middles = _middles(mesh, ends)
+    middles = middles_of(mesh, ends)
     quadratic = ng.VectorH1(straight, order=2)
     probe = ng.GridFunction(ng.H1(straight, order=2))
     probe.vec.FV().NumPy()[straight.nv :] = 1.0
@@ -133,7 +133,7 @@ def _straight_mesh(mesh: StageMesh) -> Any:
     return made
 
 
-def _middles(mesh: StageMesh, ends: Index) -> Index:
+def middles_of(mesh: StageMesh, ends: Index) -> Index:
     """Our node in the middle of each edge given by its corners (edges, 2), the lower first."""
     t, size = mesh.triangles, len(mesh.nodes)
     sides = np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), axis=1) @ [size, 1]

@@ -18,7 +18,7 @@ from flexfem.fem.mesh import TIME_LIMIT
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import mesh_sectors
-from flexfem.fem.solid import layers_of
+from flexfem.fem.solid import layers_of, sheet_of
 from flexfem.fem.solid_fields import NeckStress, solid_neck_stresses
 from flexfem.fem.solid_response import SolidResponse, solid_response
 from flexfem.stage.cache import once
@@ -84,11 +84,6 @@ class SolidBands(NamedTuple):
     def total(self) -> Array:
         """Their sum: neither is known to take from the other."""
         return self.plane + self.thickness
-
-
-def sheet_of(stage: Stage) -> Plate:
-    """The metal and the thickness of a stage."""
-    return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
 def solve_solid(stage: Stage, resolution: int = RESOLUTION, layers: int = LAYERS) -> SolidResponse:
