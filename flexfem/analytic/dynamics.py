@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.drive import driven, link_parts
+from flexfem.analytic.drive import LinkParts, driven, link_parts
 from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import Compliance
@@ -24,7 +24,8 @@ from flexfem.stage.inertia import Payload, body_moments, hub_moments, inertia_of
 from flexfem.stage.schema import CHAINS, Stage
 
 PLATFORM = BODIES.index("platform")
-FREEDOMS = 3 + 6 * len(CHAINS)  # of platform and links
+ON_BODIES = 6 * len(CHAINS)  # twists of links
+FREEDOMS = 3 + ON_BODIES  # and of the platform
 HELD = 1e-12  # of the largest eigenvalue of C M: what is less is round-off of a freedom that hinges do not have
 
 
@@ -71,9 +72,19 @@ def engaged(of: Dynamics, rates: Array) -> Dynamics:
     return of._replace(compliance=bodies - across @ Y @ across.T)
 
 
-def many(frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array) -> Dynamics:
-    """The dynamics of n designs with rigid links; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`."""
-    return Dynamics(driven(frames, hinges, freedoms, on_bodies()).compliance, mass)
+def many(
+    frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array, elastic: LinkParts | None = None
+) -> Dynamics:
+    """The dynamics of n designs; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`.
+
+    elastic : (n, ...) each, of `elastic_bodies`; None where links are rigid.
+    """
+    return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass)
+
+
+def elastic_bodies(stage: Stage) -> LinkParts:
+    """What elastic links add to the compliances of one stage, for the wrenches of `on_bodies`. Raises BadInput."""
+    return link_parts(stage, on_bodies(stage))
 
 
 def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Array:

@@ -46,6 +46,7 @@ class Designs:
 
     plane : how all of them are made a plane problem.   prismatic : (3 chains, 3 hinges), bool, the same for all.
     thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
+    density : (n,), kg/m^3, asked for by natural frequencies alone.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
     actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
@@ -57,6 +58,7 @@ class Designs:
     youngs_modulus: Array
     poissons_ratio: Array
     yield_strength: Array
+    density: Array
     link_width: Array
     platform_radius: Array
     hub_radius: Array
@@ -109,6 +111,7 @@ def lower(stage: Stage) -> Designs:
         "youngs_modulus": material.youngs_modulus,
         "poissons_ratio": material.poissons_ratio,
         "yield_strength": material.yield_strength,
+        "density": material.density,
         "link_width": chain.link_width,
         "platform_radius": platform.radius,
         "hub_radius": platform.hub_radius,

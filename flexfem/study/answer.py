@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from flexfem.analytic.drive import LinkParts, link_parts
+from flexfem.analytic.dynamics import ON_BODIES, elastic_bodies
 from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
@@ -20,6 +21,7 @@ from flexfem.stage.designs import Designs
 from flexfem.stage.driven_designs import drives_of
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
+from flexfem.stage.inertia import Payload, body_moments, hub_moments
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage
 from flexfem.study.columns import Rows, row_of, values_of
@@ -27,7 +29,8 @@ from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.verify.drive_ranges import DriveAnswers
-from flexfem.verify.questions import Clock, ask_drives, ask_elements, ask_formulas
+from flexfem.verify.modes import payload_of
+from flexfem.verify.questions import Clock, Moments, ask_drives, ask_elements, ask_formulas, ask_frequencies
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
@@ -66,6 +69,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         found = ask_formulas(designs, hinges, freedoms, bodies if study.links else None)
         if study.driven:
             found = found._replace(drives=_driven(loaded, values, reason, designs, hinges, freedoms))
+        if study.frequencies is not None:
+            found = found._replace(frequencies=_vibrating(loaded, values, reason, designs, hinges, freedoms))
         reason[np.isnan(found.stiffness[:, 0, 0]) & (reason == "")] = "chain: singular configuration at rest"
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
@@ -83,6 +88,31 @@ def _driven(
     elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
     drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
     return ask_drives(designs, hinges, freedoms, drive, elastic)
+
+
+def _vibrating(
+    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+) -> Array:
+    """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
+    n, links = len(values), loaded.study.links
+    moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
+    shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
+    elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
+    for index in np.flatnonzero(reason == ""):
+        try:
+            stage = stage_of(loaded, values[index])
+            moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
+            for all_of, one in zip(elastic or (), elastic_bodies(stage) if elastic else (), strict=True):
+                all_of[index] = one
+        except BadInput as refusal:
+            reason[index] = str(refusal)
+    return ask_frequencies(designs, hinges, freedoms, moments, _payload(loaded) or Payload(), elastic)
+
+
+def _payload(loaded: LoadedStudy) -> Payload | None:
+    """What the platform carries where natural frequencies are asked for, else None."""
+    of = loaded.study.frequencies
+    return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
 def _link_parts(stages: Callable[[int], Stage], reason: AnyArray, drive: StageDrive) -> LinkParts:
@@ -105,7 +135,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     """Values (outputs,) of a feasible design, for model "fe" and "verify". Raises as `ask_elements`, or the formula."""
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), inside)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
-    found = ask_elements(stage, study.resolution, clock, predicted, study.bands)
+    found = ask_elements(stage, study.resolution, clock, predicted, study.bands, _payload(loaded))
     return np.asarray(values_of(found, study.rotation)[0])
 
 

@@ -40,6 +40,8 @@ ENVELOPE = ("envelope_mm",)
 TRAVELS = ("travel_x_um", "travel_y_um", "travel_theta_mrad")
 DRIVE_RANGES = ("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad")
 ENGAGED = ("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad")
+FREQUENCIES = ("frequency_1_hz", "frequency_2_hz", "frequency_3_hz")
+DENSITY = "material.density_kg_m3"
 ERRORS = ("error_x_percent", "error_y_percent", "error_theta_percent")
 CROSSES = ("cross_x_percent", "cross_y_percent", "cross_theta_percent")
 BANDS = ("band_x_percent", "band_y_percent", "band_theta_percent")
@@ -175,12 +177,15 @@ def with_mean(column: Column, stage: Stage) -> Column:
     return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
 
 
-def acting(column: Column, stage: Stage) -> Column:
-    """The column itself. Raises BadInput when nothing of the stage follows its keys."""
+def acting(column: Column, stage: Stage, vibrating: bool = False) -> Column:
+    """The column itself. Raises BadInput when nothing of the stage follows its keys.
+
+    vibrating : natural frequencies are asked for, which alone depend on the density.
+    """
     for path in column.keys:
         if keys()[path].of_drive and not keys()[path].places_in(stage):
             raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
-    if not any(keys()[path].places_in(stage) for path in column.keys):
+    if not any(keys()[path].places_in(stage) for path in column.keys if vibrating or path != DENSITY):
         raise BadInput(
             f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
             "or no model asks for it"
@@ -207,11 +212,12 @@ def _check_key(key: str, *at: str | int) -> None:
         raise refusal(f"a number of the stage format{meant(key, keys()) or ', see geometry/README.md'}", *at)
 
 
-def outputs_of(travels: bool, verify: bool, bands: bool, driven: bool) -> tuple[str, ...]:
-    """Names of the output columns: travels and those of the drive where asked, errors of a verification and bands."""
+def outputs_of(travels: bool, verify: bool, bands: bool, driven: bool, vibrating: bool = False) -> tuple[str, ...]:
+    """Names of the output columns: travels, those of the drive, and natural frequencies where asked, errors of a
+    verification and bands."""
     travel = (*(TRAVELS if travels else ()), *((*DRIVE_RANGES, *ENGAGED) if driven else ()))
     errors = (*ERRORS, *CROSSES, *(BANDS if bands else ())) if verify else ()
-    return (*COMMON, *travel, *errors)
+    return (*COMMON, *travel, *(FREQUENCIES if vibrating else ()), *errors)
 
 
 def values_of(answers: Answers, rotation: float | None) -> Array:
@@ -223,6 +229,8 @@ def values_of(answers: Answers, rotation: float | None) -> Array:
     if answers.drives is not None:
         asked.append(answers.drives.range * _factors(DRIVE_RANGES))
         asked.append(np.diagonal(answers.drives.engaged, axis1=1, axis2=2) * _factors(ENGAGED))
+    if answers.frequencies is not None:
+        asked.append(answers.frequencies * _factors(FREQUENCIES))
     asked += [each for each in answers.errors or () if each is not None]
     return np.concatenate(asked, axis=1)
 

@@ -74,6 +74,8 @@ class LoadedStudy:
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
         if content["drive"] is not None and not content["drive"]["actuators"]:  # hashes older than the key stay
             del content["drive"]["actuators"]
+        if content["frequencies"] is None:
+            del content["frequencies"]
         if self.study.driven:
             content["stage"] = self.stage.drive_hash
         if self.given is not None:
@@ -122,7 +124,10 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     columns: list[Column] = []
     for index, factor in enumerate(study.factor):
         try:
-            columns += [acting(with_mean(column, stage), stage) for column in columns_of([factor])]
+            columns += [
+                acting(with_mean(column, stage), stage, study.frequencies is not None)
+                for column in columns_of([factor])
+            ]
         except BadInput as error:
             line = read_toml(path).lines.line(("factor", index))
             raise BadInput(f"{place_of(path, line)}: {key_path(('factor', index))}.{error}") from None

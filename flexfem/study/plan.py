@@ -23,6 +23,7 @@ from flexfem.study.tables import (
     Correlation,
     Drive,
     Figure,
+    Frequencies,
     Method,
     Output,
     Sampling,
@@ -67,6 +68,7 @@ class Study(Sourced):
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     drive: Drive | None = None
+    frequencies: Frequencies | None = None
     output: tuple[Output, ...] = Field(default=(), max_length=50)
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
@@ -214,7 +216,9 @@ class Study(Sourced):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the output columns, in their order."""
-        return outputs_of(self.rotation is not None, self.model == "verify", self.bands, self.driven)
+        return outputs_of(
+            self.rotation is not None, self.model == "verify", self.bands, self.driven, self.frequencies is not None
+        )
 
     @property
     def every_output(self) -> tuple[str, ...]:

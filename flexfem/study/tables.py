@@ -90,6 +90,16 @@ class Drive(Table):
         return 1e-3 * self.stroke_um / self.lever_arm_mm
 
 
+class Frequencies(Table):
+    """Natural frequencies of the platform in the plane are asked for, with a payload on it or without.
+
+    payload_kg, payload_kg_mm2 : mass, and moment of inertia about the platform centre, in units of the file.
+    """
+
+    payload_kg: float = Field(default=0.0, ge=0, le=1e4)
+    payload_kg_mm2: float = Field(default=0.0, ge=0, le=1e10)
+
+
 def _expression(text: str) -> str:
     try:
         names_in(text)

@@ -11,6 +11,7 @@ from flexfem.analytic.dynamics import dynamics, engaged
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.arrays import Array
 from flexfem.fem.drive import stack_loads
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import Modes, Structure, fields_of, modes, structure, total_mass
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
@@ -29,7 +30,6 @@ Drives: TypeAlias = Literal["disengaged", "engaged"]
 DRIVES: tuple[Drives, ...] = get_args(Drives)
 ROUND_OFF = 1e-9  # of a frequency
 HERTZ, KILOGRAM = UNITS["hz"].factor, UNITS["kg"].factor
-PLATFORM_MODES = 3  # the platform on its springs: above them links bend and swing, by models of unlike freedoms
 OUT_OF_PLANE = (
     "motion in the plane only: modes in which the platform leaves the plane are not found here, and the lowest of them "
     "can lie below these"
@@ -92,9 +92,9 @@ def payload_of(mass: float, inertia: float) -> Payload:
     return Payload(mass / KILOGRAM, inertia / UNITS["kg_mm2"].factor)
 
 
-def vibration(stage: Stage, resolution: int, payload: Payload, drives: Drives) -> Structure:
+def vibration(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> Structure:
     """The stage as it vibrates, on one mesh. Raises BadInput, ComputationFailed as `flexfem.solve`."""
-    mesh, plate = build_mesh(stage, resolution), plate_of(stage)
+    plate = plate_of(stage)
     tied, pushes, rates = tie_hub(mesh), None, None
     if drives == "engaged":
         drive = drive_of(stage)
@@ -120,7 +120,7 @@ def natural_modes(
             raise BadInput("no [[actuator]]: the stage has no drive to engage")
     frequencies = []
     for level in levels(resolution):
-        found = vibration(stage, level, payload, drives)
+        found = vibration(stage, build_mesh(stage, level), payload, drives)
         solved = modes(found, count)
         frequencies.append(solved.frequencies * HERTZ)
         if progress is not None:

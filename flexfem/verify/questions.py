@@ -9,6 +9,7 @@ import numpy as np
 from flexfem.analytic.chains import travel
 from flexfem.analytic.drive import LinkParts
 from flexfem.analytic.drive import driven as driven_compliance
+from flexfem.analytic.dynamics import many, mass_matrix
 from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import at_rest
 from flexfem.analytic.notch import Compliance
@@ -17,13 +18,17 @@ from flexfem.clock import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.stage.designs import Designs, envelope
 from flexfem.stage.drives import StageDrive
+from flexfem.stage.inertia import Payload
 from flexfem.stage.schema import Stage
+from flexfem.units import DENSITY
 from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
 from flexfem.verify.driven import driven
 from flexfem.verify.errors import CAUTIOUS, ORDER, error_matrix, grid_convergence, levels
 
 if TYPE_CHECKING:
     from flexfem.fem.cyclic import CyclicResponse
+
+LOWEST = 3  # natural frequencies: of the platform on its hinges
 
 
 class Clock(NamedTuple):
@@ -44,6 +49,13 @@ class ErrorPercentages(NamedTuple):
     bands: Array | None
 
 
+class Moments(NamedTuple):
+    """Area moments, mm^2 to mm^4, of n designs: bodies (n, 3 chains, 4 bodies, 4) and hub (n, 4)."""
+
+    bodies: Array
+    hub: Array
+
+
 class Answers(NamedTuple):
     """What n designs answer; directions in the order x, y, theta.
 
@@ -52,6 +64,7 @@ class Answers(NamedTuple):
     turning : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
     yield_strength : (n,), MPa.   envelope : (n,), diameter, mm.   errors : of the analytic model, where asked.
     drives : what the stages' own drives do, where asked.
+    frequencies : (n, 3), rad/s, the lowest natural ones in the plane, where asked.
     """
 
     stiffness: Array
@@ -61,6 +74,7 @@ class Answers(NamedTuple):
     envelope: Array
     errors: ErrorPercentages | None = None
     drives: DriveAnswers | None = None
+    frequencies: Array | None = None
 
     @property
     def coupling(self) -> Array:
@@ -86,6 +100,25 @@ def ask_formulas(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodie
     return Answers(found.stiffness, highest, found.turning, designs.yield_strength, envelope(designs))
 
 
+def ask_frequencies(
+    designs: Designs,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    moments: Moments,
+    payload: Payload,
+    elastic: LinkParts | None = None,
+) -> Array:
+    """The three lowest natural frequencies (n, 3), rad/s, of n designs by the analytic model; nan where it has none.
+
+    Parameters
+    ----------
+    moments : of what is drawn.   elastic : of `link_parts`, (n, ...) each; None where pads, links, platform are rigid.
+    """
+    mass = mass_matrix(moments.bodies, moments.hub, designs.thickness * designs.density * DENSITY, payload)
+    of = many(designs.frames, hinges, freedoms, mass, elastic)
+    return np.asarray(of.frequencies[:, :LOWEST])
+
+
 def ask_drives(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
 ) -> DriveAnswers:
@@ -95,7 +128,12 @@ def ask_drives(
 
 
 def ask_elements(
-    stage: Stage, resolution: int, clock: Clock, predicted: Array | None = None, bands: bool = True
+    stage: Stage,
+    resolution: int,
+    clock: Clock,
+    predicted: Array | None = None,
+    bands: bool = True,
+    payload: Payload | None = None,
 ) -> Answers:
     """Finite elements of one feasible design, n = 1.
 
@@ -103,6 +141,7 @@ def ask_elements(
     ----------
     predicted : (3, 3), the stiffness by which (18) predicts the loads, to ask for its errors.
     bands : ask for the mesh bands of these too, from coarser meshes.
+    payload : on the platform, to ask for natural frequencies; None does not.
 
     Raises
     ------
@@ -111,6 +150,8 @@ def ask_elements(
     """
     from flexfem.fem.cyclic_fields import base_rotations, neck_stresses
     from flexfem.fem.cyclic_fields import envelope as meshed
+    from flexfem.fem.modes import modes
+    from flexfem.verify.modes import vibration
 
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
@@ -119,6 +160,9 @@ def ask_elements(
     turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     found = Answers(stiffness[None], stress[None], turning[None], strength, size)
+    if payload is not None:
+        structure = vibration(stage, response.mesh, payload, "disengaged")
+        found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if predicted is None:
         return found
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))

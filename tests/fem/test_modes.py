@@ -25,6 +25,7 @@ from flexfem.fem.modes import (
 from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import plate_of, tie_hub
+from flexfem.fem.sectors import build_mesh
 from flexfem.refused import ComputationFailed
 from flexfem.stage.drives import drive_of
 from flexfem.stage.inertia import Payload, carried, drawn_inertia
@@ -88,7 +89,7 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
 
 
 def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
-    found = vibration(unlike.stage, 4, Payload(), "disengaged")
+    found = vibration(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
     np.testing.assert_allclose(total_mass(found), drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
 
 
@@ -109,7 +110,7 @@ def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(u
 def test_stacks_add_their_stiffness():
     """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    of = vibration(stage, 4, payload_of(500.0, 4e5), "engaged")
+    of = vibration(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
     drive = drive_of(stage)
     C = driven_response(of.mesh, plate_of(stage), drive.stacks).compliance
     springs = np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:])

@@ -568,7 +568,7 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
 
 
 def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
-    assert set(OUTPUTS) == set(outputs_of(True, True, True, True))
+    assert set(OUTPUTS) == set(outputs_of(True, True, True, True, True))
     letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
     kinds = {"stress": "peak neck stress per {}", "range": "range in {} at yield", "error": "error along {}"}
     kinds |= {"travel": "travel in {}, base hinges", "cross": "largest cross error under {}"}
@@ -581,6 +581,8 @@ def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
         elif kind == "engaged":
             both = "".join(letters[letter] for letter in axis[1:])
             assert (found.name, found.symbol) == (f"engaged stiffness {both}", "")
+        elif kind == "frequency":
+            assert (found.label, found.symbol) == (f"natural frequency {axis} in Hz", "")
         elif kind in kinds:
             assert (found.name, found.symbol) == (kinds[kind].format(letters[axis]), ""), name
         elif re.fullmatch("k[xyt][xyt]", kind):

@@ -54,6 +54,7 @@ OUTPUTS = {
     "rotations": {"range_theta": "mrad", "travel_theta": "mrad"},
     "drive": {"drive_range_x": "µm", "drive_range_y": "µm", "drive_range_theta": "mrad"},
     "engaged": {"engaged_kxx": "N/mm", "engaged_kyy": "N/mm", "engaged_ktt": "N mm/rad"},
+    "frequencies": {f"frequency_{k}": "Hz" for k in (1, 2, 3)},
     "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
     "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
 }
@@ -70,7 +71,7 @@ def test_every_unit_has_its_size() -> None:
 
 def test_every_output_has_the_unit_that_its_name_says() -> None:
     expected = {name: unit for group in OUTPUTS.values() for name, unit in group.items()}
-    found = {without_unit(name): unit_of(name).name for name in outputs_of(True, True, True, True)}
+    found = {without_unit(name): unit_of(name).name for name in outputs_of(True, True, True, True, True)}
     assert found == expected
     assert unit_of("chain.link_lengths_mm[2]").name == "mm" and without_unit("a_mm[2]") == "a[2]"
 

@@ -1,0 +1,74 @@
+"""Natural frequencies as outputs of studies: of many designs at once those of each alone, by both models."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.analytic.dynamics import dynamics
+from flexfem.analytic.model import analyse
+from flexfem.refused import BadInput
+from flexfem.study.answer import answer
+from flexfem.study.columns import FREQUENCIES
+from flexfem.study.designs import stage_of
+from flexfem.study.sampling import sample
+from flexfem.verify.modes import payload_of
+
+FACTORS = (
+    'key = "override.2.elbow.neck_mm"\nfrom = 0.35\nto = 0.8',
+    'key = "chain.link_lengths_mm[1]"\nfrom = 30.0\nto = 36.0',
+    'key = "material.density_kg_m3"\nfrom = 2000.0\nto = 8000.0',
+    'key = "thickness_mm"\nfrom = 6.0\nto = 14.0',
+)
+PAYLOAD = "[frequencies]\npayload_kg = 0.07\npayload_kg_mm2 = 31.0"
+
+
+def study(studies: Any, head: str, count: int, tail: str = PAYLOAD, factors: tuple[str, ...] = FACTORS) -> Any:
+    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+
+
+def frequencies(loaded: Any, rows: Any) -> Any:
+    return rows.values[:, [loaded.outputs.index(name) for name in FREQUENCIES]]
+
+
+@pytest.mark.parametrize("links", [False, True])
+def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links: bool) -> None:
+    head = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n' + ("links = true\n" if links else "")
+    loaded = study(studies, head, 4)
+    found = answer(loaded, 0, 4)
+    assert list(found.status) == ["ok"] * 4
+    for values, ours in zip(sample(loaded, 0, 4), frequencies(loaded, found), strict=True):
+        stage = stage_of(loaded, values)
+        alone = dynamics(stage, analyse(stage, 21, "calibrated", links), payload_of(0.07, 31.0)).frequencies[:3]
+        np.testing.assert_allclose(ours, alone / (2 * np.pi), rtol=1e-9)
+        assert stage.material.density == values[2]
+
+
+def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies: Any) -> None:
+    loaded = study(studies, 'model = "fe"\nresolution = 4\n', 1)
+    (ours,) = frequencies(loaded, answer(loaded, 0, 1, inside=False))
+    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    found = flexfem.modes(stage, 3, (0.07, 31.0), resolution=4)
+    np.testing.assert_allclose(ours, [one.frequency for one in found.modes], rtol=1e-8)
+
+
+def test_the_payload_is_part_of_what_a_study_is(studies: Any) -> None:
+    head = 'model = "analytic"\n'
+    plain = study(studies, head, 4, "", FACTORS[:2])
+    hashes = {study(studies, head, 4, tail, FACTORS[:2]).hash for tail in ("[frequencies]", PAYLOAD)}
+    assert len(hashes | {plain.hash}) == 3
+    assert not set(FREQUENCIES) & set(plain.outputs)
+
+
+def test_density_is_a_factor_with_frequencies_alone(studies: Any) -> None:
+    with pytest.raises(BadInput, match="expected a number that answers depend on"):
+        study(studies, 'model = "analytic"\n', 4, "")
+
+
+@pytest.mark.parametrize("value", ["-1.0", "nan", '"heavy"'])
+def test_a_payload_that_is_none_is_refused(studies: Any, value: str) -> None:
+    with pytest.raises(BadInput, match=r"frequencies\.payload_kg"):
+        study(studies, 'model = "analytic"\n', 4, f"[frequencies]\npayload_kg = {value}")
