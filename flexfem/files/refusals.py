@@ -143,7 +143,8 @@ def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[s
     if inside is None:
         return [key_path(problem.path, data)]
     fields = {known.alias or name: known for name, known in inside.model_fields.items() if known.is_required()}
-    return [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
+    keys = [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
+    return keys or [key_path(problem.path, data)]  # a table of which no single key is a must
 
 
 def missing_sentence(keys: list[str]) -> str:

@@ -77,7 +77,7 @@ def _said_six_commanded(on: Evidence, _: Array) -> str:
 
 
 def _said_across(_: Evidence, values: Array) -> str:
-    return f"at most {np.max(values):.1g} % across"
+    return f"at most {np.max(values):.2g} % across"
 
 
 def _said_three_along(on: Evidence, _: Array) -> str:
@@ -86,7 +86,7 @@ def _said_three_along(on: Evidence, _: Array) -> str:
 
 
 def _said_three(on: Evidence, values: Array) -> str:
-    return f"{_said_three_along(on, values)}, and at most {np.max(_across(on.three)):.1g} % across"
+    return f"{_said_three_along(on, values)}, and at most {np.max(_across(on.three)):.2g} % across"
 
 
 def _six_better(on: Evidence) -> Array:
@@ -133,7 +133,7 @@ def _diagonal(on: Evidence) -> Array:
 
 def _said_diagonal(_: Evidence, values: Array) -> str:
     said = (
-        "off the diagonal {:.1g} % (mobility three) and {:.1g} % (six) at most, X and Y differ by {:.1g} % and {:.1g} %"
+        "off the diagonal {:.2g} % (mobility three) and {:.2g} % (six) at most, X and Y differ by {:.2g} % and {:.2g} %"
     )
     return said.format(values[0], values[2], values[1], values[3])
 

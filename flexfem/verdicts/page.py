@@ -28,7 +28,7 @@ def said_of_ensemble(of: EnsembleReport) -> str:
     return (
         f"Judged over {of.judged} pairs of stages: {of.drawn} drawn with seed {of.seed}, {of.infeasible} that cannot be"
         f" made and {of.off_chart} off the hinge chart left out. Their metal is calibrated hinges with elastic pads,"
-        f" links and platform{off}. They differ in {ranges}."
+        f" links and platform{off}." + (f" They differ in {ranges}." if ranges else "")
     )
 
 

@@ -58,6 +58,9 @@ class Necks(Sourced):
         missing = [f"{name} of chain {chain}" for chain in CHAINS for name in HINGE_NAMES if (chain, name) not in given]
         if missing:
             raise refusal(f"nine hinges: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing", "neck")
+        without = [index for index, each in enumerate(self.neck) if "sd" not in each.model_fields_set]
+        if 0 < len(without) < len(self.neck):  # none given is not one of zero
+            raise refusal("sd_um of all nine necks or of none", "neck", without[0])
         return self
 
     def array(self, what: str) -> Array:

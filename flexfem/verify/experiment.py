@@ -182,8 +182,9 @@ def _pushed(fixture: Fixture, of: Pushes, C: Array, readings: Readings, k: int) 
     run, load, displacement = fixture.run, readings.load[k], readings.displacement[k]
     command = np.tile(run.strokes, run.repeats)
     found: Slope = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
-    if not np.isfinite(found.slope):
-        raise ComputationFailed(f"the displacement read in {DIRECTIONS[k]} does not change with the stroke")
+    for what, values in (("load", load), ("displacement", displacement)):
+        if np.ptp(values) == 0:  # all below half a step of the sensor
+            raise ComputationFailed(f"the {what} read in {DIRECTIONS[k]} does not change with the stroke")
     all_of_it = read_compliance(of, C)[k]
     parts = {"pole": pole_share(of)[k] / all_of_it, "bar": bar_share(of)[k] / all_of_it}
     return Pushed(

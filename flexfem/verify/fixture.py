@@ -142,14 +142,14 @@ class Run(Dimensioned):
 
 
 class Slopes(NamedTuple):
-    """MeasuredSlopes slopes (3,) in x, y, theta and their standard deviations, nan where not given: N/mm, N mm/rad."""
+    """Measured slopes (3,) in x, y, theta and their standard deviations, nan where not given: N/mm, N mm/rad."""
 
     value: Array
     sd: Array
 
 
 class MeasuredSlopes(Dimensioned):
-    """MeasuredSlopes slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
+    """Measured slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
 
     kxx: Spring | None = Field(default=None, alias="kxx_n_per_mm")
     kxx_sd: Spring | None = Field(default=None, alias="kxx_sd_n_per_mm")
@@ -202,7 +202,7 @@ class Fixture(Dimensioned, Sourced):
 
 
 class Measurement(Dimensioned, Sourced):
-    """MeasuredSlopes slopes alone, without the set-up."""
+    """Measured slopes alone, without the set-up."""
 
     kind: ClassVar[str] = "measured file"
 

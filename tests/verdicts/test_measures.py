@@ -61,7 +61,7 @@ def test_errors_along_and_across_are_told_apart_by_magnitude(evidence):
     assert measured(evidence, "three-across") == (0.8, 0.4, 1.8, 1.0, 2.2, 0.6)
     assert measured(evidence, "rotation-more") == (1.0,)
     assert "mesh band at most 0.050 points" in said(evidence, "six-commanded")
-    assert "at most 1 % across" in said(evidence, "six-across")
+    assert "at most 1.1 % across" in said(evidence, "six-across")
 
 
 def test_the_axial_share_is_of_the_error_without_the_axial_freedom(evidence, stages):

@@ -41,6 +41,8 @@ def test_measured_necks_give_their_own_stiffness(stage, tmp_path):
     np.testing.assert_allclose(found.necks, np.array(NECKS) / 1e3)
     drawn = flexfem.analyse(stage, links=True, formula="calibrated").stiffness
     np.testing.assert_allclose(found.deviation, 100 * (np.diag(K) / np.diag(drawn) - 1), rtol=1e-9)
+    middle = (np.array(found.low) + found.high) / 2  # with rigid links 0.5 % stiffer
+    np.testing.assert_allclose(middle, np.diag(K), rtol=1e-3)
     assert found.deviation[0] == pytest.approx(-0.24, abs=0.5) and found.draws == 4000 and found.unanswered == 0
 
 
@@ -94,6 +96,7 @@ BAD = [
     (lambda rows: [*rows[:5], rows[5].replace("520,", ","), *rows[6:]], r"line 7: neck_um is missing"),
     (lambda rows: [*rows[:5], rows[5] + ", 3", *rows[6:]], r"line 7: 5 values, expected 4"),
     (lambda rows: [*rows[:5], rows[5].replace(", 1", ", 300"), *rows[6:]], r"line 7: .*sd_um = 300.*at most 0\.2"),
+    (lambda rows: [*rows[:5], rows[5].replace(", 1", ","), *rows[6:]], r"line 7: .*sd_um of all nine necks or of none"),
 ]  # fmt: skip
 
 

@@ -160,5 +160,6 @@ def test_what_the_run_cannot_say_is_said(stage):
     assert experiment(stage, FIXTURE).warnings == []
     strong = changed(actuator={"stroke": 9.0}, run={"increment": 0.4})
     assert "beyond the yield strength" in " ".join(experiment(stage, strong).warnings)
-    with pytest.raises(ComputationFailed, match="does not change with the stroke"):
-        experiment(stage, changed(lvdt={"noise": 0.0, "resolution": 0.5}))
+    for sensor, what in (("lvdt", "displacement"), ("sensor", "load")):
+        with pytest.raises(ComputationFailed, match=f"the {what} read in x does not change with the stroke"):
+            experiment(stage, changed(**{sensor: {"noise": 0.0, "resolution": 900.0}}))
