@@ -17,6 +17,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexfem.analytic.fatigue import Basquin as Basquin
+    from flexfem.analytic.fatigue import fit_basquin as fit_basquin
     from flexfem.analytic.formulas import formulas as formulas
     from flexfem.analytic.formulas import register_formula as register_formula
     from flexfem.api import AnalyticModel as AnalyticModel
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from flexfem.reports import cross_check as cross_check
     from flexfem.reports import experiment as experiment
     from flexfem.reports import identify as identify
+    from flexfem.reports import life as life
     from flexfem.reports import mesh as mesh
     from flexfem.reports import modes as modes
     from flexfem.reports import reach as reach
@@ -79,6 +82,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
+    "analytic.fatigue": ("Basquin", "fit_basquin"),
     "analytic.formulas": ("formulas", "register_formula"),
     "reports": (
         *(
@@ -93,6 +97,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "cross_check",
             "experiment",
             "identify",
+            "life",
             "mesh",
             "modes",
             "reach",

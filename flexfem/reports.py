@@ -21,6 +21,7 @@ from flexfem.stage.feasibility import check_feasible
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flexfem.analytic.fatigue import Basquin, BasquinFit
     from flexfem.arrays import Array
     from flexfem.stage.schema import Stage
     from flexfem.validate.compare import CrossCheck
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from flexfem.verify.experiment import Experiment
     from flexfem.verify.fixture import Fixture, Measurement
     from flexfem.verify.identified import Identification, Unknown
+    from flexfem.verify.life import Life
     from flexfem.verify.modes import Drives, NaturalModes, Vibration
     from flexfem.verify.protocol import Solved
     from flexfem.verify.reach import Reach
@@ -50,6 +52,7 @@ LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousand
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
 LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage of necks carries a hundredth of it
 MOST_MODES = 100
+LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
 LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
 Progress = Callable[[str], object]
 PathLike = str | os.PathLike[str]
@@ -510,6 +513,67 @@ def as_built(
     check_feasible(stage)
     formulas.formula(formula)
     return verify.as_built(stage, verify.read_necks(checked_path(necks), stage), mobility, formula, links)
+
+
+def life(
+    stage: Stage,
+    amplitude: ArrayLike,
+    mean: ArrayLike | None = None,
+    ratio: float = -1.0,
+    cycles: float = 1e6,
+    law: Basquin | BasquinFit | None = None,
+    resolution: int | None = RESOLUTION,
+    progress: Progress | None = None,
+) -> Life:
+    """Cycles to failure of the necks at an amplitude of the platform, and the amplitude for a wanted life.
+
+    Parameters
+    ----------
+    amplitude : (3,), of the pose about its mean, mm, mm, rad; the platform is held in all directions.
+    mean : (3,), of the pose; by default that of `ratio`, with which it grows for the wanted life.
+    ratio : least displacement over the greatest, from -1 to 0.99; -1 is fully reversed.
+    cycles : the wanted life.
+    law : of Basquin, or a fit of it; None takes the material's own.
+    resolution : of the finest of three meshes; None leaves finite elements out.   progress : called after each mesh.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.solve`; the material has no fatigue constants.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> stage = flexfem.load("geometry/mobility6.toml").replace(material="al-2024-t4")
+    >>> found = flexfem.life(stage, [0.1, 0, 0], resolution=None)
+    >>> neck = found.analytic.necks[found.analytic.first]
+    >>> round(neck.equivalent, 1), neck.hinge, f"{neck.cycles:.3g}"
+    (77.7, 'elbow', '1.35e+10')
+    """
+    from flexfem.analytic.fatigue import checked_law, law_of
+    from flexfem.stage.materials import materials
+    from flexfem.verify import life as verify
+
+    check_feasible(stage)
+    moved = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
+    if not moved.any():
+        raise BadInput("amplitude: expected a motion, not zero in all directions")
+    about = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
+    if not isinstance(ratio, int | float) or not -1 <= ratio <= 0.99:
+        raise BadInput(f"ratio {ratio!r}, expected a number from -1 to 0.99: least over greatest displacement")
+    if about is not None and ratio != -1:
+        raise BadInput("mean and ratio, expected one of the two")
+    wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
+    finest = None if resolution is None else arguments.resolution(resolution, 4)
+    taken = law_of(stage.material) if law is None else checked_law(law)
+    if taken is None:
+        known = ", ".join(name for name, each in materials().items() if law_of(each))
+        raise BadInput(
+            f"{verify.KEY} is missing: expected fatigue constants, as {known} have them, or a fit of S-N points"
+        )
+    source = verify.source_in(stage) if law is None else "given in Python or fitted to S-N points"
+    asked = verify.Asked(verify.scaled(moved, about, float(ratio)), taken, source, wanted)
+    return verify.life(stage, asked, finest, _solver(progress))
 
 
 def budget(

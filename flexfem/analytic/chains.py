@@ -123,11 +123,22 @@ def neck_stress(wrench: Wrench, radius: Array, neck: Array, thickness: Array, ou
     `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more strained side of the neck. Shear is left out: it is zero at that
     surface, and its own maximum beside the neck is 1 % of the bending stress in the shipped stages.
     """
+    bending, along = surface_stress(wrench, radius, neck, thickness, out_of_plane)
+    return np.asarray(np.abs(bending) + np.abs(along))
+
+
+def surface_stress(
+    wrench: Wrench, radius: Array, neck: Array, thickness: Array, out_of_plane: Array
+) -> tuple[Array, Array]:
+    """Von Mises stress, with its sign, by bending and by the force along each neck, (..., 3, 3, 3) as `neck_stress`.
+
+    At one side of the neck the two add up, at the other they differ.
+    """
     K = concentration(neck / radius)
-    area = thickness[..., None, None] * neck
-    bending = np.abs(wrench.moment) * (6.0 * K.bending / (area * neck))[..., None]
-    along: Array = bending + np.abs(wrench.normal) * (K.tension / area)[..., None]
-    return along * von_mises_along(out_of_plane)[..., None, None, None]
+    area, across = thickness[..., None, None] * neck, von_mises_along(out_of_plane)[..., None, None, None]
+    bending = wrench.moment * (6.0 * K.bending / (area * neck))[..., None]
+    along = wrench.normal * (K.tension / area)[..., None]
+    return np.asarray(bending * across), np.asarray(along * across)
 
 
 def von_mises_along(out_of_plane: Array) -> Array:

@@ -25,17 +25,26 @@ def neck_stresses(stage: Stage, response: CyclicResponse, loads: Array) -> Array
     -----
     As `response.load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
     """
-    found, plate, pull = np.empty((len(loads), 3, 3)), plate_of(stage), out_of_plane_ratio_of(stage)
+    found, pull = np.empty((len(loads), 3, 3)), out_of_plane_ratio_of(stage)
+    for (chain, hinge), stress in notch_fields(stage, response, loads):
+        found[:, chain, hinge] = np.max(von_mises(stress, pull), axis=1)
+    return found
+
+
+def notch_fields(stage: Stage, response: CyclicResponse, loads: Array) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Chain and hinge of every notch, from 0, and stress (k, c, 3), MPa, as xx, yy, xy at its nodes under loads (k, 3).
+
+    The axes are those of the first chain that the notch's sector stands for.
+    """
+    plate = plate_of(stage)
     for sector, field, chains in solved_sectors(response):
         near = near_necks(stage, sector, chains[0])
         chosen = np.flatnonzero(np.any(near, axis=0))
         near, stress = near[:, chosen], _stress_at(sector, plate, field, chosen)
         for chain in chains:
             turned_back = loads @ rotation(chain - chains[0])
-            values = von_mises(np.tensordot(turned_back, stress, axes=1), pull)
             for hinge, close in enumerate(near):
-                found[:, chain, hinge] = np.max(values[:, close], axis=1)
-    return found
+                yield (chain, hinge), np.tensordot(turned_back, stress[:, close], axes=1)
 
 
 def base_rotations(stage: Stage, response: CyclicResponse) -> Array:

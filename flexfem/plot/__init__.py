@@ -19,6 +19,7 @@ _HOMES = {
     "experiment": ("plot_push", "plot_region", "plot_remains"),
     "hinge_chart": ("plot_formulas", "plot_thickness"),
     "hinge_sketch": ("plot_hinge", "plot_hinge_table"),
+    "life": ("plot_life",),
     "model_sketch": ("plot_model",),
     "modes": ("plot_mode",),
     "reach": ("plot_section", "plot_solid"),

@@ -75,6 +75,11 @@ def vibrating() -> Any:
     return flexfem.vibration(flexfem.load(STAGE), 2, resolution=4)
 
 
+def lived() -> Any:
+    stage = flexfem.load(STAGE).replace(material="al-2024-t4")
+    return flexfem.life(stage, [0.05, 0.02, 3e-4], ratio=0, resolution=4)
+
+
 DRAWN: dict[str, Any] = {
     "plot_across": lambda made: (made.workspace(), "y"),
     "plot_along": lambda made: (made.workspace(), "x"),
@@ -91,6 +96,7 @@ DRAWN: dict[str, Any] = {
     "plot_hinge": lambda made: (),
     "plot_hinge_table": lambda made: (made.model(),),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
+    "plot_life": lambda made: (lived(),),
     "plot_map": lambda made: (study_map(),),
     "plot_mesh": lambda made: (made.model(), made.fields()),
     "plot_mode": lambda made: (vibrating(), 2),

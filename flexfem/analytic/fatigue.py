@@ -1,0 +1,193 @@
+"""Fatigue by stress: Basquin's law, mean stress by Walker, and the fit of a material's own S-N points."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from flexfem.arrays import Array
+from flexfem.refused import BadInput
+from flexfem.stage.materials import FLATTEST, STEEPEST, Material
+
+SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson and Topper
+RANGE = (1e3, 1e6)  # cycles, where no source says; below, plastic strain counts, above, curves bend: assumed
+ONE_REVERSAL = 0.5  # cycles
+TWO_STRESSES = 1e-9  # of log10 of the stress: less is one stress
+FEWEST = 3  # points: with two there is no scatter
+
+
+class Basquin(NamedTuple):
+    """`sigma_a = sigma'_f (2 N)^b` at zero mean stress on unnotched specimens, N in cycles.
+
+    coefficient : sigma'_f, MPa.   exponent : b, negative.   walker : gamma of `equivalent`.
+    range : cycles from and to which it was fitted.   range_stated : or which are assumed.
+    """
+
+    coefficient: float
+    exponent: float
+    walker: float = SWT
+    range: tuple[float, float] = RANGE
+    range_stated: bool = False
+
+    def cycles(self, amplitude: ArrayLike) -> Array:
+        """Cycles (...) to failure at fully reversed amplitudes (...), MPa; inf at zero."""
+        with np.errstate(divide="ignore", over="ignore"):
+            ratio = np.asarray(amplitude, dtype=float) / self.coefficient
+            return np.asarray(ONE_REVERSAL * ratio ** (1.0 / self.exponent))
+
+    def amplitude(self, cycles: ArrayLike) -> Array:
+        """Fully reversed amplitude (...), MPa, that fails at cycles (...)."""
+        return np.asarray(self.coefficient * (np.asarray(cycles, dtype=float) / ONE_REVERSAL) ** self.exponent)
+
+
+def checked_law(law: Basquin | BasquinFit) -> Basquin:
+    """The law that a function was given, itself or by a fit. Raises BadInput when it is none."""
+    found = law.law if isinstance(law, BasquinFit) else law
+    if not isinstance(found, Basquin):
+        raise BadInput(f"law {law!r}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit")
+    limits = {"coefficient": (0.0, 1e6), "exponent": (STEEPEST, FLATTEST), "walker": (0.0, 1.0)}
+    for name, (low, high) in limits.items():
+        value = getattr(found, name)
+        if not isinstance(value, Real) or not (low < float(value) <= high or value == low != 0):
+            raise BadInput(f"law: {name} {value!r}, expected a number from {low:g} to {high:g}")
+    if not 0 < found.range[0] < found.range[1]:
+        raise BadInput(f"law: range {found.range!r}, expected fewer and more cycles")
+    return found
+
+
+class BasquinFit(NamedTuple):
+    """Basquin's law through S-N points; intervals at the `confidence`, per cent, None where there is none.
+
+    A, B : of the same law as `sigma_a = A N^B`, MPa.   points : number.
+    scatter : standard deviation of log10 N about the law.   range : least and most cycles of the points.
+    """
+
+    coefficient: float
+    exponent: float
+    A: float
+    B: float
+    coefficient_interval: tuple[float, float] | None
+    exponent_interval: tuple[float, float] | None
+    confidence: float
+    scatter: float
+    points: int
+    range: tuple[float, float]
+
+    @property
+    def law(self) -> Basquin:
+        """The law itself, with mean stress by Smith, Watson and Topper."""
+        return Basquin(self.coefficient, self.exponent, range=self.range, range_stated=True)
+
+
+def law_of(material: Material) -> Basquin | None:
+    """Basquin's law of a material; None where its constants are not known."""
+    if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
+        return None
+    return Basquin(
+        material.fatigue_strength_coefficient,
+        material.fatigue_strength_exponent,
+        SWT if material.walker_exponent is None else material.walker_exponent,
+        material.fatigue_range or RANGE,
+        material.fatigue_range is not None,
+    )
+
+
+def equivalent(amplitude: Array, mean: Array, walker: float) -> Array:
+    """Fully reversed amplitude (...) of the same life as amplitudes and means (...), MPa; zero without tension.
+
+    Notes
+    -----
+    `sigma_max^(1 - gamma) sigma_a^gamma`, K. Walker, ASTM STP 462 (1970) 1; with gamma = 0.5 K. N. Smith, P. Watson,
+    T. H. Topper, J. Materials 5 (1970) 767. As in N. E. Dowling, C. A. Calhoun, A. Arcari, Fatigue Fract. Eng. Mater.
+    Struct. 32 (2009) 163.
+    """
+    highest = np.maximum(mean + amplitude, 0.0)
+    return np.asarray(np.where(highest > 0.0, highest ** (1.0 - walker) * amplitude**walker, 0.0))
+
+
+def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) -> BasquinFit:
+    """Fit Basquin's law to S-N points of unnotched specimens at zero mean stress, run-outs left out.
+
+    Parameters
+    ----------
+    stress : (n,), MPa, amplitudes.   cycles : (n,), to failure.   confidence : of the intervals, per cent.
+
+    Raises
+    ------
+    BadInput
+        The points are fewer than three, not positive, of one stress, or life does not fall with stress.
+
+    Notes
+    -----
+    log N is regressed on log sigma, for the test controls the stress: ASTM E739; N. E. Dowling, Mechanical Behavior of
+    Materials, Sec. 9.2. The interval of the exponent is that of the slope, the interval of the coefficient, a stress
+    at a life, is Fieller's.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> stress, cycles = [948, 834, 703, 631, 579, 524], [222, 992, 6004, 14130, 43860, 132150]
+    >>> found = flexfem.fit_basquin(stress, cycles)  # Dowling, Table E9.1
+    >>> round(found.A), round(found.B, 4), round(found.coefficient)
+    (1587, -0.0945, 1695)
+    """
+    x, y = (np.log10(_positive(name, each)) for name, each in (("stress", stress), ("cycles", cycles)))
+    if x.shape != y.shape or x.size < FEWEST:
+        raise BadInput(f"{x.size} stresses and {y.size} cycles, expected as many of both, {FEWEST} or more")
+    if np.ptp(x) < TWO_STRESSES:
+        raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
+    if not isinstance(confidence, int | float) or not 50 <= confidence <= 99.9:
+        raise BadInput(f"confidence {confidence!r}, expected a number from 50 to 99.9")
+    line = stats.linregress(x, y)
+    slope, error, n = float(line.slope), float(line.stderr), x.size
+    if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
+        said = f"exponent of {1.0 / slope:.3g}" if slope else "life that does not change with stress"
+        raise BadInput(f"S-N points give an {said}, expected {STEEPEST:g} to {FLATTEST:g}: life falls with stress")
+    quantile = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2))
+    at = [float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)]
+    ends = _fieller(x, y, slope, quantile)
+    low, high = slope - quantile * error, slope + quantile * error
+    return BasquinFit(
+        coefficient=at[0],
+        exponent=1.0 / slope,
+        A=at[1],
+        B=1.0 / slope,
+        coefficient_interval=ends,
+        exponent_interval=(1.0 / high, 1.0 / low) if high < 0 else None,
+        confidence=float(confidence),
+        scatter=_scatter(x, y),
+        points=n,
+        range=(float(np.min(cycles)), float(np.max(cycles))),
+    )
+
+
+def _positive(name: str, values: ArrayLike) -> Array:
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"{name}: expected numbers") from None
+    if found.ndim != 1 or not np.all(np.isfinite(found) & (found > 0)):
+        raise BadInput(f"{name}: expected a list of numbers above 0")
+    return found
+
+
+def _scatter(x: Array, y: Array) -> float:
+    """Standard deviation of y about the line, n - 2 degrees of freedom."""
+    away = y - np.polyval(np.polyfit(x, y, 1), x)
+    return float(np.sqrt(np.sum(away**2) / (x.size - 2)))
+
+
+def _fieller(x: Array, y: Array, slope: float, quantile: float) -> tuple[float, float] | None:
+    """Interval of the stress at one reversal: where the line of all slopes and heights within theirs may meet it."""
+    spread, centre = float(np.sum((x - x.mean()) ** 2)), float(np.log10(ONE_REVERSAL) - y.mean())
+    t2 = (quantile * _scatter(x, y)) ** 2
+    a, b, c = slope**2 - t2 / spread, -slope * centre, centre**2 - t2 / x.size
+    if not a > 0 or b * b < a * c:
+        return None
+    root = float(np.sqrt(b * b - a * c))
+    low, high = sorted(10.0 ** (x.mean() + (-b + sign * root) / a) for sign in (1, -1))
+    return float(low), float(high)
