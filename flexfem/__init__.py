@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from flexfem.reports import command as command
     from flexfem.reports import converge as converge
     from flexfem.reports import cross_check as cross_check
+    from flexfem.reports import drift as drift
     from flexfem.reports import experiment as experiment
     from flexfem.reports import identify as identify
     from flexfem.reports import life as life
@@ -95,6 +96,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "command",
             "converge",
             "cross_check",
+            "drift",
             "experiment",
             "identify",
             "life",

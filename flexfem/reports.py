@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flexfem.verify.case import Direction
     from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
+    from flexfem.verify.drift import Drift
     from flexfem.verify.experiment import Experiment
     from flexfem.verify.fixture import Fixture, Measurement
     from flexfem.verify.identified import Identification, Unknown
@@ -362,6 +363,46 @@ def reach(
     finest = None if resolution is None else arguments.resolution(resolution)
     asked = formula is not None or mobility is not None or links
     return verify.reach(stage, loaded, (mobility, formula or DEFAULT_FORMULA, links) if asked else None, finest)
+
+
+def drift(
+    stage: Stage,
+    mobility: int | None = None,
+    formula: str | None = None,
+    links: bool = False,
+    resolution: int | None = RESOLUTION,
+) -> Drift:
+    """What one kelvin, and gradients of 1 K/mm along X and Y about the platform's centre, do to a stage on its frame.
+
+    Parameters
+    ----------
+    mobility, formula, links : of the analytic model, as of `command`.
+    resolution : of the finest of three meshes of finite elements, from 4; None leaves them out.
+
+    Raises
+    ------
+    BadInput
+        The stage says no `material.expansion_um_per_m_k`, cannot be made, or mobility and formula do not suit it.
+    ComputationFailed
+        As `flexfem.solve`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.drift(flexfem.load("geometry/mobility6.toml"), resolution=None).cases
+    >>> round(1e6 * found["uniform"].analytic.pose[2], 2)  # urad/K; none in x and y, by symmetry
+    5.52
+    >>> [round(1e3 * value, 2) for value in found["gradient in x"].analytic.pose[:2]]  # um per K/mm
+    [-22.36, 3.0]
+    """
+    from flexfem.analytic import formulas
+    from flexfem.verify import drift as verify
+
+    check_feasible(stage)
+    formulas.formula(DEFAULT_FORMULA if formula is None else formula)
+    finest = None if resolution is None else arguments.resolution(resolution, 4)
+    asked = formula is not None or mobility is not None or links
+    return verify.drift(stage, (mobility, formula or DEFAULT_FORMULA, links) if asked else None, finest)
 
 
 def modes(

@@ -50,12 +50,14 @@ UNITS = {  # by what keys of files and columns of studies end in
     "hz": Unit(1 / (2 * math.pi), "Hz"),  # of rad/s
     "kg": Unit(1e3, "kg"),  # of tonne, which goes with N, mm and s
     "kg_mm2": Unit(1e3, "kg mm²"),
+    "um_per_m_k": Unit(1e6, "µm/(m K)"),
 }
 DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
 NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
 
 LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
+EXPANSION = UNITS["um_per_m_k"]
 RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
 POSES = (UNITS["mm"], UNITS["mm"], UNITS["rad"])  # order x, y, theta, here and below
 COMMANDS = (UNITS["um"], UNITS["um"], UNITS["mrad"])

@@ -148,10 +148,10 @@ def nodal_stress(mesh: StageMesh, plate: Plate, field: Array) -> Array:
     return np.stack([np.bincount(mesh.triangles.ravel(), part.ravel()) / around for part in parts], axis=-1)
 
 
-def von_mises(stress: Array, pull: float = 0.0) -> Array:
-    """Von Mises stress (...) from xx, yy, xy (..., 3), MPa; zz = `pull` (xx + yy): 0 in plane stress, nu in strain."""
+def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> Array:
+    """Von Mises stress (...) from xx, yy, xy (..., 3), MPa; zz = `pull` (xx + yy) + `across`, nu as pull in strain."""
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    zz = pull * (xx + yy)
+    zz = pull * (xx + yy) + across
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2))
 
 

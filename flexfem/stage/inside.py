@@ -74,6 +74,22 @@ Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), at_least(1e-6)]  # 1 n
 Modulus: TypeAlias = Annotated[
     float, Field(gt=0, le=2000), at_least(1e-3), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
 ]
+LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
+
+
+def _an_expansion(value: float) -> float:
+    """Refuse per kelvin and per cent for micrometres per metre and kelvin."""
+    if 0 < value < LEAST_EXPANSION:
+        raise refusal(f"0, or at least {LEAST_EXPANSION:g} um/(m K), aluminium 23.6: less is a unit mistake")
+    return value
+
+
+Expansion: TypeAlias = Annotated[
+    float,
+    Field(ge=0, le=LARGEST_EXPANSION),
+    AfterValidator(_an_expansion),
+    *converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6),
+]
 Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]
 
 

@@ -63,7 +63,7 @@ class Key(NamedTuple):
         """Fields of `stage.designs.Designs` that it sets and where in them; none where no model asks for it.
 
         A hinge or an actuator with an override of its own does not follow the one it overrides; no output depends
-        on fatigue, and on the density natural frequencies alone.
+        on fatigue or expansion, and on the density natural frequencies alone.
         """
         if self.of_drive:
             return [("actuator", place) for place in self._actuators_in(stage)]
@@ -73,7 +73,7 @@ class Key(NamedTuple):
             own = {o.place for o in stage.override if getattr(o, self.attribute) is not None}
             position = HINGE_NAMES.index(self.table[1])
             return [(self.attribute, (chain - 1, position)) for chain in CHAINS if (chain, self.table[1]) not in own]
-        if self.attribute in FATIGUE:
+        if self.attribute in ("expansion", *FATIGUE):
             return []
         field = "_".join((*self.table[:1], self.attribute)) if self.attribute == "radius" else self.attribute
         return [(field, () if self.element is None else (self.element,))]

@@ -19,7 +19,7 @@ from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
-from flexfem.stage.inside import INSIDE, Dimensioned, Modulus
+from flexfem.stage.inside import INSIDE, Dimensioned, Expansion, Modulus
 
 NEAREST = 5  # names listed beside one that is not known
 
@@ -41,6 +41,7 @@ class Material(Dimensioned):
 
     The name of a registered material alone gives its numbers; other numbers beside such a name are refused.
 
+    expansion : coefficient of linear thermal expansion, 1/K; None where it is not stated: answers on heat alone ask it.
     fatigue_strength_coefficient, fatigue_strength_exponent : of Basquin's law `sigma_a = sigma'_f (2 N)^b`, MPa and
         negative, of unnotched specimens at zero mean stress; None where they are not known.
     walker_exponent : gamma of Walker's equation for mean stress; None takes 0.5, that of Smith, Watson and Topper.
@@ -52,6 +53,7 @@ class Material(Dimensioned):
     poissons_ratio: float = Field(ge=0, lt=0.5)
     density: float = Field(alias="density_kg_m3", gt=0)
     yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
+    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k")
     fatigue_strength_coefficient: float | None = Field(default=None, alias="fatigue_strength_coefficient_mpa", gt=0)
     fatigue_strength_exponent: Annotated[float, AfterValidator(_falls)] | None = None
     walker_exponent: float | None = Field(default=None, gt=0, le=1)
@@ -61,7 +63,8 @@ class Material(Dimensioned):
     @classmethod
     def _has_the_numbers_of_its_name(cls, data: Any, info: ValidationInfo) -> Any:
         known = _known(data.get("name")) if isinstance(data, dict) else None
-        if known is None and isinstance(data, dict) and set(data) == {"name"} and isinstance(data["name"], str):
+        stated = {key for key in data if not key.startswith("expansion")} if isinstance(data, dict) else set()
+        if known is None and stated == {"name"} and isinstance(data["name"], str):
             nearest = difflib.get_close_matches(data["name"], REGISTERED, n=NEAREST, cutoff=0.0)
             required = [Material.model_fields[name].is_required() for name in NUMBERS]
             others = ", ".join(compress(_keys(info), required))
@@ -159,7 +162,7 @@ def register_material(
     yield_strength: float,
     density: float,
     source: str,
-    **fatigue: Any,
+    **others: Any,
 ) -> Material:
     """Make a material of one's own known by a name, to every stage file and study that says so.
 
@@ -170,8 +173,8 @@ def register_material(
     poissons_ratio : from 0, below 0.5.
     density : kg/m^3.
     source : where the numbers come from, one line; begins with "assumed" when they are.
-    **fatigue : `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`, `fatigue_range`, as of
-        `Material`.
+    **others : `expansion`, `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`,
+        `fatigue_range`, as of `Material`.
 
     Raises
     ------
@@ -195,7 +198,7 @@ def register_material(
                 "poissons_ratio": poissons_ratio,
                 "yield_strength": yield_strength,
                 "density": density,
-                **fatigue,
+                **others,
             }
         )
     except BadInput as refused:

@@ -37,6 +37,7 @@ from flexfem.stage.overrides import actuators_of, check_overrides
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
 from flexfem.stage.tables import Chain as Chain
+from flexfem.stage.tables import Frame as Frame
 from flexfem.stage.tables import Hinge as Hinge
 from flexfem.stage.tables import HingeName as HingeName
 from flexfem.stage.tables import Hinges as Hinges
@@ -61,6 +62,7 @@ class Stage(Dimensioned, Sourced):
     chain: Chain
     hinges: Hinges
     platform: Platform
+    frame: Frame = Field(default_factory=Frame)
     override: tuple[Override, ...] = ()
     actuator: tuple[Actuator, ...] = ()
 
@@ -213,10 +215,11 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance, no drive."""
-        content = self.model_dump(exclude={"name", "provenance", "override", "actuator"})
-        numbers = content["material"].items()  # what is not stated is in no hash, as before those keys
-        content["material"] = {key: value for key, value in numbers if key != "name" and value is not None}
+        """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance, drive or heat."""
+        content = self.model_dump(exclude={"name", "provenance", "override", "actuator", "frame"})
+        others = ("name", "expansion")  # what is not stated is in no hash, as before those keys
+        numbers = content["material"].items()
+        content["material"] = {key: value for key, value in numbers if key not in others and value is not None}
         if self.model == "plane_stress":  # the hashes of stages older than the key stay
             del content["model"]
         content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in _hinges(self)]
@@ -230,14 +233,28 @@ link, expected < chain.link_width_mm = 9
         return _digest({"stage": self.hash, "drive": chains[0] if alike else chains})
 
     @property
+    def heat_hash(self) -> str:
+        """SHA-256 of the physical content and of both coefficients of expansion: what answers on heat are of."""
+        return _digest({"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]})
+
+    @property
     def numbers(self) -> tuple[str, ...]:
-        """As of every file, without the drive, of which only answers on a driven stage are made."""
-        return tuple(key for key in super().numbers if not of_drive(key))
+        """As of every file, without the drive and without expansion, which are asked by answers on them alone."""
+        return tuple(key for key in super().numbers if not of_drive(key) and not of_heat(key))
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """As of every file, without the drive."""
-        return tuple(key for key in super().assumed if not of_drive(key))
+        """As of every file, without the drive and without expansion."""
+        return tuple(key for key in super().assumed if not of_drive(key) and not of_heat(key))
+
+    @property
+    def heat_doubts(self) -> Doubts:
+        """What is assumed and what is not stated, expansion included; a frame of none is assumed as the stage's."""
+        kept = [key for key in super().numbers if not of_drive(key)]
+        found = [key for key in super().assumed if not of_drive(key)]
+        if self.frame.expansion is None:
+            found.append("frame.expansion_um_per_m_k")
+        return Doubts(found, [key for key in kept if provenance_of(self, key) is None])
 
     @property
     def drive_doubts(self) -> Doubts:
@@ -259,6 +276,11 @@ def _physical(of: Actuator) -> dict[str, Any]:
 def of_drive(key: str) -> bool:
     """Whether a key path of a stage file, or of its provenance, is one of the drive."""
     return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
+
+
+def of_heat(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is about expansion."""
+    return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
 
 
 @once

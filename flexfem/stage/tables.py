@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import shown
 from flexfem.refused import BadInput
-from flexfem.stage.inside import Angle, Dimensioned, Length, plain
+from flexfem.stage.inside import Angle, Dimensioned, Expansion, Length, plain
 from flexfem.stage.materials import with_changes
 
 if TYPE_CHECKING:
@@ -55,6 +55,12 @@ class Platform(Dimensioned):
 
     radius: Length = Field(alias="radius_mm")
     hub_radius: Length = Field(alias="hub_radius_mm")
+
+
+class Frame(Dimensioned):
+    """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
+
+    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k")
 
 
 def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:

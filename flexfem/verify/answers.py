@@ -18,7 +18,7 @@ from flexfem.arrays import Array
 from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.drives import contacts
-from flexfem.stage.schema import HINGE_NAMES, Stage, of_drive
+from flexfem.stage.schema import HINGE_NAMES, Stage, of_drive, of_heat
 from flexfem.verify import warning
 
 if TYPE_CHECKING:
@@ -151,19 +151,25 @@ class LoadReport(NamedTuple):
 
 def report_stage(stage: Stage) -> StageReport:
     """What a file says of a stage, and where its numbers come from."""
-    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if not of_drive(key)}
+    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if not (of_drive(key) or of_heat(key))}
     return StageReport(
         **of_stage(stage),
         mobility=stage.mobility,
         model=stage.model,
         chains_alike=stage.chains_alike,
         hash=stage.hash,
-        dimensions=stage.model_dump(mode="json", exclude={"name", "hinges", "override", "actuator", "provenance"}),
+        dimensions=_dimensions(stage),
         hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
         provenance={key: source for key, source in sources.items() if source},
         warnings=warning.of_stage(stage),
         drive=_drive(stage) if stage.actuator else None,
     )
+
+
+def _dimensions(stage: Stage) -> dict[str, Any]:
+    """What a file says, less hinges, drive and expansion, of which other answers are made."""
+    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}
+    return stage.model_dump(mode="json", exclude=dict.fromkeys(others, True) | {"material": {"expansion"}})
 
 
 def _drive(stage: Stage) -> DriveReport:

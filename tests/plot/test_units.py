@@ -31,7 +31,8 @@ from flexfem.units import (
 )
 
 ROOT = Path(__file__).parents[2]
-SIZES = {  # what one of the file unit is in N, mm, MPa, rad
+SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
+    "µm/(m K)": 1e-6,
     "mm": 1.0,
     "µm": 1e-3,
     "mrad": 1e-3,

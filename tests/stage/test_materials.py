@@ -35,7 +35,7 @@ def named(tmp_path):
 
     def write(*lines):
         text = re.sub(
-            rf'^"?(material\.)?({NUMBERS_OF_FILES}|name = "alu|material\.name").*\n',
+            rf'^"?(material\.)?({NUMBERS_OF_FILES}|expansion_um_per_m_k"? = [2"]|name = "alu|material\.name").*\n',
             "",
             REFERENCE.read_text(),
             flags=re.M,

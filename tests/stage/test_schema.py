@@ -1011,7 +1011,8 @@ def test_a_shipped_stage_says_where_every_number_comes_from(path: Path) -> None:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
 def test_a_shipped_stage_admits_that_its_material_is_assumed(path: Path) -> None:
     shipped = load_stage(path)
-    assert {key for key in key_paths(shipped) if key.startswith("material.")} <= set(shipped.assumed)
+    assert {key for key in key_paths(shipped) if key.startswith("material.")} <= set(shipped.heat_doubts.assumed)
+    assert "frame.expansion_um_per_m_k" in shipped.heat_doubts.assumed and len(shipped.assumed) == 17
 
 
 def test_the_two_reference_stages_differ_in_the_base_hinge_alone() -> None:

@@ -14,7 +14,8 @@ from flexfem.stage.schema import Hinge, Override
 from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]
-NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",)}  # the drive has a hash of its own
+OF_HEAT = {("material", "expansion"), ("frame", "expansion")}  # with a hash of its own, as the drive
+NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",), *OF_HEAT}
 OF_THE_DRIVE = {("override", 0, name) for name in OF_ACTUATORS}  # of a hinge's override: nothing
 NOT_OF_A_STUDY = {("name",), ("stage",), ("figure",), ("provenance",), ("time_limit",), ("check",)}  # check by `draws`
 NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make

@@ -26,7 +26,7 @@ from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment
-from flexfem.stage.schema import Stage, load_stage, of_drive
+from flexfem.stage.schema import Stage, load_stage, of_drive, of_heat
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.case import Case
 
@@ -68,8 +68,8 @@ def kind_of(path: Path) -> Kind:
 def keys_of(path: Path) -> Keys:
     """Every key of an input file by its path in the file, in file units; defaults are filled in.
 
-    A stage's drive is left out: no record is made of it. So is what says which hinge an override is about: the names of
-    its other keys say so too, and the order of overrides says nothing.
+    A stage's drive and its coefficients of expansion are left out: no record is made of them. So is what says which
+    hinge an override is about: the names of its other keys say so too, and the order of overrides says nothing.
     """
     kind = kind_of(path)
     if kind == "chart":
@@ -79,7 +79,8 @@ def keys_of(path: Path) -> Keys:
         if kind in MODELS:
             data = _completed(MODELS[kind](path), data)
     found = {key_path(key, data): value for key, value in leaves(data).items()}
-    return {key: value for key, value in found.items() if kind != "stage" or not (of_drive(key) or _by_place(key))}
+    left_out = (of_drive, of_heat, _by_place)
+    return {key: value for key, value in found.items() if kind != "stage" or not any(each(key) for each in left_out)}
 
 
 def _by_place(key: str) -> bool:

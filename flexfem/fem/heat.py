@@ -1,0 +1,132 @@
+"""Plane finite elements of a stage that warms: initial strains, a frame that carries the pads, one factorisation.
+
+The stress is `D (e(u) - e0)` with the free thermal strain e0. Uniform changes and linear gradients of temperature leave
+a free body of one metal without stress: `u0 = alpha (x, y)` per kelvin, `alpha ((x^2 - y^2)/2, x y)` and
+`alpha (x y, (y^2 - x^2)/2)` per K/mm along x and y. The strain of their interpolation is taken for e0, so that this is
+so on curved triangles too. The hub, rigid otherwise, grows as the metal does; the clamped edges move as the frame does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.factor import factorise
+from flexfem.fem.mesh import NODES, StageMesh, gradients
+from flexfem.fem.plane_stress import (
+    ElementBatch,
+    Plate,
+    add_nodal_forces,
+    integration,
+    matrices_of,
+    slopes_of,
+    stress_tensor,
+    tied_lower,
+)
+from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, tie_hub
+from flexfem.refused import ComputationFailed
+
+
+class HeatResponse(NamedTuple):
+    """Answer to one kelvin, and to one kelvin per mm along x and along y, about the platform's centre: three cases.
+
+    pose : (3, 3 cases), mm and rad.   fields : (3 cases, n, 2), mm, displacement of every node.
+    stress : (3 cases, n, 3), MPa, as xx, yy, xy at the nodes.
+    reactions : (3 cases, 3 chains, 3), N and N mm, of the ground on each pad about the platform's centre.
+    """
+
+    pose: Array
+    fields: Array
+    stress: Array
+    reactions: Array
+
+
+def free_displacement(points: Array) -> Array:
+    """Displacements (3 cases, ..., 2), mm, of a free body at points (..., 2), mm, per expansion."""
+    x, y = points[..., 0], points[..., 1]
+    half = (x**2 - y**2) / 2
+    return np.stack([points, np.stack([half, x * y], axis=-1), np.stack([x * y, -half], axis=-1)])
+
+
+def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> HeatResponse:
+    """Solve for the three cases; the expansions, 1/K, are those in the plane.
+
+    Raises ComputationFailed when the reactions do not balance, or energy and work differ, beyond `response.BALANCE`.
+    """
+    batches, tied, shape = integration(mesh), tie_hub(mesh), free_displacement(mesh.nodes)
+    solve = factorise(tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid))
+    ground, free = np.unique(mesh.edges["ground"]), stage_expansion * shape
+    given = np.zeros_like(free)
+    given[:, ground], given[:, tied.hub] = frame_expansion * shape[:, ground], free[:, tied.hub]
+    strains = [slopes_of(batch, free) for batch in batches]
+    motion = np.zeros((2 * len(tied.free) + 3, 3))
+    motion[:-3] = free[:, tied.free].reshape(3, -1).T
+    for _ in range(MOST_SOLVES):
+        fields = given + tied.fields(motion)
+        forces = thermal_forces(batches, plate, fields, strains)
+        unbalanced = _imbalance(mesh, ground, fields - free, forces)
+        if unbalanced <= SETTLED:
+            break
+        motion = motion - solve(tied.loads(forces))
+    if not unbalanced <= BALANCE:
+        raise ComputationFailed(
+            f"solution refused: reactions, or strain energy and work, of the warm stage differ by {unbalanced:.2g}, "
+            f"expected at most {BALANCE:g}"
+        )
+    return HeatResponse(motion[-3:], fields, thermal_stress(mesh, plate, fields, free), _reactions(mesh, forces))
+
+
+def thermal_forces(batches: list[ElementBatch], plate: Plate, fields: Array, strains: list[Array]) -> Array:
+    """Nodal forces (k, n, 2), N, that hold displacements (k, n, 2), mm, with initial strains, by batch (k, e, 2, 2, q).
+
+    Notes
+    -----
+    `f = b int B' D (e(u) - e0) dA`; of initial strains alone, the negative of their load.
+    """
+    forces = np.zeros_like(fields)
+    for batch, strain in zip(batches, strains, strict=True):
+        add_nodal_forces(forces, batch, plate, stress_tensor(plate, slopes_of(batch, fields) - strain))
+    return forces
+
+
+def thermal_stress(mesh: StageMesh, plate: Plate, fields: Array, free: Array) -> Array:
+    """Stress (k, n, 3), MPa, as xx, yy, xy at the nodes, averaged over the triangles around each.
+
+    fields, free : (k, n, 2), mm, the displacements, and those without stress.
+    """
+    difference = fields - free
+    relative = difference[:, mesh.triangles] - difference[:, mesh.triangles[:, :1]]
+    found, _ = gradients(mesh.nodes[mesh.triangles], NODES)
+    stress = stress_tensor(plate, np.einsum("keia,eibq->keabq", relative, found, optimize=True))
+    around, where = np.bincount(mesh.triangles.ravel()), mesh.triangles.ravel()
+    parts = (stress[:, :, 0, 0], stress[:, :, 1, 1], stress[:, :, 0, 1])
+    return np.stack([np.stack([np.bincount(where, each.ravel()) / around for each in part]) for part in parts], axis=-1)
+
+
+def _imbalance(mesh: StageMesh, ground: Index, elastic: Array, forces: Array) -> float:
+    """Sum of the reactions over the largest, and work of the ground less energy over it; zero of a stage at rest."""
+    lever = np.array([1.0, 1.0, np.max(np.abs(mesh.nodes))])
+    reactions = _reactions(mesh, forces) / lever
+    energy = np.einsum("knd,knd->k", elastic, forces)
+    work = np.einsum("knd,knd->k", elastic[:, ground], forces[:, ground])
+    differences = np.max(np.abs(np.sum(reactions, axis=1)), axis=-1), np.abs(energy - work)
+    sizes = np.max(np.abs(reactions), axis=(1, 2)), np.abs(energy)
+    tiny = np.finfo(float).tiny
+    return float(max(np.max(one / np.maximum(size, tiny)) for one, size in zip(differences, sizes, strict=True)))
+
+
+def _reactions(mesh: StageMesh, forces: Array) -> Array:
+    """Forces of the ground on each pad (k, 3 chains, 3), about the platform's centre."""
+    edges, found = mesh.edges["ground"], np.zeros((len(forces), 3, 3))
+    chain_of = np.full(len(mesh.nodes), -1)
+    for body in range(0, 12, 4):  # pads
+        chain_of[mesh.triangles[mesh.bodies == body]] = body // 4
+    nodes = np.unique(edges)
+    for chain in range(3):
+        mine = nodes[chain_of[nodes] == chain]
+        x, y = mesh.nodes[mine].T
+        fx, fy = np.moveaxis(forces[:, mine], -1, 0)
+        found[:, chain] = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y], axis=1)
+    return found

@@ -1,0 +1,85 @@
+"""Links that grow: their loops against displacements of warm bodies, and what closes them against the least energy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.analytic.heat import drift, growth, misfits
+from flexfem.analytic.kinematics import freedoms_of
+from flexfem.analytic.model import hinge_compliance
+from flexfem.analytic.notch import Compliance
+from flexfem.stage.designs import lower
+
+ROUND_OFF = 1e-12
+NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}
+METAL, FRAME = np.array([23.6e-6]), np.array([9.3e-6])
+
+
+@pytest.fixture(scope="module")
+def unlike():
+    return flexfem.load(Path(__file__).parents[2] / "geometry" / "mobility6.toml").replace(override=NECKS)
+
+
+def test_a_bar_gets_longer_and_bows_away_from_its_warmer_side():
+    """10 mm along X from (2, 0): by 1 K 10 alpha; by 1 K/mm along X its mean 7 K; along Y down by L^2/2 and -L."""
+    found = growth(np.array([2.0, 0.0]), np.array([12.0, 0.0]), np.array([12.0, 0.0]))
+    assert found.tolist() == [[10.0, 70.0, 0.0], [0.0, 0.0, -50.0], [0.0, 0.0, -10.0]]
+    further = growth(np.array([2.0, 0.0]), np.array([12.0, 0.0]), np.array([12.0, 5.0]))
+    assert further[:, 2].tolist() == [50.0, -50.0, -10.0]
+
+
+def test_loops_open_by_the_displacement_of_the_ground_in_a_warm_body(unlike):
+    """Whatever lies between: `(af - as)` times z, z^2/2 and -i z^2/2 of x + iy, and the turn, carried to the centre."""
+    design = lower(unlike)
+    found = misfits(design, METAL, FRAME)[0] / (FRAME - METAL)
+    for chain in range(3):
+        hinge = complex(*design.frames.centres[0, chain, 0])
+        behind = design.radius[0, chain, 0] + unlike.chain.link_width
+        z = hinge - behind * np.exp(1j * design.frames.axes[0, chain, 0])
+        fields, turns = (z, z**2 / 2, -1j * z**2 / 2), (0.0, z.imag, -z.real)
+        for case, (u, turn) in enumerate(zip(fields, turns, strict=True)):
+            carried = u - 1j * turn * z
+            wanted = [carried.real, carried.imag, turn]
+            assert found[chain, :, case] == pytest.approx(wanted, rel=ROUND_OFF, abs=1e-10)
+
+
+def test_joints_close_warm_loops_with_the_least_energy(unlike):
+    """27 springs, six closures: the stationary point of energy under constraints, with Jacobians of its own."""
+    design, hinges = lower(unlike), hinge_compliance(unlike, "calibrated")
+    found = drift(design, Compliance(*(part[None] for part in hinges)), freedoms_of(21), METAL, FRAME)
+    gaps, (centres, axes) = misfits(design, METAL, FRAME)[0], design.frames
+    G = np.zeros((3, 3, 9))
+    for chain, hinge in np.ndindex(3, 3):
+        (x, y), angle = centres[0, chain, hinge], axes[0, chain, hinge]
+        G[chain, :, 3 * hinge] = y, -x, 1.0
+        G[chain, :2, 3 * hinge + 1] = np.cos(angle), np.sin(angle)
+        G[chain, :2, 3 * hinge + 2] = -np.sin(angle), np.cos(angle)
+    springs = np.stack([1 / np.stack([hinges.rotation, hinges.axial, hinges.shear], axis=-1)]).ravel()
+    rows = np.zeros((9, 30))  # G_i q_i - U = -t_i
+    for chain in range(3):
+        rows[3 * chain : 3 * chain + 3, 9 * chain : 9 * chain + 9] = G[chain]
+        rows[3 * chain : 3 * chain + 3, 27:] = -np.eye(3)
+    whole = np.block([[np.diag(np.append(springs, np.zeros(3))), rows.T], [rows, np.zeros((9, 9))]])
+    wanted = np.linalg.solve(whole, np.concatenate([np.zeros((30, 3)), -gaps.reshape(9, 3)]))
+    assert found.pose[0] == pytest.approx(wanted[27:30], rel=1e-6, abs=1e-12)
+    assert np.abs(wanted[27:30]).min() > 1e-6, "no component is zero by chance"
+    assert found.reaction[0].reshape(9, 3) == pytest.approx(wanted[30:], rel=1e-4, abs=1e-6)
+    assert np.abs(found.reaction[0].sum(axis=0)).max() < 1e-9
+
+
+def test_drift_is_linear_in_both_coefficients_and_zero_where_they_are_the_same(unlike):
+    design, hinges = lower(unlike), Compliance(*(p[None] for p in hinge_compliance(unlike, "calibrated")))
+
+    def found(metal, frame):
+        return drift(design, hinges, freedoms_of(6), np.array([metal]), np.array([frame]))
+
+    one, other, both = found(1e-5, 0.0), found(0.0, 1e-5), found(3e-5, 1e-5)
+    assert both.pose == pytest.approx(3 * one.pose + other.pose, rel=1e-8)
+    assert one.pose == pytest.approx(-other.pose, rel=1e-8)
+    same = found(2e-5, 2e-5)
+    assert np.max(np.abs(same.pose)) < ROUND_OFF * np.max(np.abs(one.pose))
+    assert np.max(same.stress) < ROUND_OFF * 71.7e3 * 2e-5 * 60

@@ -1,0 +1,147 @@
+"""What `flexfem drift` answers: literal numbers, both models, bands, planes, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.verify.drift import CASES, pose_bands
+
+STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return flexfem.load(STAGE)
+
+
+def poses(found, by="analytic"):
+    """Pose by case (3, 3 cases)."""
+    return np.array([getattr(found.cases[name], by).pose for name in CASES]).T
+
+
+def test_a_symmetric_stage_turns_when_it_warms_and_drifts_with_gradients(stage):
+    found = flexfem.drift(stage, resolution=4)
+    uniform, x, y = (found.cases[name] for name in CASES)
+    assert uniform.elements.pose == pytest.approx([0.0, 0.0, 5.506e-6], rel=1e-3, abs=1e-15)
+    assert uniform.analytic.pose == pytest.approx([0.0, 0.0, 5.524e-6], rel=1e-3, abs=1e-15)
+    assert x.elements.pose == pytest.approx([-0.02261, 0.002978, 0.0], rel=2e-3, abs=1e-15)
+    assert y.elements.pose == pytest.approx([-0.002978, -0.02261, 0.0], rel=2e-3, abs=1e-15)
+    assert np.max(uniform.elements.stress) == pytest.approx(0.557, rel=0.02)
+    assert np.max(x.elements.stress) == pytest.approx(13.58, rel=0.02)
+    assert np.max(x.analytic.stress) == pytest.approx(13.55, rel=1e-3)
+    assert abs(x.elements.pose[0] + 0.0226097) < 3 * x.band[0] < 6e-4
+    assert found.hash != stage.hash and found.lever == 24.0
+    assert uniform.unlike[0] == pytest.approx(8.604e-5, rel=1e-3), "chains unlike move where alike ones only turn"
+
+
+def test_both_models_agree_on_unlike_chains(stage):
+    other = stage.replace(override=NECKS)
+    found = flexfem.drift(other, resolution=4)
+    metal = poses(found, "elements") * np.array([[1.0], [1.0], [24.0]])
+    model = poses(found) * np.array([[1.0], [1.0], [24.0]])
+    assert np.max(np.abs(model - metal) / np.max(np.abs(metal), axis=0)) < 0.02
+    for name in CASES:
+        one = found.cases[name]
+        assert np.array(one.analytic.reaction) == pytest.approx(
+            np.array(one.elements.reaction), abs=0.02 * np.max(np.abs(one.elements.reaction))
+        )
+        assert one.unlike is None
+
+
+def test_plane_strain_grows_more_in_the_plane_and_is_held_across(stage):
+    """As a sheet of E/(1 - nu^2) and nu/(1 - nu) with 1 + nu times the difference; zz is E (af - as) where free."""
+    nu, change = 0.33, 11.6e-6
+    strain = flexfem.drift(stage.replace(model="plane_strain"), formula="quadrature", links=True, resolution=4)
+    metal = {"youngs_modulus": 71.7e3 / (1 - nu**2), "poissons_ratio": nu / (1 - nu)}
+    sheet = flexfem.drift(stage.replace(material=metal), formula="quadrature", links=True, resolution=None)
+    assert poses(strain) == pytest.approx((1 + nu) * poses(sheet), rel=1e-6, abs=1e-13)
+    assert poses(strain, "elements") == pytest.approx(poses(strain), rel=0.06, abs=1e-13)
+    across = 71.7e3 * change
+    least = min(np.min(strain.cases["uniform"].elements.stress), np.min(strain.cases["uniform"].analytic.stress))
+    assert least > 0.9 * across
+    same = stage.replace(model="plane_strain", frame={"expansion": 23.6e-6})
+    assert np.max(np.abs(poses(flexfem.drift(same, formula="quadrature", resolution=None)))) < 1e-16
+
+
+def test_a_frame_that_is_not_stated_is_assumed_and_said(stage):
+    content = STAGE.read_text().replace("\n[frame]", "\n[xframe]")
+    lines = [line for line in content.splitlines() if "xframe" not in line and '"frame.' not in line]
+    bare = flexfem.load(STAGE).replace(frame={"expansion": None})
+    assert "expansion_um_per_m_k = 12.0" in lines, "the file says it"
+    found = flexfem.drift(bare, resolution=None)
+    assert "frame.expansion_um_per_m_k" in found.assumed
+    assert any("frame" in text and "not stated" in text for text in found.warnings)
+    assert found.frame_expansion == found.expansion == pytest.approx(23.6e-6)
+    assert np.max(np.abs(poses(found))) < 1e-14
+
+
+def test_hashes_and_doubts_of_other_answers_do_not_follow_expansion(stage):
+    warm = stage.replace(material={"expansion": 20e-6}, frame={"expansion": 1e-6})
+    assert warm.hash == stage.hash == "24fed7d518c264d8" + stage.hash[16:] and warm.heat_hash != stage.heat_hash
+    assert not any("expansion" in key for key in (*stage.assumed, *stage.numbers, *stage.not_stated))
+    sources = flexfem.drift(warm, resolution=None).sources
+    assert set(sources.values()) == {"replaced in Python"}
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("23.6e-6", "unit mistake"),
+        ("2.36e-3", "unit mistake"),
+        ("2360.0", "expected <= 300"),
+        ("-1.0", "expected >= 0"),
+        ("nan", "expected a finite number"),
+    ],
+)
+def test_expansion_in_another_unit_is_refused_in_one_line(value, said, tmp_path):
+    path = tmp_path / "stage.toml"
+    path.write_text(STAGE.read_text().replace("expansion_um_per_m_k = 23.6 ", f"expansion_um_per_m_k = {value} "))
+    with pytest.raises(flexfem.BadInput, match=rf"line 13: material.expansion_um_per_m_k = .*{said}") as refused:
+        flexfem.load(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_stage_without_expansion_is_refused_and_its_name_may_bring_it(stage):
+    bare = stage.replace(material={"name": "own", "expansion": None})
+    with pytest.raises(flexfem.BadInput, match=r"material.expansion_um_per_m_k is missing"):
+        flexfem.drift(bare)
+    named = stage.replace(material="ti-6al-4v")
+    assert flexfem.drift(named, resolution=None).expansion == pytest.approx(8.6e-6, rel=1e-12)
+    assert {name: 1e6 * one.expansion for name, one in flexfem.materials().items()} == pytest.approx(
+        {"al-7075-t6": 23.6, "al-6061-t6": 23.6, "ti-6al-4v": 8.6}
+        | {
+            name: 1e6 * (one.expansion or np.nan)
+            for name, one in flexfem.materials().items()
+            if name[:2] not in ("al", "ti")
+        }
+    )
+
+
+def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zero():
+    steps = np.array([4.0, 6.0, 8.0])
+    fine = np.array([[3.0], [1e-12], [0.02]])
+    found = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -4, 10.0)
+    assert found[0, 0] > 8.0**-4 and found[2, 0] == pytest.approx(found[0, 0] / 10.0)
+    assert found[1, 0] == pytest.approx(1e-12)
+
+
+def test_the_command_prints_and_keeps_what_the_function_gives(stage, tmp_path, capsys):
+    from flexfem.commands import cli
+
+    assert cli.app(["drift", str(STAGE), "--analytic", "--json", "-o", str(tmp_path)], standalone_mode=False) in (
+        0,
+        None,
+    )
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["cases"] == flexfem.drift(stage, resolution=None).model_dump(mode="json")["cases"]
+    assert json.loads((tmp_path / "mobility6-drift.json").read_text())["cases"] == printed["cases"]
+    cli.app(["drift", str(STAGE), "--analytic"], standalone_mode=False)
+    said = capsys.readouterr().out
+    assert "expansion 23.6 um/(m K), frame 12 um/(m K)" in said and "5.524 urad" in said and "-22.36 um" in said
+    assert "stacks, their preloads and their own expansion are left out" in said
