@@ -167,9 +167,10 @@ def report_stage(stage: Stage) -> StageReport:
 
 
 def _dimensions(stage: Stage) -> dict[str, Any]:
-    """What a file says, less hinges, drive and expansion, of which other answers are made."""
+    """What a file says, less hinges, drive and expansion, of which other answers are made, and what it leaves open."""
     others = {"name", "hinges", "override", "actuator", "provenance", "frame"}
-    return stage.model_dump(mode="json", exclude=dict.fromkeys(others, True) | {"material": {"expansion"}})
+    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
+    return stage.model_dump(mode="json", exclude=left_out, exclude_none=True)
 
 
 def _drive(stage: Stage) -> DriveReport:
