@@ -62,7 +62,8 @@ def command(
 def print_command(of: Command) -> None:
     """Print strokes and forces by stack, and where the metal goes with them."""
     out = people()
-    out.print(f"{of.name}: pose {numbers(of.pose, COMMANDS)}; strokes by {of.model}")
+    load = f" under {numbers(of.load, FORCES)}" if any(of.load) else ""
+    out.print(f"{of.name}: pose {numbers(of.pose, COMMANDS)}{load}; strokes by {of.model}")
     criteria = of.criteria
     head = ("stack", *(cell for name in criteria for cell in (f"{name}: {MICROMETRE.plain}", FORCES[0].plain)))
     out.print(table(head, _stack_rows(of)))

@@ -85,7 +85,8 @@ def print_stage(of: StageReport) -> None:
         out.print(_actuator(one))
     out.print("where the numbers come from:")
     stated = of.provenance | (of.drive.provenance if of.drive else {})
-    for key, source in (stated | dict.fromkeys(of.not_stated, "not stated")).items():
+    unstated = (*of.not_stated, *(key for key in (of.drive.not_stated if of.drive else ()) if key not in of.not_stated))
+    for key, source in (stated | dict.fromkeys(unstated, "not stated")).items():
         out.print(f"  {key}: {source}")
     for text in of.warnings:
         out.print(f"warning: {text}")
@@ -98,8 +99,9 @@ def _actuator(one: PlacedActuator) -> str:
     """An actuator in a line."""
     kind = "a pair of stacks" if len(one.contacts_mm) == 2 else "a stack"
     k, with_contact = (value * RATE.factor for value in (one.stiffness, one.stiffness_with_contact))
+    own = "" if len(one.chains) == 3 else f", chain {' and '.join(map(str, one.chains))}"
     return (
-        f"drive {one.name}: {kind} {one.stack or 'of its own'} on {one.between[0]} pushing {one.between[1]}, "
+        f"drive {one.name}{own}: {kind} {one.stack or 'of its own'} on {one.between[0]} pushing {one.between[1]}, "
         f"{one.stroke * MICROMETRE.factor:g} {MICROMETRE.plain}, {one.blocking_force:.4g} N, {k:.4g} {RATE.plain}, "
         f"{with_contact:.4g} with its contact, preload {one.preload:g} N"
     )
@@ -171,6 +173,8 @@ def _print_load_case(out: Console, of: LoadReport | SolidReport) -> None:
 
 def print_summary(of: Summary) -> None:
     """Print how far a stage may go, by every model that was asked."""
+    from flexfem.stage.schema import of_drive
+
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"
     out.print(f"{of.name}: mobility {of.mobility}, {_plane(of.model)}, {strength}")
@@ -186,8 +190,8 @@ def print_summary(of: Summary) -> None:
     if of.drive is not None:
         head = ("the drive reaches", "others at zero", "others free", "stopped, at zero, by limits of")
         out.print(table(head, _driven(of.drive.ranges)))
-        of_drive = [key for key in (*of.drive.assumed, *of.drive.not_stated) if key.startswith("actuator")]
-        out.print(f"{len(of_drive)} numbers of the drive are assumed or without a stated source")
+        doubted = [key for key in (*of.drive.assumed, *of.drive.not_stated) if of_drive(key)]
+        out.print(f"{len(doubted)} numbers of the drive are assumed or without a stated source")
     print_ending(out, of)
 
 

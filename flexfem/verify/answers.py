@@ -18,7 +18,8 @@ from flexfem.arrays import Array
 from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.drives import contacts
-from flexfem.stage.schema import HINGE_NAMES, Stage, of_drive, of_heat
+from flexfem.stage.overrides import actuators_of
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage, of_drive, of_heat
 from flexfem.verify import warning
 
 if TYPE_CHECKING:
@@ -42,12 +43,14 @@ class PlacedHinge(NamedTuple):
 
 
 class PlacedActuator(NamedTuple):
-    """An actuator: its bodies, contacts (x, y) and directions of chain 1, and what each of its stacks can do.
+    """An actuator, and what each of its stacks can do.
 
+    chains : 1 to 3, those where it is the same.   contacts_mm, directions_deg : x, y, in the frame of chain 1.
     stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
     """
 
     name: str
+    chains: list[int]
     between: tuple[str, str]
     stack: str | None
     contacts_mm: list[tuple[float, float]]
@@ -176,25 +179,43 @@ def _dimensions(stage: Stage) -> dict[str, Any]:
 def _drive(stage: Stage) -> DriveReport:
     sources = {key: provenance_of(stage, key) for key in key_paths(stage) if of_drive(key)}
     return DriveReport(
-        actuators=[_actuator(stage, index) for index in range(len(stage.actuator))],
+        actuators=[each for index in range(len(stage.actuator)) for each in _actuators(stage, index)],
         hash=stage.drive_hash,
         provenance={key: source for key, source in sources.items() if source},
         **stage.drive_doubts._asdict(),
     )
 
 
-def _actuator(stage: Stage, index: int) -> PlacedActuator:
-    one, placed = stage.actuator[index], contacts(stage, 1, index)
+def _actuators(stage: Stage, index: int) -> list[PlacedActuator]:
+    """An actuator of the file, once for all chains on which it is the same."""
+    found = list[PlacedActuator]()
+    for one in (_actuator(stage, chain, index) for chain in CHAINS):
+        alike = next((each for each in found if one._replace(chains=each.chains) == each), None)
+        if alike is None:
+            found.append(one)
+        else:
+            alike.chains.extend(one.chains)
+    return found
+
+
+def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
+    one, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
     return PlacedActuator(
         name=one.name,
+        chains=[chain],
         between=one.between,
         stack=one.stack,
-        contacts_mm=[(each.point.real, each.point.imag) for each in placed],
-        directions_deg=[float(np.rad2deg(each.direction) % 360.0) for each in placed],
+        contacts_mm=[(_rounded(each.point.real), _rounded(each.point.imag)) for each in placed],
+        directions_deg=[_rounded(np.rad2deg(each.direction)) % 360.0 for each in placed],
         **one.rating._asdict(),
         stiffness_with_contact=one.stiffness_with(stage.material),
         preload=one.preload,
     )
+
+
+def _rounded(value: float) -> float:
+    """Without what chains that are alike differ by in round-off."""
+    return round(float(value), 9) + 0.0
 
 
 def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:

@@ -23,7 +23,7 @@ from flexfem.verify.limits import KINDS
 from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope, Programs, image
 from flexfem.verify.result import Matrix, OfStage, Record, about
 
-ROUND_OFF = 1e-9  # of how far strokes alone go in a direction
+ROUND_OFF = 1e-9  # of how far strokes alone go in a direction, and of the size of the poses
 
 
 class Extent(Record):
@@ -224,14 +224,21 @@ def _circle(edges: Sequence[PoseEdge], rest: Array) -> float:
     along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
     to_rest = rest[:2] - start
     distance = along[:, 0] * to_rest[:, 1] - along[:, 1] * to_rest[:, 0]
-    return max(float(np.min(distance, initial=np.inf)), 0.0) if edges else 0.0
+    size = float(np.max(np.abs(start), initial=0.0))
+    return _inside(float(np.min(distance, initial=np.inf)), size) if edges else 0.0
 
 
 def _ball(of: Polytope, rest: Array, lever: float) -> float:
     """Least distance of the faces of a solid from `rest` (3,), 0 where it is not inside."""
     if of.dimension < 3:
         return 0.0
-    return max(float(np.min(of.supports - of.normals @ (np.array([1.0, 1.0, lever]) * rest))), 0.0)
+    size = float(np.max(np.abs(of.supports)))
+    return _inside(float(np.min(of.supports - of.normals @ (np.array([1.0, 1.0, lever]) * rest))), size)
+
+
+def _inside(distance: float, size: float) -> float:
+    """A distance from edges or faces; 0 outside, and where it is round-off of poses of a size."""
+    return distance if distance > ROUND_OFF * size else 0.0
 
 
 def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: StageDrive, load: Array) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem as package
+from flexfem.commands.drive import print_command
 from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import people
 
@@ -50,7 +51,7 @@ def test_what_is_printed_are_the_numbers_of_the_json(flexfem, project):
     for name, stroke, force in zip(found["stacks"], least["stroke"], least["force"], strict=True):
         (line,) = (line for line in out.splitlines() if line.startswith(f"{name}  "))
         assert f"{1e3 * stroke:+.4f}" in line and f"{force:.3f}" in line
-    assert "pose 3 um, -1 um, 0.05 mrad" in out
+    assert "pose 3 um, -1 um, 0.05 mrad under 1 N, -2 N, 30 N mm; strokes" in out
     assert f"{found['engaged'][0]:.5g} N/mm" in out
     assert "finite elements" not in out and "error of the metal" not in out
     assert f"{least['metal']:.4g}" in out
@@ -148,6 +149,55 @@ def test_a_stage_without_a_drive_is_refused(flexfem, project):
     code, out, err = flexfem("command", path, "--pose", *POSE)
     assert (code, out) == (2, "")
     assert "no [[actuator]]" in err and str(path) in err
+
+
+def test_rows_are_what_they_say_and_the_metal_bears_the_load(project, capsys):
+    """Rotations in mrad, bands of the model and of finite elements each in its row; errors with the load on both."""
+    stage = package.load(project.path("geometry/mobility6.toml"))
+    rough = stage.replace(actuator=[one.model_copy(update={"friction": 0.2}) for one in stage.actuator])
+    found = package.command(rough, [2e-3, -1e-3, 5e-5], [30.0, -20.0, 500.0], resolution=2)
+    print_command(found)
+    rows = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
+    said = {row[0]: [cell.strip() for cell in row[1:] if cell.strip()] for row in rows}
+    criteria = list(found.criteria.values())
+    assert said["largest hinge rotation (mrad)"] == [f"{1e3 * np.max(np.abs(each.rotation)):.4g}" for each in criteria]
+    assert said["highest neck stress (MPa)"] == [f"{np.max(each.stress):.4g}" for each in criteria]
+    assert said["by finite elements"] == [f"{np.max(each.element_stress or 0):.4g}" for each in criteria]
+    for row, bands in (
+        ("left open by friction, at most (+-)", [each.friction for each in criteria]),
+        ("the same by finite elements", [each.element_friction for each in criteria]),
+    ):
+        wanted = [f"{1e3 * b[0]:.3g} um, {1e3 * b[1]:.3g} um, {1e6 * b[2]:.3g} urad" for b in map(np.array, bands)]
+        assert [cell.replace("0.1 mrad", "100 urad") for cell in said[row]] == wanted
+    assert criteria[0].friction != criteria[0].element_friction
+    missed = np.abs(found.open_loop[0].error) * [1, 1, 24.0]
+    assert np.max(missed) < 0.05 * 30.0 / found.engaged[0]  # of 6 um by the load
+
+
+def test_check_and_summary_know_the_actuators_that_differ_on_a_chain(flexfem, project):
+    """Overrides are said and counted, and what an actuator is on one chain is not mixed with what it is on others."""
+    path = project.path("geometry/mobility6.toml")
+    head, _, sources = path.read_text().partition("[provenance]")
+    own = '[[override]]\nchain = 1\nactuator = "base"\narm_mm = 14.0\nside = "right"\nstack = "AE0203D08"\n'
+    own += '[[override]]\nchain = 3\nactuator = "elbow"\npreload_n = 20.0\n[provenance]'
+    path.write_text(head + own + sources.replace('"actuator.elbow.arm_mm"', '#"actuator.elbow.arm_mm"'))
+    drive = json.loads(flexfem("check", path, "--json")[1])["drive"]["actuators"]
+    assert [(each["name"], each["chains"]) for each in drive] == [
+        ("base", [1]), ("base", [2, 3]), ("elbow", [1, 2]), ("elbow", [3]),
+    ]  # fmt: skip
+    np.testing.assert_allclose(drive[0]["contacts_mm"], [(40.0, -27.5), (40.0, -36.5)], atol=1e-6)
+    np.testing.assert_allclose(drive[1]["contacts_mm"], [(44.0, -36.5), (44.0, -27.5)], atol=1e-6)
+    assert [round(each["blocking_force"], 6) for each in drive] == [235.0, 935.0, 935.0, 935.0]
+    assert [each["preload"] for each in drive] == [50.0, 50.0, 50.0, 20.0]
+    out = flexfem("check", path)[1]
+    assert "drive base, chain 1: a pair of stacks AE0203D08 on frame pushing link 1, 9.1 um, 235 N" in out
+    assert "drive base, chain 2 and 3: a pair of stacks AE0505D16 on frame pushing link 1, 17.4 um, 935 N" in out
+    unstated = ("override.1.actuator.base.arm_mm", "override.3.actuator.elbow.preload_n", "actuator.elbow.arm_mm")
+    assert all(f"  {key}: not stated" in out for key in unstated)
+    plain = flexfem("summary", project.path("geometry/mobility3.toml"))[1]
+    of_drive = int(plain[: plain.index(" numbers of the drive are assumed")].split()[-1])
+    doubted = int((out := flexfem("summary", path)[1])[: out.index(" numbers of the drive are assumed")].split()[-1])
+    assert doubted == of_drive + 2  # arm and preload of the overrides; that of the elbow is assumed, or not stated
 
 
 def test_in_python_the_same(flexfem, project):

@@ -60,6 +60,18 @@ def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
         assert none == (np.max(np.array(found) * [1, 1, 24.0]) < 1e-12), tilt
 
 
+def test_friction_pushes_both_bodies_along_the_face_the_one_against_the_other(stage):
+    """Of an elbow pair, too, whose carrier is a link: no force is left over, and no moment."""
+    stacks = drive_of(stage).stacks
+    assert {stack.pushes[1].body for stack in stacks} == {0, 2}
+    for stack in stacks:
+        (x, y), along = (stack.point.real, stack.point.imag), 1j * stack.direction
+        pushed, carrier = stack.across.pushes
+        moment = x * along.imag - y * along.real
+        np.testing.assert_allclose(pushed.wrench, [along.real, along.imag, moment], rtol=1e-12, atol=1e-12)
+        np.testing.assert_array_equal(carrier.wrench, -pushed.wrench)
+
+
 def test_it_goes_with_the_coefficient_and_with_the_preload(stage):
     model = (6, "paros-weisbord", False)
     one = np.array(at_rest(rough(stage, {"friction": 0.1}, {"friction": 0.3}), *model))

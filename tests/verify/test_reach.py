@@ -21,7 +21,7 @@ from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces
 from flexfem.verify.driven_models import Commanding, commanding, stresses
 from flexfem.verify.limits import grouped, kinds
 from flexfem.verify.polytope import LinearLimits, Programs, image
-from flexfem.verify.reach import PoseFace, Reach, poses, ranges, reach
+from flexfem.verify.reach import PoseFace, Reach, _inside, poses, ranges, reach
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 NONE = np.zeros(3)
@@ -339,3 +339,15 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     x = found.ranges["x"]
     assert x.held is None and x.free.high > 0.02
     assert found.section == [] and found.circle == 0.0
+
+
+def test_round_off_is_no_radius_about_rest(stage):
+    """A single stack a chain at rest stands at the shortest end of its stroke: nothing is left about it."""
+    single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
+    for load in (NONE, LOAD, np.array([1.0, 0.0, 5.0])):
+        found = reach(stage.replace(actuator=[single]), load)
+        assert found.dimension == 3 and found.ball == 0.0
+
+
+def test_a_distance_within_round_off_of_the_size_is_none():
+    assert [_inside(distance, 0.02) for distance in (5e-20, -1.0, 3e-12, 1e-3)] == [0.0, 0.0, 0.0, 1e-3]
