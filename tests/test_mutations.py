@@ -51,6 +51,41 @@ class Mutation(NamedTuple):
 
 MUTATIONS = [
     Mutation(
+        "cycles counted as reversals",
+        "ONE_REVERSAL",
+        "0.5",
+        "1.0",
+        "test_basquin_counts_reversals_two_a_cycle",
+    ),
+    Mutation(
+        "the sign of Basquin's exponent",
+        "amplitude",
+        "_a ** self.exponent",
+        "_a ** -self.exponent",
+        "test_basquin_counts_reversals_two_a_cycle",
+    ),
+    Mutation(
+        "mean stress ignored",
+        "equivalent",
+        "np.maximum(mean + amplitude, 0.0)",
+        "amplitude",
+        "test_mean_stress_by_walker_and_by_smith_watson_and_topper",
+    ),
+    Mutation(
+        "the ratio of displacements upside down",
+        "scaled",
+        "_a * (1.0 + ratio) / (1.0 - ratio)",
+        "_a * (1.0 - ratio) / (1.0 + ratio)",
+        "test_a_ratio_is_least_over_greatest_and_shortens_life",
+    ),
+    Mutation(
+        "the concentration at a notch counted twice",
+        "surface_stress",
+        "_a.bending",
+        "_a.bending ** 2",
+        "test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
+    ),
+    Mutation(
         "Lame constants swapped",
         "lame",
         "return _a, _b",
@@ -291,14 +326,14 @@ MUTATIONS = [
     ),
     Mutation(
         "a neck bent as if it were half as strong",
-        "neck_stress",
+        "surface_stress",
         "6.0 * _a",
         "3.0 * _a",
         "test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
     ),
     Mutation(
         "a pulled neck concentrates stress as a bent one",
-        "neck_stress",
+        "surface_stress",
         "_a.tension",
         "_a.bending",
         "test_bending_and_tension_of_one_neck_are_those_of_finite_elements",

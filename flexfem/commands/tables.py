@@ -120,6 +120,13 @@ def print_stiffness(of: StiffnessReport) -> None:
     out.print(f"{of.name}: analytic model, mobility {of.mobility}, {of.formula}{outside}, {_plane(of.model)}")
     _print_matrix(out, f"stiffness K_uu, {_both(STIFFNESSES)}", of.stiffness)
     _print_matrix(out, f"compliance C_uu, {_both(COMPLIANCES)}", of.compliance)
+    out.print("highest neck stress per displacement, the others held:")
+    for axis, unit in enumerate(STRESSES):
+        stress = of.neck_stress[..., axis]
+        chain, hinge = divmod(int(stress.argmax()), 3)
+        where = f"{('base', 'elbow', 'platform')[hinge]} hinge, chain {chain + 1}"
+        out.print(f"  {DIRECTIONS[axis]:<6} {stress.max() * unit.factor:.4g} {unit.plain}, {where}")
+    out.print(f"stress: {of.stress_accuracy}")
     print_ending(out, of)
 
 

@@ -107,6 +107,22 @@ def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
         assert witness.safety == pytest.approx(303.0 / np.max(stress))
 
 
+def test_stiffness_says_the_highest_neck_stress_and_where(unlike, flexfem_command, tmp_path):
+    """As the model's own stress at a unit displacement, whose place is another one in theta than in X."""
+    unlike.save(tmp_path / "unlike.toml")
+    found = flexfem.stiffness(unlike, formula="calibrated", links=True)
+    code, out, _ = flexfem_command("stiffness", tmp_path / "unlike.toml", "--formula", "calibrated", "--links")
+    lines = dict(re.findall(r"^  (x|y|theta) +(.*, chain \d)$", out, re.M))
+    assert code == 0 and "-1 to +1 % off that of plane finite elements" in out
+    for axis, (direction, unit, size) in enumerate((("x", "um", 1e-3), ("y", "um", 1e-3), ("theta", "mrad", 1e-3))):
+        stress = flexfem.analyse(unlike, formula="calibrated", links=True).neck_stress(np.eye(3)[axis])
+        assert found.neck_stress[..., axis] == pytest.approx(stress)
+        chain, hinge = np.argwhere(stress == stress.max())[0]
+        name = ("base", "elbow", "platform")[hinge]
+        assert lines[direction] == f"{size * stress.max():.4g} MPa/{unit}, {name} hinge, chain {chain + 1}"
+    assert "with rigid links the stress is too high" in flexfem.stiffness(unlike).stress_accuracy
+
+
 @pytest.mark.slow
 def test_both_witnesses_agree_on_unlike_chains_with_a_mean(unlike):
     """Neck by neck, where it matters; the stress within 2 %, the first neck within its error."""
