@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.cyclic import rotation
+from flexfem.fem.cyclic import CyclicResponse, rotation
 from flexfem.fem.cyclic_fields import near_necks, solved_sectors
 from flexfem.fem.mesh import NODES, StageMesh, gradients
 from flexfem.fem.plane_stress import CACHED, Plate
@@ -60,6 +60,13 @@ def solid_von_mises(stress: Array) -> Array:
     trace = np.trace(stress, axis1=-2, axis2=-1)
     deviator = stress - trace[..., None, None] / 3 * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))))
+
+
+def in_mid_plane(response: SolidResponse) -> CyclicResponse:
+    """The displacements u, v of the mid-plane alone, as of a stage in the plane."""
+    fields = tuple(field[:, :, 0, :2] for field in response.sector_fields)
+    sums = (response.reactions, response.energy, response.unknowns)
+    return CyclicResponse(response.compliance, response.sectors, fields, *sums)
 
 
 def solid_neck_stresses(stage: Stage, plate: Plate, response: SolidResponse, loads: Array) -> NeckStress:

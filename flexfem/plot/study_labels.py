@@ -152,10 +152,12 @@ def model_words(loaded: LoadedStudy) -> str:
     mobility = study.mobility or loaded.stage.mobility
     analytic = f"{study.formula}, mobility {mobility}" + (", elastic links" if study.links else "")
     meshed = f"{study.resolution} triangles across every neck"
+    layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     plane = "" if loaded.stage.model == "plane_stress" else f", {loaded.stage.model.replace('_', ' ')}"
     return {
         "analytic": f"Analytic model: {analytic}{plane}",
         "fe": f"Finite elements: {meshed}{plane}",
+        "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",
         "verify": f"Finite elements ({meshed}) against the analytic model ({analytic}){plane}",
     }[study.model]
 

@@ -30,7 +30,7 @@ from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.verify.drive_ranges import DriveAnswers
 from flexfem.verify.modes import payload_of
-from flexfem.verify.questions import Clock, Moments, ask_drives, ask_elements, ask_formulas, ask_frequencies
+from flexfem.verify.questions import Clock, Moments, ask_drives, ask_elements, ask_formulas, ask_frequencies, ask_solid
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
@@ -132,10 +132,13 @@ def _link_parts(stages: Callable[[int], Stage], reason: AnyArray, drive: StageDr
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
-    """Values (outputs,) of a feasible design, for model "fe" and "verify". Raises as `ask_elements`, or the formula."""
+    """Values (outputs,) of a feasible design, for models that mesh. Raises as `ask_elements`, or the formula."""
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), inside)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
-    found = ask_elements(stage, study.resolution, clock, predicted, study.bands, _payload(loaded))
+    if study.model == "three_dimensional":
+        found = ask_solid(stage, study.resolution, study.layers, clock)
+    else:
+        found = ask_elements(stage, study.resolution, clock, predicted, study.bands, _payload(loaded))
     return np.asarray(values_of(found, study.rotation)[0])
 
 
@@ -162,7 +165,7 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
 
 def _doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
     """The rows of designs (n, columns), with a reason where an answer is from a formula outside its range."""
-    if loaded.study.model == "fe":
+    if loaded.study.model in ("fe", "three_dimensional"):
         return rows
     with np.errstate(all="ignore"):
         inside = in_range(designs_of(loaded, values), loaded.study.formula).all(axis=(1, 2))

@@ -76,6 +76,8 @@ class LoadedStudy:
             del content["drive"]["actuators"]
         if content["frequencies"] is None:
             del content["frequencies"]
+        if self.study.model != "three_dimensional":
+            del content["layers"]
         if self.study.driven:
             content["stage"] = self.stage.drive_hash
         if self.given is not None:
@@ -112,11 +114,17 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     except BadInput as error:
         line = read_toml(path).lines.line(("stage",))
         raise BadInput(f"{place_of(path, line)}: stage = {shown(study.stage)}: {error}") from None
-    if study.model != "analytic" and stage.model == "corrected":
+    if study.model in ("fe", "verify") and stage.model == "corrected":
         line = read_toml(path).lines.line(("model",))
         raise BadInput(
             f'{place_of(path, line)}: model = {shown(study.model)} on a stage with model = "corrected", expected '
             '"analytic": the finite elements are plane'
+        )
+    if study.model == "three_dimensional" and stage.model != "plane_stress":
+        line = read_toml(path).lines.line(("model",))
+        raise BadInput(
+            f'{place_of(path, line)}: model = "three_dimensional" on a stage with model = {shown(stage.model)}, '
+            "expected a stage without one: it says how a stage is made plane, and here its faces are free"
         )
     if study.driven and not stage.actuator:
         line = read_toml(path).lines.line(("drive", "actuators"))

@@ -43,9 +43,11 @@ _APPLIES = {  # keys that not every model takes
     "formula": ("analytic", "verify"),
     "mobility": ("analytic", "verify"),
     "links": ("analytic",),
-    "resolution": ("fe", "verify"),
-    "time_limit_s": ("fe", "verify"),
+    "resolution": ("fe", "verify", "three_dimensional"),
+    "layers": ("three_dimensional",),
+    "time_limit_s": ("fe", "verify", "three_dimensional"),
     "bands": ("verify",),
+    "frequencies": ("analytic", "fe", "verify"),  # in the plane
 }
 
 
@@ -56,11 +58,12 @@ class Study(Sourced):
 
     name: Label
     stage: Label
-    model: Literal["analytic", "fe", "verify"]
+    model: Literal["analytic", "fe", "verify", "three_dimensional"]
     formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
     mobility: Literal[3, 6, 12, 21] | None = None
     links: bool = False
     resolution: int = Field(default=4, ge=4, le=64)
+    layers: int = Field(default=2, ge=1, le=16)
     bands: bool = True
     check: Literal["closed_form", "drawing"] | None = None
     time_limit: float = Field(default=60.0, gt=0, le=86_400, alias="time_limit_s")

@@ -168,6 +168,28 @@ def ask_elements(
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))
 
 
+def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answers:
+    """Finite elements in three dimensions of one feasible design, n = 1; base hinges turn as in the mid-plane.
+
+    Raises as `ask_elements`; the time limit is that of gmsh.
+    """
+    from flexfem.fem.cyclic_fields import base_rotations
+    from flexfem.fem.cyclic_fields import envelope as meshed
+    from flexfem.fem.sectors import mesh_sectors
+    from flexfem.fem.solid import layers_of, sheet_of
+    from flexfem.fem.solid_fields import in_mid_plane, solid_neck_stresses
+    from flexfem.fem.solid_response import solid_response
+
+    plate = sheet_of(stage)
+    response = solid_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
+    stiffness = np.linalg.inv(response.compliance)
+    stiffness = (stiffness + stiffness.T) / 2  # round-off
+    stress = solid_neck_stresses(stage, plate, response, stiffness).highest.max(axis=(1, 2))
+    turning = np.abs(stiffness @ base_rotations(stage, in_mid_plane(response))).max(axis=1)
+    strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
+    return Answers(stiffness[None], stress[None], turning[None], strength, size)
+
+
 def elements(stage: Stage, resolution: int, clock: Clock) -> CyclicResponse:
     """The stage meshed and condensed sector by sector. Raises as `ask_elements`."""
     from flexfem.fem.cyclic import cyclic_response

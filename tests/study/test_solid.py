@@ -1,0 +1,94 @@
+"""Studies in three dimensions: a row is the stage's own answer, and what they do not take is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexfem.fem.cyclic import cyclic_response
+from flexfem.fem.cyclic_fields import base_rotations
+from flexfem.fem.response import plate_of
+from flexfem.fem.solid_fields import in_mid_plane
+from flexfem.refused import BadInput
+from flexfem.study.answer import answer
+from flexfem.study.loaded import load_study
+from flexfem.verify.solid import neck_stress_of, solve_solid
+
+ROOT = Path(__file__).parents[2]
+STUDY = f"""
+name = "thickness"
+stage = "{ROOT / "geometry" / "mobility6.toml"}"
+model = "three_dimensional"
+[sampling]
+method = "grid"
+[[factor]]
+key = "thickness_mm"
+values = [4.0]
+[provenance]
+"factor[0].values" = "assumed: a test"
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Any:
+    def written(*changes: tuple[str, str]) -> Path:
+        text = STUDY
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return path
+
+    return written
+
+
+def test_a_row_is_what_the_stage_answers(study: Any) -> None:
+    loaded = load_study(study(('"three_dimensional"', '"three_dimensional"\nlayers = 1')))
+    rows = answer(loaded, 0, 1)
+    assert rows.status.tolist() == ["ok"]
+    found = dict(zip(loaded.outputs, rows.values[0], strict=True))
+    stage = loaded.stage.replace(thickness=4.0)
+    response = solve_solid(stage, 4, 1)
+    K = np.linalg.inv(response.compliance)
+    highest = neck_stress_of(stage, response, K).highest.max(axis=(1, 2))
+    assert found["kxx_n_per_mm"] == pytest.approx(K[0, 0], rel=1e-6)
+    assert found["stress_x_mpa_per_um"] == pytest.approx(1e-3 * highest[0], rel=1e-6)
+    assert found["range_y_um"] == pytest.approx(1e3 * 503.0 / highest[1], rel=1e-6)
+    plane = cyclic_response(response.sectors, plate_of(stage))
+    turning = np.abs(np.linalg.inv(plane.compliance) @ base_rotations(stage, plane)).max(axis=1)
+    solid = np.abs(K @ base_rotations(stage, in_mid_plane(response))).max(axis=1)
+    np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('"three_dimensional"', '"three_dimensional"\nformula = "koster"'), "no formula with model"),
+        (('"three_dimensional"', '"three_dimensional"\nbands = true'), "no bands with model"),
+        (('"three_dimensional"', '"three_dimensional"\nlayers = 0'), "layers = 0"),
+        (('"three_dimensional"', '"fe"\nlayers = 3'), "no layers with model"),
+        (("[sampling]", "[frequencies]\n[sampling]"), "no frequencies with model"),
+    ],
+)
+def test_what_it_does_not_take_is_refused(change: tuple[str, str], said: str, study: Any) -> None:
+    with pytest.raises(BadInput, match=said):
+        load_study(study(change))
+
+
+def test_a_stage_that_is_made_plane_is_refused(study: Any, tmp_path: Path) -> None:
+    held = tmp_path / "held.toml"
+    text = (ROOT / "geometry" / "mobility6.toml").read_text()
+    held.write_text('model = "plane_strain"\n' + text)
+    path = study((str(ROOT / "geometry" / "mobility6.toml"), str(held)))
+    with pytest.raises(BadInput, match='model = "three_dimensional" on a stage with model = "plane_strain"'):
+        load_study(path)
+
+
+def test_the_number_of_layers_is_part_of_the_hash_in_three_dimensions(study: Any) -> None:
+    few, many = (load_study(study(('"three_dimensional"', f'"three_dimensional"\nlayers = {n}'))) for n in (2, 3))
+    assert few.hash != many.hash
+    assert few.hash == load_study(study()).hash
