@@ -13,6 +13,7 @@ from flexfem.fem.response import plate_of
 from flexfem.stage.contacts import FOLLOWS
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import load_stage
+from flexfem.verify.command import command
 from flexfem.verify.driven import Motion, driven
 from flexfem.verify.driven_models import carried_by, commanding, driven_metal
 
@@ -88,3 +89,15 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
     elements, joints = changes(stage, [force, -force], "pushed", 4)
     np.testing.assert_allclose(joints[:, 0], elements[:, 0], rtol=0.04)
     np.testing.assert_allclose(elements[:, 0, 0], [0.0127, -0.0127], atol=1e-4)
+
+
+def test_the_stiffness_by_the_forces_of_a_command_is_that_under_its_load():
+    """A load of 40 N, which the stacks mostly take: with it, not only with the forces that it gives the stacks."""
+    stage, load = load_stage(GEOMETRY / "mobility6.toml"), np.array([40.0, -25.0, 300.0])
+    model, drive = commanding(stage, 6, "paros-weisbord", False), drive_of(stage)
+    joints = serial(stage, model.result, drive.stacks, "pushed")
+    found = command(stage, np.array([2e-3, 1e-3, 5e-5]), load, (6, "paros-weisbord", False)).criteria["least energy"]
+    force = np.array(found.force)
+    with_load, without = (np.diag(loaded(joints, force, each).stiffness(drive.stiffness)) for each in (load, NONE))
+    np.testing.assert_allclose(found.preloaded or [], with_load, rtol=1e-12)
+    assert np.max(np.abs(with_load / without - 1)) > 1e-6
