@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from flexfem.reports import converge as converge
     from flexfem.reports import cross_check as cross_check
     from flexfem.reports import drift as drift
+    from flexfem.reports import dynamic_model as dynamic_model
     from flexfem.reports import experiment as experiment
     from flexfem.reports import identify as identify
     from flexfem.reports import life as life
@@ -97,6 +98,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
             "converge",
             "cross_check",
             "drift",
+            "dynamic_model",
             "experiment",
             "identify",
             "life",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from flexfem.verify.command import Command
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.drift import Drift
+    from flexfem.verify.dynamic_model import DynamicModel
     from flexfem.verify.experiment import Experiment
     from flexfem.verify.fixture import Fixture, Measurement
     from flexfem.verify.identified import Identification, Unknown
@@ -455,6 +456,40 @@ def vibration(
     given = arguments.pair("payload", payload, LARGEST_PAYLOAD, "mass (kg) and moment of inertia (kg mm^2)")
     carried = verify.payload_of(*given)
     return verify.natural_modes(stage, wanted, carried, drives, arguments.resolution(resolution, 4), progress)
+
+
+def dynamic_model(
+    stage: Stage,
+    count: int = 12,
+    payload: tuple[float, float] = (0.0, 0.0),
+    drives: Drives = "disengaged",
+    damping: float = 1.0,
+    resolution: int = RESOLUTION,
+) -> DynamicModel:
+    """How the platform answers loads and, of engaged drives, strokes: frequency response, state space, Craig-Bampton.
+
+    Parameters
+    ----------
+    count : of modes kept; what the others do at rest is added.   damping : of every mode, % of critical; assumed.
+    payload, drives, resolution : as of `modes`.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `modes`.
+    """
+    found = vibration(stage, count, payload, drives, resolution)
+    return reduced(stage, found, damping)
+
+
+def reduced(stage: Stage, found: Vibration, damping: float = 1.0) -> DynamicModel:
+    """As `dynamic_model`, of modes that are known."""
+    from flexfem.stage.drives import drive_of
+    from flexfem.verify import dynamic_model as verify
+
+    ratio = arguments.positive("damping", damping, 99.0) / 100
+    drive = drive_of(stage) if found.record.drives == "engaged" else None
+    return verify.dynamic_model(found.structure, found.modes, ratio, drive)
 
 
 def experiment(

@@ -14,6 +14,7 @@ from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
 from flexfem.units import UNITS
 
 if TYPE_CHECKING:
+    from flexfem.verify.dynamic_model import DynamicModel
     from flexfem.verify.modes import Mode, NaturalModes, Vibration
 
 app = typer.Typer()
@@ -29,13 +30,15 @@ def modes(
         typer.Option(metavar="MASS INERTIA", help="On the platform: kg, and kg mm^2 about the platform centre."),
     ] = (0.0, 0.0),
     drives: Annotated[str, typer.Option(help="disengaged, or engaged: stacks as springs.")] = "disengaged",
+    damping: Annotated[float, typer.Option(help="Of every mode, % of critical; assumed.")] = 1.0,
     resolution: Annotated[int, typer.Option(min=4, max=64, help="Triangles across every neck, finest mesh.")] = 8,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Natural frequencies and mode shapes in the plane, by finite elements and by the analytic models.
 
-    With an output folder also the figure of the modes, their shapes as VTU, and an animation (GIF) of each.
+    With an output folder also the figure of the modes, their shapes as VTU, and an animation (GIF) of each; the
+    frequency response drawn; state space and Craig-Bampton matrices as .npz and .mat.
     """
     from flexfem import reports
     from flexfem.stage.schema import load_feasible
@@ -44,20 +47,25 @@ def modes(
     told = console.counted(3, "meshing and solving")
     found = reports.vibration(loaded, count, payload, drives, resolution, told)  # type: ignore[arg-type]
     if output is not None:
-        _write(found, output / f"{stage.stem}-modes.json")
+        _write(found, reports.reduced(loaded, found, damping), output / f"{stage.stem}-modes.json")
     console.show(found.record, json, print_modes)
 
 
-def _write(found: Vibration, path: Path) -> None:
-    """The record and its figure, all shapes as fields of one VTU file, and an animation of each."""
+def _write(found: Vibration, model: DynamicModel, path: Path) -> None:
+    """The record and its figure, all shapes as fields of one VTU file, an animation of each; the reduced model."""
     from flexfem.fem.export import write_vtu
     from flexfem.plot.modes import modes_figure, write_animation
+    from flexfem.plot.response import response_figure
+    from flexfem.plot.write import write_beside
 
     console.keep(found.record, path, lambda _: modes_figure(found))
     shapes = {f"mode {number}": field for number, field in enumerate(found.fields, start=1)}
     write_vtu(found.structure.mesh, path.with_suffix(".vtu"), shapes)
     for number in range(1, len(shapes) + 1):
         write_animation(found, number, path.with_name(f"{path.stem}-{number}.gif"))
+    for ending in (".npz", ".mat"):
+        model.write(path.with_suffix(ending))
+    write_beside(path.with_name(f"{path.stem}-response.npz"), response_figure(model, found.record))
 
 
 def print_modes(of: NaturalModes) -> None:

@@ -52,7 +52,10 @@ def test_modes_print_and_write(flexfem, project, tmp_path):
     code, out, _ = flexfem("modes", path, "--resolution", 4, "--count", 1, "-o", out_folder, "--drives", "engaged")
     assert code == 0 and "drives engaged" in out and "frequency (Hz)" in out and "their own mass is left out" in out
     names = sorted(each.name for each in out_folder.iterdir())
-    assert names == sorted(f"mobility3-modes{end}" for end in (".json", ".png", ".pdf", ".vtu", "-1.gif"))
+    assert names == sorted(
+        f"mobility3-modes{end}"
+        for end in (*(".json", ".png", ".pdf", ".vtu", ".npz", ".mat"), *("-1.gif", "-response.png", "-response.pdf"))
+    )
 
 
 def test_of_unlike_chains_the_shares_lie_in_all_directions():

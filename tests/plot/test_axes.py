@@ -80,6 +80,11 @@ def lived() -> Any:
     return flexfem.life(stage, [0.05, 0.02, 3e-4], ratio=0, resolution=4)
 
 
+@cache
+def responding() -> Any:
+    return flexfem.dynamic_model(flexfem.load(STAGE), 2, resolution=4)
+
+
 DRAWN: dict[str, Any] = {
     "plot_across": lambda made: (made.workspace(), "y"),
     "plot_along": lambda made: (made.workspace(), "x"),
@@ -108,6 +113,7 @@ DRAWN: dict[str, Any] = {
     "plot_region": lambda made: (identified(),),
     "plot_remains": lambda made: (pushed(), "y"),
     "plot_remainders": lambda made: (Remainders(STEPS, STEPS, STEPS, STEPS**2, 99),),
+    "plot_response": lambda made: (responding(), "theta", "load", "phase"),
     "plot_section": lambda made: (flexfem.reach(flexfem.load(STAGE), resolution=None),),
     "plot_shapes": lambda made: (elastica(),),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
