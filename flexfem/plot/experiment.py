@@ -39,7 +39,7 @@ def experiment_figure(found: Experiment) -> Figure:
         plot_push(every[k], found, direction)
         every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
         plot_remains(every[3 + k], found, direction)
-    figure.legend(*_legend(every[0], every[3]), loc="outside lower center", ncols=5, frameon=False, handlelength=3.4)
+    figure.legend(*_legend(*every[:6]), loc="outside lower center", ncols=5, frameon=False, handlelength=3.4)
     return figure
 
 

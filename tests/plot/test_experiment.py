@@ -53,6 +53,8 @@ def test_readings_and_lines_are_those_of_the_record(found, direction, factor, un
         x, y = shown[label].get_data()
         assert (y[1] - y[0]) / (x[1] - x[0]) * factor == pytest.approx(slope, rel=1e-9)
     assert shown["line through the readings"].get_ydata()[0] == pytest.approx(push.intercept)
+    for label in lines:  # over what was read, no further
+        np.testing.assert_allclose(shown[label].get_xdata(), [0.0, factor * np.max(push.displacement)])
     assert f"({unit})" in ax.get_xlabel() and ax.get_ylabel().endswith("(N mm)" if direction == "theta" else "(N)")
     (text,) = (each.get_text() for each in ax.texts)
     assert own in text and f"{push.low:.5g}"[:5] in text and "95 %" in text
@@ -87,8 +89,15 @@ def test_the_region_holds_the_best_fit_and_shows_both_causes(stage):
     region, x, y = np.array(one.region.above), one.region.offset, one.region.fixture
     near = np.argmin(np.abs(np.array(x) - one.offset.value)), np.argmin(np.abs(np.array(y) - one.fixture["pole"].value))
     assert region[near] < one.region.limit == pytest.approx(5.9915, rel=1e-4) and region.max() > one.region.limit
-    assert "µm" in ax.get_xlabel() and "pole" in ax.get_ylabel()
+    assert ax.get_xlabel() == "offset of all necks (µm), positive wider"
+    assert ax.get_ylabel() == "pole, times as soft as described"
     low, high = ax.get_xlim()
     assert low < 1e3 * min(one.necks_alone.numbers[0], 0.0) and max(1e3 * one.offset.value, 0.0) < high
     said = " ".join(text.get_text() for text in identification_figure(one).texts).replace("\n", " ")
     assert one.finding in said
+
+
+def test_the_legend_names_what_one_panel_alone_shows(found):
+    push = found.pushed["x"].model_copy(update={"low": None, "high": None})
+    figure = experiment_figure(found.model_copy(update={"pushed": found.pushed | {"x": push}}))
+    assert "ends of the interval of the slope" in [text.get_text() for text in figure.legends[0].get_texts()]
