@@ -181,3 +181,16 @@ def test_necks_that_are_on_no_chart_are_fitted_by_another_formula():
     found = identify(thin, measured(made(reference(), 0.0, 1.0)))
     assert found.model == "paros-weisbord, elastic links"
     assert any("not on the hinge chart" in text for text in found.warnings)
+
+
+def test_confidence_and_dropped_numbers_set_what_a_cause_alone_is_allowed():
+    """Chi square without both numbers: 4.605 at 90 %, 5.991 at 95 %; the map's limit likewise."""
+    slopes, factor = made(reference(), 0.0, 0.0), 1 - 0.0113  # rigid pole; 2.3 standard deviations of theta
+    one = measured(slopes * np.array([1.0, 1.0, factor]), axes=(0, 2))
+    wide, narrow = identify(reference(), one), identify(reference(), one, confidence=90.0)
+    assert 4.605 < wide.neither.chi_square - wide.chi_square < 5.991
+    assert wide.neither.allowed and not narrow.neither.allowed
+    assert (wide.region.limit, narrow.region.limit) == (
+        pytest.approx(5.9915, rel=1e-4),
+        pytest.approx(4.6052, rel=1e-4),
+    )
