@@ -18,7 +18,7 @@ from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.drive_ranges import drive_answers
 from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares
-from flexfem.verify.driven_models import Commanding, commanding, stresses
+from flexfem.verify.driven_models import Commanding, commanding, driven_metal, stresses
 from flexfem.verify.limits import grouped, kinds
 from flexfem.verify.polytope import LinearLimits, Programs, image
 from flexfem.verify.reach import PoseFace, Reach, _inside, poses, ranges, reach
@@ -351,3 +351,16 @@ def test_round_off_is_no_radius_about_rest(stage):
 
 def test_a_distance_within_round_off_of_the_size_is_none():
     assert [_inside(distance, 0.02) for distance in (5e-20, -1.0, 3e-12, 1e-3)] == [0.0, 0.0, 0.0, 1e-3]
+
+
+def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
+    """Where contacts bind, forces by the model would let the metal go elsewhere."""
+    found, metal = reach(light, LOAD, (6, "paros-weisbord", False), 2), driven_metal(light, 2).of
+    first, drive = commanding(light, 6, "paros-weisbord", False), drive_of(light)
+    own, other = (
+        ranges(metal, drive, limits_of_commands(light, first, of, drive, LOAD), LOAD) for of in (metal, first.of)
+    )
+    assert found.elements is not None
+    for axis, each in found.elements.items():
+        assert each.free.high == pytest.approx(own[axis].free.high, rel=1e-9)
+    assert any(abs(own[axis].free.high / other[axis].free.high - 1) > 1e-4 for axis in own)
