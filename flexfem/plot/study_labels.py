@@ -127,8 +127,8 @@ def words(key: str) -> str:
             return f"{leaf}, chain {chain} {hinge}"
         case ["hinges", hinge]:
             return f"{leaf} of {hinge} hinges"
-        case ["platform"]:
-            return f"{leaf} of the platform"
+        case ["platform" | "frame" as body]:
+            return f"{leaf} of the {body}"
     return leaf
 
 

@@ -601,7 +601,8 @@ def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
 def test_every_key_reads_as_words_with_its_unit() -> None:
     seen = {}
     for key in keys():
-        (column,) = columns_of([Factor.model_validate({"key": key, "values": [0.25]})])
+        value = {"material.fatigue_strength_exponent": -0.1, "material.fatigue_strength_coefficient_mpa": 900.0}
+        (column,) = columns_of([Factor.model_validate({"key": key, "values": [value.get(key, 0.25)]})])
         found = factor(column)
         assert "_" not in found.label and "." not in found.label and found.name not in seen, key
         assert (found.unit == "") == (keys()[key].unit == 1.0 and not re.search(r"_(mm|mpa|m3)(\[\d\])?$", key)), key
@@ -609,6 +610,7 @@ def test_every_key_reads_as_words_with_its_unit() -> None:
     assert (
         seen["neck, chain 2 elbow"] == "override.2.elbow.neck_mm"
         and seen["link length 1"] == "chain.link_lengths_mm[0]"
+        and seen["expansion of the frame"] == "frame.expansion_um_per_m_k"
     )
 
 
