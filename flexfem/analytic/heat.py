@@ -1,6 +1,6 @@
 """Thermal drift by the pseudo-rigid model: links that grow and bow, base hinges that the frame carries along.
 
-A straight piece of length L along e, from a to b, at the temperature `dT + g . r` grows by `alpha T_m L`, T_m that of
+A straight piece of length L along e, from a to b, at the temperature dT + g . r grows by `alpha T_m L`, T_m that of
 its middle, and bows by `theta = -alpha L g . n`, n at right angles to its left: the warmer side gets longer. Chain by
 chain the pieces frame, pad, link 1, link 2 and platform close a loop from the platform's centre over ground and hinges
 back to it. What does not fit, t_i, the hinges and elastic links take up: with the wrenches w_i of the chains on the
@@ -8,7 +8,7 @@ platform
 
     U = t_i + c_i w_i + sum_j B_ij w_j,    sum_i w_i = 0.
 
-`dT` and the gradient are about the platform's centre, where stage and frame are taken to be alike before the change.
+The change dT and the gradient are about the platform's centre, where stage and frame are taken to be alike before the change.
 """
 
 from __future__ import annotations

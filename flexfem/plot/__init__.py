@@ -23,7 +23,7 @@ _HOMES = {
     "model_sketch": ("plot_model",),
     "modes": ("plot_mode",),
     "reach": ("plot_section", "plot_solid"),
-    "response": ("plot_response",),
+    "frequency_response": ("plot_response",),
     "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
     "study_map": ("plot_map",),
     "study_pareto": ("plot_front",),

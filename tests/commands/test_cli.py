@@ -394,7 +394,7 @@ def test_a_hinge_off_the_chart_is_named_with_file_and_line(flexfem, project):
     path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
     code, out, err = flexfem("stiffness", path, "--formula", "calibrated")
     assert (code, out) == (2, "")
-    assert "mobility6.toml, line 21: hinges.base.neck_mm = 0.05" in err
+    assert "mobility6.toml, line 22: hinges.base.neck_mm = 0.05" in err
 
 
 def test_a_wrong_value_in_a_curve_is_named_itself(flexfem, project):

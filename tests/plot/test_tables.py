@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, tables
@@ -62,6 +63,8 @@ DOUBTS = {"warnings": [], "assumed": [], "not_stated": []}
 STIFFNESS = StiffnessReport(
     *("", "S", "", "plane_stress", 6, "koster", "", False, MATRIX, INVERSE),
     hinge_compliance=None,
+    neck_stress=np.arange(1.0, 28.0).reshape(3, 3, 3)[::-1, [1, 2, 0]] * [1.5, 2.5, 350.0],
+    stress_accuracy="as far off as that",
     **DOUBTS,
 )
 LOADED = LoadReport(
@@ -88,6 +91,18 @@ def test_matrices_are_printed_row_by_row_with_their_units(cells, show, facts, na
         at = rows.index([title])
         cut = [re.split(r"\s+", " ".join(row)) for row in rows[at + 1 : at + 4]]
         assert numbers(cut) == matrix
+
+
+def test_the_highest_neck_stress_is_named_with_its_neck_in_units_of_each_direction(cells):
+    """Of 1 to 27 MPa per mm, mm and rad, the highest are at the elbow hinge of chain 1."""
+    rows = [" ".join(row) for row in cells(tables.print_stiffness, STIFFNESS)]
+    at = rows.index("highest neck stress per displacement, the others held:")
+    assert rows[at + 1 : at + 5] == [
+        "x 0.0375 MPa/um, elbow hinge, chain 1",
+        "y 0.065 MPa/um, elbow hinge, chain 1",
+        "theta 9.45 MPa/mrad, elbow hinge, chain 1",
+        "stress: as far off as that",
+    ]
 
 
 def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells):

@@ -160,6 +160,6 @@ def test_what_the_run_cannot_say_is_said(stage):
     assert experiment(stage, FIXTURE).warnings == []
     strong = changed(actuator={"stroke": 9.0}, run={"increment": 0.4})
     assert "beyond the yield strength" in " ".join(experiment(stage, strong).warnings)
-    for sensor, what in (("lvdt", "displacement"), ("sensor", "load")):
+    for sensor, what, step in (("lvdt", "displacement", 0.9), ("sensor", "load", 900.0)):  # mm, N
         with pytest.raises(ComputationFailed, match=f"the {what} read in x does not change with the stroke"):
-            experiment(stage, changed(**{sensor: {"noise": 0.0, "resolution": 900.0}}))
+            experiment(stage, changed(**{sensor: {"noise": 0.0, "resolution": step}}))
