@@ -8,7 +8,7 @@ platform
 
     U = t_i + c_i w_i + sum_j B_ij w_j,    sum_i w_i = 0.
 
-The change dT and the gradient are about the platform's centre, where stage and frame are taken to be alike before the change.
+The change dT and the gradient are about the platform's centre; before it, stage and frame are taken to be alike.
 """
 
 from __future__ import annotations
