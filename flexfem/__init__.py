@@ -8,6 +8,7 @@
     flexfem.errors(thin, mobility=6)                   # per cent (3, 3) with bands
     found = flexfem.budget(thin)                       # the record that `flexfem budget` prints; so for every command
     flexfem.plot.plot_budget(ax, found, "x")           # on axes of one's own; so for every result
+    flexfem.export(thin, "part.dxf", kerf=0.3)         # the part for the workshop, also .step and .svg
     flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for pandas
 
 Numbers are mm, N, MPa and rad, vectors x, y, theta. Nothing is loaded before it is used.
@@ -21,40 +22,49 @@ if TYPE_CHECKING:
     from flexfem.analytic.fatigue import fit_basquin as fit_basquin
     from flexfem.analytic.formulas import formulas as formulas
     from flexfem.analytic.formulas import register_formula as register_formula
-    from flexfem.api import AnalyticModel as AnalyticModel
-    from flexfem.api import ElementModel as ElementModel
     from flexfem.api import Errors as Errors
     from flexfem.api import analyse as analyse
     from flexfem.api import errors as errors
     from flexfem.api import load as load
     from flexfem.api import solve as solve
-    from flexfem.commands.baseline.store import regression as regression
+    from flexfem.commands.baseline.regression import baseline as baseline
+    from flexfem.commands.baseline.regression import regression as regression
+    from flexfem.models import AnalyticModel as AnalyticModel
+    from flexfem.models import ElementModel as ElementModel
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports import Verification as Verification
-    from flexfem.reports import as_built as as_built
-    from flexfem.reports import benchmark as benchmark
-    from flexfem.reports import budget as budget
-    from flexfem.reports import check as check
-    from flexfem.reports import claims as claims
-    from flexfem.reports import command as command
-    from flexfem.reports import converge as converge
-    from flexfem.reports import cross_check as cross_check
-    from flexfem.reports import drift as drift
-    from flexfem.reports import dynamic_model as dynamic_model
-    from flexfem.reports import experiment as experiment
-    from flexfem.reports import identify as identify
-    from flexfem.reports import life as life
-    from flexfem.reports import mesh as mesh
-    from flexfem.reports import modes as modes
-    from flexfem.reports import reach as reach
-    from flexfem.reports import stiffness as stiffness
-    from flexfem.reports import summary as summary
-    from flexfem.reports import under_load as under_load
-    from flexfem.reports import under_load_solid as under_load_solid
-    from flexfem.reports import verification as verification
-    from flexfem.reports import vibration as vibration
-    from flexfem.reports import workspace as workspace
+    from flexfem.reports.drive import command as command
+    from flexfem.reports.drive import reach as reach
+    from flexfem.reports.drive import workspace as workspace
+    from flexfem.reports.experiment import experiment as experiment
+    from flexfem.reports.experiment import identify as identify
+    from flexfem.reports.heat import drift as drift
+    from flexfem.reports.heat import drift_fields as drift_fields
+    from flexfem.reports.heat import drift_fields_solid as drift_fields_solid
+    from flexfem.reports.heat import drift_solid as drift_solid
+    from flexfem.reports.life import life as life
+    from flexfem.reports.load import under_load as under_load
+    from flexfem.reports.load import under_load_solid as under_load_solid
+    from flexfem.reports.modes import dynamic_model as dynamic_model
+    from flexfem.reports.modes import modes as modes
+    from flexfem.reports.modes import modes_solid as modes_solid
+    from flexfem.reports.modes import vibration as vibration
+    from flexfem.reports.modes import vibration_solid as vibration_solid
+    from flexfem.reports.part import export as export
+    from flexfem.reports.part import new_stage as new_stage
+    from flexfem.reports.part import view as view
+    from flexfem.reports.stage import as_built as as_built
+    from flexfem.reports.stage import check as check
+    from flexfem.reports.stage import mesh as mesh
+    from flexfem.reports.stage import stiffness as stiffness
+    from flexfem.reports.stage import summary as summary
+    from flexfem.reports.validation import benchmark as benchmark
+    from flexfem.reports.validation import cross_check as cross_check
+    from flexfem.reports.verification import Verification as Verification
+    from flexfem.reports.verification import budget as budget
+    from flexfem.reports.verification import claims as claims
+    from flexfem.reports.verification import converge as converge
+    from flexfem.reports.verification import verification as verification
     from flexfem.stage.actuators import Actuator as Actuator
     from flexfem.stage.materials import Material as Material
     from flexfem.stage.materials import materials as materials
@@ -79,39 +89,27 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
-    "api": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
+    "api": ("Errors", "analyse", "errors", "load", "solve"),
+    "models": ("AnalyticModel", "ElementModel"),
     "refused": ("BadInput", "ComputationFailed"),
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),
     "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
     "analytic.fatigue": ("Basquin", "fit_basquin"),
     "analytic.formulas": ("formulas", "register_formula"),
-    "reports": (
-        *(
-            "Verification",
-            "as_built",
-            "benchmark",
-            "budget",
-            "check",
-            "claims",
-            "command",
-            "converge",
-            "cross_check",
-            "drift",
-            "dynamic_model",
-            "experiment",
-            "identify",
-            "life",
-            "mesh",
-            "modes",
-            "reach",
-            "stiffness",
-        ),
-        *("summary", "under_load", "under_load_solid", "verification", "vibration", "workspace"),
-    ),
+    "reports.drive": ("command", "reach", "workspace"),
+    "reports.experiment": ("experiment", "identify"),
+    "reports.heat": ("drift", "drift_fields", "drift_fields_solid", "drift_solid"),
+    "reports.life": ("life",),
+    "reports.load": ("under_load", "under_load_solid"),
+    "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
+    "reports.part": ("export", "new_stage", "view"),
+    "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
+    "reports.validation": ("benchmark", "cross_check"),
+    "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
-    "commands.baseline.store": ("regression",),
+    "commands.baseline.regression": ("baseline", "regression"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 

@@ -60,6 +60,13 @@ def positive(what: str, value: Any, most: float) -> float:
     return float(value)
 
 
+def between(what: str, value: Any, least: float, most: float, why: str = "") -> float:
+    """A number from `least` to `most`. Raises BadInput that says `why`."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not least <= float(value) <= most:
+        raise BadInput(f"{what} {value!r}, expected a number from {least:g} to {most:g}{why}")
+    return float(value)
+
+
 def integer(what: str, value: Any, most: int) -> int:
     """An integer from 1 to `most`. Raises BadInput."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:

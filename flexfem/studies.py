@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
-    from flexfem.plot.study import Record, Source
+    from flexfem.plot.study_records import Record, Source
     from flexfem.study.collect import Collected
     from flexfem.study.findings import Shown
     from flexfem.study.parts import Parts
@@ -103,7 +103,10 @@ def pool_for(
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """How many designs of a study are done, refused, failed with reasons, and open. Raises BadInput."""
+    """How many designs of a study are done, refused, failed with reasons, and open, as `flexfem study status --json`.
+
+    Raises BadInput when the file cannot be used.
+    """
     from flexfem.files.writing import check_folder
     from flexfem.study_answers import status_facts
 
@@ -162,7 +165,8 @@ def _collected(parts: Parts, to: PathLike | None, partitioned: bool, partial: bo
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    from flexfem.plot.study import Source, named
+    from flexfem.plot.study import named
+    from flexfem.plot.study_records import Source
     from flexfem.study.collected import read_table
     from flexfem.study.findings import findings
     from flexfem.study.probes import nominal, unseen

@@ -51,6 +51,10 @@ UNITS = {  # by what keys of files and columns of studies end in
     "kg": Unit(1e3, "kg"),  # of tonne, which goes with N, mm and s
     "kg_mm2": Unit(1e3, "kg mm²"),
     "um_per_m_k": Unit(1e6, "µm/(m K)"),
+    "um_per_k": Unit(1e3, "µm/K"),
+    "urad_per_k": Unit(1e6, "µrad/K"),
+    "um_per_k_per_mm": Unit(1e3, "µm/(K/mm)"),
+    "urad_per_k_per_mm": Unit(1e6, "µrad/(K/mm)"),
 }
 DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
 NONE = Unit(1.0, "")

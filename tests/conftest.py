@@ -6,15 +6,21 @@ import copy
 import shutil
 import sys
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
+import flexfem as flexfem_package
 from flexfem.commands import cli
-from flexfem.stage.schema import Stage
+from flexfem.fem.solid_modes import solid_modes
+from flexfem.stage.schema import Stage, load_stage
+from flexfem.validate.vibrating_solids import third
+from flexfem.verify import solid_modes as verify_solid_modes
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine
@@ -98,6 +104,12 @@ def project(tmp_path: Path) -> Project:
 
 
 @pytest.fixture
+def unrendered(monkeypatch: Any) -> None:
+    """Figures are drawn, but their files hold the name of their form: pixels and pages take longest by far."""
+    monkeypatch.setattr("flexfem.plot.write.rendered", lambda figure, form: form.encode())
+
+
+@pytest.fixture
 def flexfem(monkeypatch: Any, capsys: Any, tmp_path: Path) -> Callable[..., tuple[Any, str, str]]:
     """Run a command in an empty folder; returns exit code, standard output and standard error."""
     folder = tmp_path / "empty"
@@ -115,3 +127,23 @@ def flexfem(monkeypatch: Any, capsys: Any, tmp_path: Path) -> Callable[..., tupl
         return code, captured.out, captured.err
 
     return run
+
+
+def annulus_for_stage(patch: pytest.MonkeyPatch) -> None:
+    """Have modes in three dimensions be those of an annulus with a hub, coarse, whatever the stage."""
+
+    def of_annulus(columns: int, *others: Any) -> Any:
+        sector = third(columns, 3, 0.7)
+        mesh = sector.mesh._replace(bodies=np.full(len(sector.mesh.triangles), 3))
+        return solid_modes((sector._replace(mesh=mesh),), *others)
+
+    patch.setattr(verify_solid_modes, "mesh_sectors", lambda _, level: level)
+    patch.setattr(verify_solid_modes, "solid_modes", of_annulus)
+
+
+@cache
+def annular_vibration() -> Any:
+    """Seven modes of that annulus with a payload, as if it were the reference stage."""
+    with pytest.MonkeyPatch.context() as patch:
+        annulus_for_stage(patch)
+        return flexfem_package.vibration_solid(load_stage(ROOT / "geometry" / "mobility6.toml"), 7, (0.3, 20.0), 16.0)

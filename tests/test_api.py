@@ -410,6 +410,7 @@ values = [9.0, 10.0]
 """
 
 
+@pytest.mark.slow
 def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_from_a_file(tmp_path):
     """Twice as stiff as by Koster's, and of a metal twice as stiff."""
     (tmp_path / "own.py").write_text(OWN)
@@ -429,7 +430,7 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_f
     assert refused.returncode == 2 and "none.py: cannot be read: No such file" in refused.stderr
     with pytest.raises(flexfem.BadInput, match="registered material"):
         flexfem.load(tmp_path / "stage.toml")
-    for step in (("run",), ("collect", "--to", "out/study.parquet")):
+    for step in (("run", "--workers", 1), ("collect", "--to", "out/study.parquet")):
         done = run("--with", "own.py", "study", step[0], "study.toml", "--output", "out", *step[1:])
         assert done.returncode == 0, done.stderr
     place = tmp_path / "out/study.parquet"

@@ -93,8 +93,8 @@ def test_the_table_of_claims_is_what_claims_printed():
     rows = table("| claim, in our words | verdict | holds in | found on the reference stages |")
     names = (
         "six-commanded", "six-across", "three-along", "three-across", "six-better", "axial-cause", "larger-radius",
-        "rotation-more", "diagonal", "second-order", "second-order-error", "minimum-energy", "measured-stiffness",
-        "stiffer-simulated",
+        "rotation-more", "diagonal", "second-order", "second-order-error", "minimum-energy", "temperature-gradient",
+        "measured-stiffness", "stiffer-simulated",
     )  # fmt: skip
     found, said = {}, {}
     for name, (_, verdict, share, text) in zip(names, rows, strict=True):
@@ -109,6 +109,9 @@ def test_the_table_of_claims_is_what_claims_printed():
     require_shown(found["second-order-error"], value["second-order-error"])
     require_shown(found["rotation-more"], value["rotation-more"])
     require_shown(found["larger-radius"][:1], value["larger-radius"])
+    of_gradients = value["temperature-gradient"]
+    require_shown(found["temperature-gradient"][:2], (min(of_gradients), max(of_gradients)))
+    assert f"-{found['temperature-gradient'][2]}" in verdicts["temperature-gradient"]["found"]
     assert f"it {re.findall(NUMBER, said['larger-radius'])[-1]} times as large" in verdicts["larger-radius"]["found"]
     x = {
         (each["name"].partition(",")[0].partition(":")[0], each["mobility"]): each["along"]["x"]

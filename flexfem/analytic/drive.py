@@ -23,8 +23,8 @@ from flexfem.analytic.notch import Compliance
 from flexfem.analytic.platform import platform_compliance
 from flexfem.arrays import Array, inverse
 from flexfem.stage.bodies import centrelines
-from flexfem.stage.contacts import LINKS, Push, Stack, Station, chain_rotation, share_beyond
-from flexfem.stage.designs import Frames, stage_frames
+from flexfem.stage.contacts import LINKS, Push, Stack, Station, share_beyond
+from flexfem.stage.designs import Frames, chain_rotation, stage_frames
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import CHAINS, Stage
 

@@ -13,30 +13,31 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.drive import LinkParts, driven, link_parts
-from flexfem.analytic.kinematics import Freedoms
+from flexfem.analytic.kinematics import Freedoms, mobility
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
 from flexfem.stage.bodies import BODIES, centrelines
-from flexfem.stage.contacts import LINKS, Push, Stack, Station, chain_rotation
-from flexfem.stage.designs import Frames, stage_frames
+from flexfem.stage.contacts import LINKS, Push, Stack, Station
+from flexfem.stage.designs import Frames, chain_rotation, stage_frames
 from flexfem.stage.inertia import Payload, body_moments, hub_moments, inertia_of, mass_per_area, payload_matrix
 from flexfem.stage.schema import CHAINS, Stage
 
 PLATFORM = BODIES.index("platform")
 ON_BODIES = 6 * len(CHAINS)  # twists of links
 FREEDOMS = 3 + ON_BODIES  # and of the platform
-HELD = 1e-12  # of the largest eigenvalue of C M: what is less is round-off of a freedom that hinges do not have
 
 
 class Dynamics(NamedTuple):
     """Of n designs, or one without an axis: bodies in the order platform, then link 1 and link 2 of every chain.
 
     compliance, mass : (..., 21, 21), of the bodies' twists x, y, theta at the platform centre: mm, rad, N, tonne.
+    rank : of the compliance, the mobility; its other eigenvalues are round-off.
     """
 
     compliance: Array
     mass: Array
+    rank: int
 
     @property
     def frequencies(self) -> Array:
@@ -46,7 +47,7 @@ class Dynamics(NamedTuple):
         A = np.swapaxes(L, -1, -2) @ self.compliance @ L
         bad = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
         values = np.linalg.eigvalsh(np.where(bad, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[..., ::-1]
-        held = values <= HELD * values[..., :1]
+        held = (np.arange(FREEDOMS) >= self.rank) | (values <= 0)
         found = np.where(held, np.inf, 1 / np.sqrt(np.where(held, 1.0, values)))
         return np.where(bad[..., 0], np.nan, found)
 
@@ -61,7 +62,8 @@ def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[S
     pushes = (*on_bodies(stage if of.links else None), *stacks)
     elastic = link_parts(stage, pushes) if of.links else None
     C = driven(stage_frames(stage), of.hinges, of.freedoms, pushes, elastic).compliance
-    return Dynamics(C, mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload))
+    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
+    return Dynamics(C, M, FREEDOMS if of.links else of.mobility)
 
 
 def engaged(of: Dynamics, rates: Array) -> Dynamics:
@@ -79,7 +81,8 @@ def many(
 
     elastic : (n, ...) each, of `elastic_bodies`; None where links are rigid.
     """
-    return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass)
+    rank = mobility(freedoms) if elastic is None else FREEDOMS
+    return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass, rank)
 
 
 def elastic_bodies(stage: Stage) -> LinkParts:

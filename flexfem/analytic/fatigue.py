@@ -9,15 +9,43 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from flexfem import arguments
+from flexfem.analytic.chains import concentration
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
-from flexfem.stage.materials import FLATTEST, STEEPEST, Material
+from flexfem.stage.materials import FLATTEST, STEEPEST, SWT, Material, materials
 
-SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson and Topper
+KEY = "material.fatigue_strength_coefficient_mpa"
 RANGE = (1e3, 1e6)  # cycles, where no source says; below, plastic strain counts, above, curves bend: assumed
 ONE_REVERSAL = 0.5  # cycles
 TWO_STRESSES = 1e-9  # of log10 of the stress: less is one stress
 FEWEST = 3  # points: with two there is no scatter
+
+
+def cycles_at(amplitude: ArrayLike, coefficient: ArrayLike, exponent: ArrayLike) -> Array:
+    """Cycles (...) by Basquin's law at fully reversed amplitudes (...), MPa; inf at zero."""
+    with np.errstate(divide="ignore", over="ignore"):
+        ratio = np.asarray(amplitude, dtype=float) / np.asarray(coefficient, dtype=float)
+        return np.asarray(ONE_REVERSAL * ratio ** (1.0 / np.asarray(exponent, dtype=float)))
+
+
+def amplitude_at(cycles: ArrayLike, coefficient: ArrayLike, exponent: ArrayLike) -> Array:
+    """Fully reversed amplitude (...), MPa, that fails at cycles (...) by Basquin's law."""
+    reversals = np.asarray(cycles, dtype=float) / ONE_REVERSAL
+    return np.asarray(coefficient * reversals ** np.asarray(exponent, dtype=float))
+
+
+def counted(ratio: Array, sensitivity: float) -> Array:
+    """Part of the stress at a notch of t/R = `ratio` (...) that counts for fatigue, by the notch sensitivity q, 0 to 1.
+
+    Notes
+    -----
+    `(1 + q (K - 1)) / K`, R. E. Peterson's definition of q as in Dowling, Mechanical Behavior of Materials, Sec. 10.2,
+    with the concentration K of bending, by which nearly all of the stress comes; that of tension is 4 % larger at
+    t/R = 1/3.
+    """
+    K = concentration(ratio).bending
+    return np.asarray((1.0 + sensitivity * (K - 1.0)) / K)
 
 
 class Basquin(NamedTuple):
@@ -35,13 +63,11 @@ class Basquin(NamedTuple):
 
     def cycles(self, amplitude: ArrayLike) -> Array:
         """Cycles (...) to failure at fully reversed amplitudes (...), MPa; inf at zero."""
-        with np.errstate(divide="ignore", over="ignore"):
-            ratio = np.asarray(amplitude, dtype=float) / self.coefficient
-            return np.asarray(ONE_REVERSAL * ratio ** (1.0 / self.exponent))
+        return cycles_at(amplitude, self.coefficient, self.exponent)
 
     def amplitude(self, cycles: ArrayLike) -> Array:
         """Fully reversed amplitude (...), MPa, that fails at cycles (...)."""
-        return np.asarray(self.coefficient * (np.asarray(cycles, dtype=float) / ONE_REVERSAL) ** self.exponent)
+        return amplitude_at(cycles, self.coefficient, self.exponent)
 
 
 def checked_law(law: Basquin | BasquinFit) -> Basquin:
@@ -96,7 +122,16 @@ def law_of(material: Material) -> Basquin | None:
     )
 
 
-def equivalent(amplitude: Array, mean: Array, walker: float) -> Array:
+def required_law(material: Material, instead: str = "") -> Basquin:
+    """As `law_of`. Raises BadInput where there is none; `instead` is what else would do."""
+    found = law_of(material)
+    if found is None:
+        known = ", ".join(name for name, each in materials().items() if law_of(each))
+        raise BadInput(f"{KEY} is missing: expected fatigue constants, as {known} have them{instead}")
+    return found
+
+
+def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
     """Fully reversed amplitude (...) of the same life as amplitudes and means (...), MPa; zero without tension.
 
     Notes
@@ -140,13 +175,12 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
         raise BadInput(f"{x.size} stresses and {y.size} cycles, expected as many of both, {FEWEST} or more")
     if np.ptp(x) < TWO_STRESSES:
         raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
-    if not isinstance(confidence, int | float) or not 50 <= confidence <= 99.9:
-        raise BadInput(f"confidence {confidence!r}, expected a number from 50 to 99.9")
+    confidence = arguments.between("confidence", confidence, 50.0, 99.9)
     line = stats.linregress(x, y)
     slope, error, n = float(line.slope), float(line.stderr), x.size
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
-        said = f"exponent of {1.0 / slope:.3g}" if slope else "life that does not change with stress"
-        raise BadInput(f"S-N points give an {said}, expected {STEEPEST:g} to {FLATTEST:g}: life falls with stress")
+        said = f"an exponent of {1.0 / slope:.3g}" if slope else "a life that does not change with stress"
+        raise BadInput(f"S-N points give {said}, expected {STEEPEST:g} to {FLATTEST:g}: life falls with stress")
     quantile = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2))
     at = [float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)]
     ends = _fieller(x, y, slope, quantile)

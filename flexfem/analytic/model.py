@@ -69,6 +69,18 @@ class AnalyticResult(NamedTuple):
     wrench: Wrench
     stress: Array
 
+    @property
+    def name(self) -> str:
+        """Formula and mobility, in words."""
+        return f"{self.formula}, elastic links" if self.links else f"{self.formula}, mobility {self.mobility}"
+
+    def neck_stress(self, stage: Stage, poses: Array) -> Array:
+        """Largest von Mises stress (..., 3 chains, 3 hinges), MPa, with the platform of its stage at poses (..., 3)."""
+        design = lower(stage)
+        carried = Wrench(*(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench))
+        sizes = design.radius[0], design.neck[0], design.thickness[0]
+        return neck_stress(carried, *sizes, design.out_of_plane[0])[..., 0]
+
 
 def hinge_compliances(designs: Designs, formula: str) -> Compliance:
     """Compliances of all hinges, fields (n, 3 chains, 3 hinges), in the designs' plane; nan off a chart.

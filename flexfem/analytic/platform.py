@@ -89,16 +89,16 @@ def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     """
     neck, hinge, hub = necks(stage, chain)[2], stage.hinge(chain, "platform"), stage.platform.hub_radius
     left, right = (body_sides(stage, chain, side)[3] for side in (1, -1))
-    size, spin = _size(stage, neck, hinge), cmath.exp(1j * CHAIN_TURN)
+    size, spin = element_size(stage, neck, hinge), cmath.exp(1j * CHAIN_TURN)
     rim, circle = Segment(right[-1].end, left[-1].end * spin, 0j), Segment(hub + 0j, hub * spin.conjugate(), 0j)
     parts = [
         divided([Segment(left[0].start, right[0].start)], size, TURN),
         divided([*right, *reverse(left)], size, TURN),
         divided([rim, circle], lambda _: _ring(stage), TURN),
     ]
-    boundary, part = _joined(parts)
+    boundary, part = joined(parts)
     held = np.abs(boundary.nodes) < (hub + stage.platform.radius) / 2
-    loads = _beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
+    loads = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
     return _work(boundary, loads, held, poissons_ratio, len(CHAINS))
 
 
@@ -118,9 +118,9 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     edge, back = complex(end, -width / 2), complex(end, width / 2)
     sides = [*right, *polyline(right[-1].end, edge)], [*polyline(back, left[-1].end), *reverse(left)]
     paths = [[Segment(left[0].start, right[0].start)], sides[0], [Segment(edge, back)], sides[1]]
-    boundary, part = _joined([divided(path, _size(stage, neck, hinge), TURN) for path in paths])
-    near = _beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
-    moment, pull, across = _beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
+    boundary, part = joined([divided(path, element_size(stage, neck, hinge), TURN) for path in paths])
+    near = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
+    moment, pull, across = beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
     loads = near - np.stack([moment, pull, across - end * moment], axis=-1)
     (block,) = _work(boundary, loads, np.zeros(len(part), dtype=bool), nu) * 2 * (1 + nu)
     bending = 12 / width**3 * np.array([end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3])
@@ -130,7 +130,9 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     return np.asarray((block - beam) / (E * stage.thickness))
 
 
-def _size(stage: Stage, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
+def element_size(stage: Stage, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
+    """Largest elements, mm, by their place, on a body with a neck at a pose."""
+
     def size(point: complex) -> float:
         away = max(0.0, abs(point - pose.point) - hinge.neck / 2)
         return min(COARSEST * stage.chain.link_width, ACROSS * hinge.neck + GROWTH * away)
@@ -138,13 +140,13 @@ def _size(stage: Stage, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
     return size
 
 
-def _joined(parts: list[Boundary]) -> tuple[Boundary, AnyArray]:
+def joined(parts: list[Boundary]) -> tuple[Boundary, AnyArray]:
     """One boundary, and for each of its nodes (n,) the part that it is from."""
     whole = Boundary(*(np.concatenate(ends) for ends in zip(*parts, strict=True)))
     return whole, np.repeat(np.arange(len(parts)), [len(part.nodes) for part in parts])
 
 
-def _beam_stress(pose: Pose, height: float, nodes: AnyArray, on: AnyArray) -> AnyArray:
+def beam_stress(pose: Pose, height: float, nodes: AnyArray, on: AnyArray) -> AnyArray:
     """Tractions (n, 3) of unit moment, force along, force across on the section `on` (n,): linear, even, parabolic."""
     along = cmath.exp(1j * pose.heading)
     up = ((nodes - pose.point) / along).imag

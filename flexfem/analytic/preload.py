@@ -33,8 +33,8 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.platform import platform_compliance
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Follows, Push, Stack, chain_rotation
-from flexfem.stage.designs import stage_frames
+from flexfem.stage.contacts import Follows, Push, Stack
+from flexfem.stage.designs import chain_rotation, stage_frames
 from flexfem.stage.schema import CHAINS, Stage
 
 ITERATIONS = 25
@@ -206,17 +206,17 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
         end = v + 1j * chain.turn * origin[-1]
         at.pose[mine] = origin[-1].real, origin[-1].imag, np.sum(phi)
         at.G[mine, chain.place] = end.real, end.imag, chain.turn
-        pulls = _both(chain.turn[:, None] * (np.conj(complex(*wrench[mine][:2])) * 1j * end).real)
+        pulls = chain.turn[:, None] * (np.conj(complex(*wrench[mine][:2])) * 1j * end).real
         for contact in chain.contacts:
             rate, second = _opening(chain, contact, spun, origin, v)
             at.J[contact.stack, chain.place] = rate
             pulls += force[contact.stack] * second
-        at.pulls.append(pulls)
+        at.pulls.append(_both(pulls))
     return at
 
 
 def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray) -> tuple[Array, Array]:
-    """First (k,) and second derivatives (k, k) of the opening of a stack by the joints.
+    """First (k,) and second derivatives of the opening of a stack by the joints; these (k, k) as an upper triangle.
 
     Notes
     -----
@@ -229,7 +229,7 @@ def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArra
     here = v + 1j * chain.turn * pivot
     rate, swing = (np.conj(push) * here).real, of.sign * (np.conj(push) * 1j * here).real
     turned = chain.turn[:, None] * swing if of.on_far else -swing[:, None] * chain.turn
-    return of.sign * (of.far - of.near) * rate, _both((1 - of.near)[:, None] * of.far * turned)
+    return of.sign * (of.far - of.near) * rate, (1 - of.near)[:, None] * of.far * turned
 
 
 def _both(upper: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
-from flexfem.units import COMMANDS, COMPLIANCES
+from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, UNITS, Unit
 
 if TYPE_CHECKING:
     from flexfem.validate.compare import CrossCheck
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.budget import Budget, ThreeDimensional
     from flexfem.verify.converge import MeshStudy
-    from flexfem.verify.result import Result
+    from flexfem.verify.result import NeckPeak, Result
     from flexfem.verify.workspace import Point, Workspace
 
 MODELS = ("without", "tangent", "exact", "elements", "loaded")  # of `workspace`, and what they are called
@@ -33,21 +33,41 @@ def print_results(results: Sequence[Result], output: Path) -> None:
     """Print the error percentages of every case."""
     out = people()
     out.print("error of the finite-element displacement, in per cent of the command")
-    out.print("(rotations against translations by the lever l3; ± is the mesh, by grid convergence)")
+    layers = ", and the layers" if any(each.elements == "three_dimensional" for each in results) else ""
+    out.print(f"(rotations against translations by the lever l3; ± is the mesh, by grid convergence{layers})")
     rows = (row for result in results for row in _errors(result))
     out.print(table(("case", "commanded", "model", "X %", "Y %", "theta %"), rows))
+    out.print(
+        "highest neck stress per displacement: of the model, the others held; of finite elements as they reached it"
+    )
+    out.print(table(("case", "", "model", "of the model", "", "of finite elements", ""), _peaks(results)))
     out.print(f"stored in {output}/")
     kinds = [[text for each in results for text in getattr(each, kind)] for kind in Ending._fields]
     print_ending(out, Ending(*(list(dict.fromkeys(texts)) for texts in kinds)))
 
 
+def _peaks(results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
+    """Highest neck stress of every curve by both models, with the neck."""
+    for result in results:
+        unit = STRESSES[DIRECTIONS.index(result.direction)]
+        for label, of in result.models.items():
+            band = "" if of.peak_band is None else f" ± {of.peak_band * unit.factor:.2g}"
+            cells = (*_peak(of.model_peak, unit, ""), *_peak(of.element_peak, unit, band))
+            yield (result.case, unit.plain, label, *cells)
+
+
+def _peak(of: NeckPeak | None, unit: Unit, band: str) -> tuple[str, str]:
+    return ("", "") if of is None else (f"{of.stress * unit.factor:.4g}{band}", f"{of.hinge}, chain {of.chain}")
+
+
 def _errors(result: Result) -> Iterator[tuple[str, ...]]:
-    from flexfem.plot.driven_text import COMMANDED
+    from flexfem.plot.driven_text import COMMANDED, OF_STAGE
 
     for label, percent in result.error_percent.items():
         bands = result.uncertainty[label]
         numbers = (f"{getattr(percent, axis):z.3f} ± {bands[axis].band:.3f}" for axis in DIRECTIONS)
-        yield (result.case, f"{result.direction}{COMMANDED[result.drive]}", label, *numbers)
+        commanded = f"{result.direction}{COMMANDED[result.drive]}{OF_STAGE[result.elements]}"
+        yield (result.case, commanded, label, *numbers)
 
 
 def print_convergence(of: MeshStudy) -> None:
@@ -74,6 +94,10 @@ def print_cross_check(of: CrossCheck) -> None:
     for check in of.checks:
         allowed = "only stated" if check.allowed is None else f"{check.allowed:.1e}"
         rows.append((check.quantity, f"{check.difference:.1e}", allowed, "" if check.passed else "TOO FAR"))
+    pairs = zip(of.kinds, of.frequencies, of.their_frequencies, strict=True)
+    found = ((kind, f"{a:.9g}", f"{b:.9g}", f"{b / a - 1:.1e}") for kind, a, b in pairs)
+    head = ("mode", f"flexfem ({UNITS['hz'].plain})", f"{of.solver} ({UNITS['hz'].plain})", "relative difference")
+    out.print(table(head, found))
     out.print(table(("largest relative difference", "is", "allowed", ""), rows))
     out.print(f"{of.seconds:.2f} s here, {of.their_seconds:.2f} s there; passed: {of.passed}")
     print_ending(out, of)

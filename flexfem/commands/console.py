@@ -49,6 +49,8 @@ Wanted = Annotated[Path | None, FOLDER]
 StageFile = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
+Analytic = Annotated[bool, typer.Option("--analytic", help="Without finite elements.")]
+Links = Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")]
 Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default `baselines` beside each file.")]
 MOST = 4  # processes that draw; each loads matplotlib and holds the fields that it draws
 
@@ -58,6 +60,21 @@ def check_finite(**amplitudes: float) -> None:
     for name, value in amplitudes.items():
         if not math.isfinite(value):
             raise BadInput(f"--{name.replace('_', '-')} {value}, expected a number")
+
+
+def check_links(links: bool, mobility: int | None) -> None:
+    """Raise BadInput for elastic links with a mobility that is not theirs."""
+    if links and mobility not in (None, 21):
+        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
+
+
+def finest(analytic: bool, resolution: int | None) -> int | None:
+    """The resolution of the finite elements, None without them. Raises BadInput when both options are given."""
+    from flexfem.reports.given import RESOLUTION
+
+    if analytic and resolution is not None:
+        raise BadInput("--analytic and --resolution, expected one of the two")
+    return None if analytic else resolution or RESOLUTION
 
 
 def check_within(option: str, values: tuple[float, ...] | None, largest: float) -> None:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_within
+from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted, check_within
 from flexfem.commands.tables import DIRECTIONS, numbers, people, print_ending, table
-from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
 
 if TYPE_CHECKING:
-    from flexfem.verify.command import Command, OpenLoop
+    from flexfem.verify.command import Command
+    from flexfem.verify.open_loop import OpenLoop
 
 app = typer.Typer()
 
@@ -30,8 +30,8 @@ def command(
     ] = (0.0, 0.0, 0.0),
     formula: Annotated[str | None, typer.Option(help="Hinge formula of the commanding model.")] = None,
     mobility: Annotated[int | None, typer.Option(help="Its mobility, with rigid links: 3, 6, 12 or 21.")] = None,
-    links: Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")] = False,
-    analytic: Annotated[bool, typer.Option("--analytic", help="Without finite elements.")] = False,
+    links: Links = False,
+    analytic: Analytic = False,
     resolution: Resolution = None,
     output: Wanted = None,
     json: Json = False,
@@ -40,16 +40,14 @@ def command(
 
     By default the model has calibrated hinges and elastic links.
     """
-    from flexfem import reports
+    from flexfem.reports import drive as reports
+    from flexfem.reports.given import LARGEST_LOAD, LARGEST_POSE
     from flexfem.stage.schema import load_feasible
 
-    check_within("--pose", pose, reports.LARGEST_POSE)
-    check_within("--load", load, reports.LARGEST_LOAD)
-    if links and mobility not in (None, 21):
-        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
-    if analytic and resolution is not None:
-        raise BadInput("--analytic and --resolution, expected one of the two")
-    finest = None if analytic else resolution or reports.RESOLUTION
+    check_within("--pose", pose, LARGEST_POSE)
+    check_within("--load", load, LARGEST_LOAD)
+    console.check_links(links, mobility)
+    finest = console.finest(analytic, resolution)
     loaded = load_feasible(stage)
     found = reports.command(loaded, pose, load, mobility, formula, links, finest)
     if output is not None:
@@ -98,10 +96,13 @@ def _criterion_rows(of: Command) -> Iterator[list[str]]:
     ):
         if all(each is not None for each in bands):
             yield [where, *(_prefixed(each or ()) for each in bands)]
-    yield [f"highest neck stress ({STRESS})", *(f"{_largest(one.stress):.4g}" for one in found)]
+    yield [f"highest neck stress ({STRESS})", *(_peak(one.stress) for one in found)]
     metal = [one.element_stress for one in found if one.element_stress is not None]
     if metal:
-        yield ["by finite elements", *(f"{_largest(stress):.4g}" for stress in metal)]
+        from flexfem.verify.warning import stress_below
+
+        low = "" if of.resolution is None else f", {stress_below(of.resolution)}"
+        yield [f"by finite elements{low}", *map(_peak, metal)]
 
 
 def _stiffness_rows(of: Command) -> Iterator[list[str]]:
@@ -130,6 +131,16 @@ def _changes(found: Sequence[float] | None, of: Sequence[float]) -> str:
 
 def _percent(share: float | None) -> str:
     return "none allowed" if share is None else f"{100 * share:.3g} %"
+
+
+def _peak(of: Sequence[Sequence[float]]) -> str:
+    """The highest stress of the necks, and where."""
+    import numpy as np
+
+    from flexfem.verify.result import NeckPeak
+
+    peak = NeckPeak.of(np.array(of))
+    return f"{peak.stress:.4g} ({peak.hinge}, chain {peak.chain})"
 
 
 def _largest(of: Sequence[Sequence[float]]) -> float:

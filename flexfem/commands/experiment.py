@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.console import Json, Resolution, StageFile, Wanted
+from flexfem.commands.console import Json, Links, Resolution, StageFile, Wanted
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
 from flexfem.refused import BadInput
 from flexfem.units import COMPLIANCES, LENGTH, MICROMETRE, STIFFNESSES, Unit
@@ -35,7 +35,7 @@ def experiment(
     ] = None,
     formula: Annotated[str, typer.Option(help="Hinge formula of the model in the table.")] = "paros-weisbord",
     mobility: Annotated[int | None, typer.Option(help="Its mobility; default: the file's prismatic hinges.")] = None,
-    links: Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")] = False,
+    links: Links = False,
     analytic: Annotated[
         bool, typer.Option("--analytic", help="Calibrated hinges and elastic links instead of finite elements.")
     ] = False,
@@ -44,15 +44,12 @@ def experiment(
     json: Json = False,
 ) -> None:
     """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Fig. 11), and Table II."""
-    from flexfem import reports
+    from flexfem.reports import experiment as reports
     from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
-    if links and mobility not in (None, 21):
-        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
-    if analytic and resolution is not None:
-        raise BadInput("--analytic and --resolution, expected one of the two")
-    finest = None if analytic else resolution or reports.RESOLUTION
+    console.check_links(links, mobility)
+    finest = console.finest(analytic, resolution)
     found = reports.experiment(loaded, fixture, measured, mobility, formula, links, finest)
     if output is not None:
         from flexfem.plot.experiment import experiment_figure
@@ -76,7 +73,7 @@ def identify(
     json: Json = False,
 ) -> None:
     """Which offset of all necks and which soft fixture fit measured slopes, and whether these can tell them apart."""
-    from flexfem import reports
+    from flexfem.reports import experiment as reports
     from flexfem.stage.schema import load_feasible
 
     console.check_finite(confidence=confidence)

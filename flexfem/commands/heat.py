@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.console import Json, Resolution, StageFile, Wanted
+from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted
+from flexfem.commands.solid_drift import band_texts, highest, pose_texts, print_solid_drift, write_solid
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
-from flexfem.refused import BadInput
-from flexfem.units import EXPANSION, STRESS, unit_for
+from flexfem.units import EXPANSION, STRESS
 
 if TYPE_CHECKING:
-    from flexfem.verify.drift import Drift, DriftCase
+    from flexfem.verify.drift import Drift, DriftCase, DriftFields
 
 app = typer.Typer()
-ROUND_OFF = 1e-9  # of the largest component of a pose: zero by symmetry
 
 
 @app.command()
@@ -25,29 +25,56 @@ def drift(
     stage: StageFile,
     formula: Annotated[str | None, typer.Option(help="Hinge formula of the analytic model.")] = None,
     mobility: Annotated[int | None, typer.Option(help="Its mobility, with rigid links: 3, 6, 12 or 21.")] = None,
-    links: Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")] = False,
-    analytic: Annotated[bool, typer.Option("--analytic", help="Without finite elements.")] = False,
+    links: Links = False,
+    analytic: Analytic = False,
     resolution: Resolution = None,
+    three_dimensional: Annotated[
+        bool, typer.Option("--three-dimensional", help="Wedges through the thickness: also a gradient along it.")
+    ] = False,
+    layers: Annotated[int | None, typer.Option(min=3, max=16, help="In half the thickness; default 3.")] = None,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Pose and stresses per kelvin, and per kelvin per mm along X and Y, of a stage on its frame.
 
-    By default the model has calibrated hinges and elastic links.
+    By default the model has calibrated hinges and elastic links. With an output folder also the figure of the warm
+    stage, but with --analytic; in three dimensions displacements and stresses as VTU instead.
     """
-    from flexfem import reports
+    from flexfem.refused import BadInput
+    from flexfem.reports import heat as reports
     from flexfem.stage.schema import load_feasible
 
-    if analytic and resolution is not None:
-        raise BadInput("--analytic and --resolution, expected one of the two")
-    finest = None if analytic else resolution or reports.RESOLUTION
+    if layers is not None and not three_dimensional:
+        raise BadInput("--layers without --three-dimensional, expected both: layers are through the thickness")
+    if three_dimensional:
+        given = {"--formula": formula, "--mobility": mobility, "--links": links, "--analytic": analytic}
+        for option, value in given.items():
+            if value not in (None, False):
+                raise BadInput(f"{option} with --three-dimensional, expected one of the two: it has no analytic model")
+        said = console.counted(2, "warm")
+        solid = reports.drift_fields_solid(load_feasible(stage), resolution, layers, said)
+        if output is not None:
+            write_solid(solid, output / f"{stage.stem}-drift-solid.json")
+        console.show(solid.record, json, print_solid_drift)
+        return
+    finest = console.finest(analytic, resolution)
     loaded = load_feasible(stage)
-    found = reports.drift(loaded, mobility, formula, links, finest)
+    found = reports.drift_fields(loaded, mobility, formula, links, finest)
     if output is not None:
-        from flexfem.verify.result import write_record
+        _write(found, output / f"{stage.stem}-drift.json")
+    console.show(found.record, json, print_drift)
 
-        write_record(found, output / f"{stage.stem}-drift.json")
-    console.show(found, json, print_drift)
+
+def _write(found: DriftFields, path: Path) -> None:
+    """The record, and its figure where there are fields to draw."""
+    from flexfem.verify.result import write_record
+
+    if not found.fields:
+        write_record(found.record, path)
+        return
+    from flexfem.plot.drift import drift_figure
+
+    console.keep(found.record, path, lambda _: drift_figure(found))
 
 
 def print_drift(of: Drift) -> None:
@@ -64,40 +91,19 @@ def print_drift(of: Drift) -> None:
 
 def _rows(of: Drift, name: str, case: DriftCase) -> Iterator[list[str]]:
     """Both models, their difference and the band of one case."""
+    from flexfem.verify.drift import UNLIKE
+
     model, metal, lever = case.analytic, case.elements, of.lever
-    yield [name, "", *_pose(model.pose, lever), f"{_highest(model.stress):.4g}"]
+    yield [name, "", *pose_texts(model.pose, lever), f"{highest(model.stress):.4g}"]
     if metal is not None:
-        yield ["", "finite elements", *_pose(metal.pose, lever), f"{_highest(metal.stress):.4g}"]
+        yield ["", "finite elements", *pose_texts(metal.pose, lever), f"{highest(metal.stress):.4g}"]
         off = [
             100 * (one / other - 1) if text != "0" else None
-            for one, other, text in zip(model.pose, metal.pose, _pose(metal.pose, lever), strict=True)
+            for one, other, text in zip(model.pose, metal.pose, pose_texts(metal.pose, lever), strict=True)
         ]
-        stress = 100 * (_highest(model.stress) / _highest(metal.stress) - 1) if _highest(metal.stress) else None
+        stress = 100 * (highest(model.stress) / highest(metal.stress) - 1) if highest(metal.stress) else None
         yield ["", "difference (%)", *("" if each is None else f"{each:+.2f}" for each in (*off, stress))]
     if case.band is not None and metal is not None:
-        yield ["", "mesh band (+-)", *_bands(case.band, metal.pose, lever), ""]
+        yield ["", "mesh band (+-)", *band_texts(case.band, metal.pose, lever), ""]
     if case.unlike is not None:
-        yield ["", "necks of chain 1 unlike by 10 %", *_pose(case.unlike, lever), ""]
-
-
-def _pose(pose: list[float], lever: float) -> list[str]:
-    """A pose, each number with its prefix, round-off as zero; rotations count with the lever."""
-    largest = max(abs(pose[0]), abs(pose[1]), abs(pose[2] * lever))
-    sizes = (1.0, 1.0, lever)
-    kept = [value if abs(value) * size > ROUND_OFF * largest else 0.0 for value, size in zip(pose, sizes, strict=True)]
-    units = [unit_for(axis, abs(value)) for axis, value in zip(DIRECTIONS, kept, strict=True)]
-    return [f"{v * unit.factor:.4g} {unit.plain}" if v else "0" for v, unit in zip(kept, units, strict=True)]
-
-
-def _bands(band: list[float], pose: list[float], lever: float) -> list[str]:
-    """Half-widths in the units of the pose, none of what is zero by symmetry."""
-    zero = [text == "0" for text in _pose(pose, lever)]
-    units = [unit_for(axis, abs(value)) for axis, value in zip(DIRECTIONS, pose, strict=True)]
-    return [
-        "" if none else f"{each * unit.factor:.2g} {unit.plain}"
-        for none, each, unit in zip(zero, band, units, strict=True)
-    ]
-
-
-def _highest(stress: list[list[float]]) -> float:
-    return max(max(row) for row in stress)
+        yield ["", f"necks of chains {UNLIKE:g} % unlike", *pose_texts(case.unlike, lever), ""]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.console import Json, Resolution, Wanted, check_finite, check_within
+from flexfem.commands.console import Analytic, Json, Resolution, Wanted, check_finite, check_within
 from flexfem.commands.tables import numbers, people, print_ending, table
 from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, STRESS
@@ -38,13 +38,17 @@ def life(
     fit: Annotated[
         Path | None, typer.Option(help="S-N points, CSV with stress_mpa, cycles: take the law fitted to them.")
     ] = None,
-    analytic: Annotated[bool, typer.Option("--analytic", help="Without finite elements.")] = False,
+    notch_sensitivity: Annotated[
+        float, typer.Option(help="From 0 to 1: how much of the notch's stress concentration counts for fatigue.")
+    ] = 1.0,
+    analytic: Analytic = False,
     resolution: Resolution = None,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
     """Cycles that the necks bear at an amplitude, and the amplitude for a wanted life; or the fit of S-N points."""
-    from flexfem import reports
+    from flexfem.reports import life as reports
+    from flexfem.reports.given import LARGEST_POSE
     from flexfem.stage.schema import load_feasible
 
     fitted = None if fit is None else _fitted(fit)
@@ -55,16 +59,15 @@ def life(
         return
     if amplitude is None:
         raise BadInput("--amplitude is missing, expected three numbers: mm, mm, rad")
-    check_finite(ratio=-1.0 if ratio is None else ratio, cycles=cycles)
+    check_finite(ratio=-1.0 if ratio is None else ratio, cycles=cycles, notch_sensitivity=notch_sensitivity)
     for option, pose in (("--amplitude", amplitude), ("--mean", mean)):
-        check_within(option, pose, reports.LARGEST_POSE)
+        check_within(option, pose, LARGEST_POSE)
     if mean is not None and ratio is not None:
         raise BadInput("--mean and --ratio, expected one of the two")
-    if analytic and resolution is not None:
-        raise BadInput("--analytic and --resolution, expected one of the two")
-    finest = None if analytic else resolution or reports.RESOLUTION
+    finest = console.finest(analytic, resolution)
     repeated = (-1.0 if ratio is None else ratio, cycles)
-    found = reports.life(load_feasible(stage), amplitude, mean, *repeated, fitted, finest)
+    asked = (amplitude, mean, *repeated, fitted, finest)
+    found = reports.life(load_feasible(stage), *asked, notch_sensitivity=notch_sensitivity)
     if output is not None:
         from flexfem.plot.life import life_figure
 
@@ -113,7 +116,7 @@ def print_life(of: Life) -> None:
     head = ("", "first neck", f"amplitude, mean, equivalent ({stress})", "cycles", "by the error of the stress")
     more = (f"amplitude for {of.wanted:g} cycles", "times this one", "yield over largest stress")
     out.print(table((*head, *more), (_row(each) for each in (of.analytic, of.elements) if each is not None)))
-    out.print(f"life: {of.left_out}")
+    out.print(f"life: {of.left_out}; notch sensitivity {of.notch_sensitivity:g} on the stress at the notch")
     print_ending(out, of)
 
 
@@ -141,4 +144,4 @@ def _row(of: Witness) -> Iterator[str]:
 
 
 def _cycles(cycles: float | None) -> str:
-    return "endless: never pulled" if cycles is None else f"{cycles:.3g}"
+    return "endless" if cycles is None else f"{cycles:.3g}"

@@ -10,7 +10,9 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, StageFile, Wanted
+from flexfem.commands.solid_modes import print_solid_modes, write_solid
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.refused import BadInput
 from flexfem.units import UNITS
 
 if TYPE_CHECKING:
@@ -31,21 +33,45 @@ def modes(
     ] = (0.0, 0.0),
     drives: Annotated[str, typer.Option(help="disengaged, or engaged: stacks as springs.")] = "disengaged",
     damping: Annotated[float, typer.Option(help="Of every mode, % of critical; assumed.")] = 1.0,
-    resolution: Annotated[int, typer.Option(min=4, max=64, help="Triangles across every neck, finest mesh.")] = 8,
+    resolution: Annotated[
+        int | None, typer.Option(min=4, max=64, help="Triangles across every neck, finest mesh; default 8, in 3-D 4.")
+    ] = None,
+    three_dimensional: Annotated[
+        bool, typer.Option("--three-dimensional", help="Wedges through the thickness: also modes out of the plane.")
+    ] = False,
+    layers: Annotated[int | None, typer.Option(min=3, max=16, help="In half the thickness; default 3.")] = None,
+    tilting: Annotated[
+        float | None, typer.Option(help="Of the payload about x and y, kg mm^2; default that of a flat one, half.")
+    ] = None,
     output: Wanted = None,
     json: Json = False,
 ) -> None:
-    """Natural frequencies and mode shapes in the plane, by finite elements and by the analytic models.
+    """Natural frequencies and mode shapes: in the plane, also by the analytic models; or in three dimensions.
 
-    With an output folder also the figure of the modes, their shapes as VTU, and an animation (GIF) of each; the
-    frequency response drawn; state space and Craig-Bampton matrices as .npz and .mat.
+    With an output folder also the figure of the modes and their shapes as VTU; of modes in the plane an animation (GIF)
+    of each, the frequency response drawn, and state space and Craig-Bampton matrices as .npz and .mat.
     """
-    from flexfem import reports
+    from flexfem import arguments
+    from flexfem.reports import modes as reports
+    from flexfem.reports.given import RESOLUTION
     from flexfem.stage.schema import load_feasible
 
+    arguments.positive("damping", damping, reports.MOST_DAMPING)
     loaded = load_feasible(stage)
+    if three_dimensional:
+        if drives != "disengaged":
+            raise BadInput(f"--drives {drives} --three-dimensional, expected disengaged: stacks are of the plane")
+        said = console.counted(2, "modes")
+        solid = reports.vibration_solid(loaded, count, payload, tilting, resolution, layers, said)
+        if output is not None:
+            write_solid(solid, output / f"{stage.stem}-modes-solid.json")
+        console.show(solid.record, json, print_solid_modes)
+        return
+    for option, value in (("--layers", layers), ("--tilting", tilting)):
+        if value is not None:
+            raise BadInput(f"{option} without --three-dimensional, expected both: modes are in the plane")
     told = console.counted(3, "meshing and solving")
-    found = reports.vibration(loaded, count, payload, drives, resolution, told)  # type: ignore[arg-type]
+    found = reports.vibration(loaded, count, payload, drives, resolution or RESOLUTION, told)  # type: ignore[arg-type]
     if output is not None:
         _write(found, reports.reduced(loaded, found, damping), output / f"{stage.stem}-modes.json")
     console.show(found.record, json, print_modes)

@@ -98,6 +98,7 @@ def print_status(facts: dict[str, Any]) -> None:
         print(f"{facts['stale']:,} parts of other inputs or versions kept apart; flexfem study clean removes them")
     for text in facts["warnings"]:
         print(f"warning: {text}")
+    print(f"stress: {facts['stress_accuracy']}")
     if facts["assumed"]:
         print(f"{len(facts['assumed'])} of the numbers behind it are assumed, not the paper's: --json lists them")
     if facts["not_stated"]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flexfem.commands import console, tables
+from flexfem.commands import console, stage_tables, tables
 from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_within
 from flexfem.refused import BadInput
 
@@ -18,10 +18,10 @@ Triple = tuple[float, float, float]
 @app.command()
 def check(stage: StageFile, json: Json = False) -> None:
     """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
-    from flexfem import reports
+    from flexfem.reports import stage as reports
     from flexfem.stage.schema import load_feasible
 
-    console.show(reports.check(load_feasible(stage)), json, tables.print_stage)
+    console.show(reports.check(load_feasible(stage)), json, stage_tables.print_stage)
 
 
 @app.command()
@@ -35,12 +35,13 @@ def summary(
     json: Json = False,
 ) -> None:
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
-    from flexfem import reports
+    from flexfem.reports import stage as reports
+    from flexfem.reports.given import RESOLUTION
     from flexfem.stage.schema import load_feasible
 
     wanted = elements or resolution is not None
-    found = reports.summary(load_feasible(stage), formula, wanted, resolution or reports.RESOLUTION)
-    console.show(found, json, tables.print_summary)
+    found = reports.summary(load_feasible(stage), formula, wanted, resolution or RESOLUTION)
+    console.show(found, json, stage_tables.print_summary)
 
 
 @app.command()
@@ -52,21 +53,25 @@ def stiffness(
     necks: Annotated[
         Path | None, typer.Option(help="Nine measured necks, CSV or TOML: also of the stage as it was made.")
     ] = None,
+    elements: Annotated[bool, typer.Option("--elements", help="Stress by finite elements too, with bands.")] = False,
+    resolution: Resolution = None,
     json: Json = False,
 ) -> None:
-    """Platform stiffness by the analytic model, (16) to (18)."""
-    from flexfem import reports
+    """Platform stiffness by the analytic model, (16) to (18), and neck stress per displacement."""
+    from flexfem.reports import stage as reports
     from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
-    if links and mobility not in (None, 21):
-        raise BadInput(f"--links --mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
+    console.check_links(links, mobility)
+    if necks is not None and (elements or resolution is not None):
+        raise BadInput("--necks with finite elements, expected one of them: stiffness as made is analytic")
     if necks is not None:
         from flexfem.commands.experiment import print_as_built
 
         console.show(reports.as_built(loaded, necks, mobility, formula, links), json, print_as_built)
         return
-    console.show(reports.stiffness(loaded, mobility, formula, links), json, tables.print_stiffness)
+    wanted = console.finest(not (elements or resolution), resolution)
+    console.show(reports.stiffness(loaded, mobility, formula, links, wanted), json, tables.print_stiffness)
 
 
 @app.command()
@@ -77,11 +82,12 @@ def mesh(
     json: Json = False,
 ) -> None:
     """Mesh a stage and write it with the groups stage, ground and hub."""
-    from flexfem import reports
+    from flexfem.reports import stage as reports
+    from flexfem.reports.given import RESOLUTION
     from flexfem.stage.schema import load_feasible
 
-    found = reports.mesh(load_feasible(stage), output, resolution or reports.RESOLUTION)
-    console.show(found, json, tables.print_mesh)
+    found = reports.mesh(load_feasible(stage), output, resolution or RESOLUTION)
+    console.show(found, json, stage_tables.print_mesh)
 
 
 @app.command()
@@ -103,21 +109,22 @@ def solve(
     json: Json = False,
 ) -> None:
     """Platform compliance by finite elements in the plane, and what a force or a displacement of the platform does."""
-    from flexfem import reports
+    from flexfem.reports import load as reports
+    from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION
     from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     if force is not None and displacement is not None:
         raise BadInput("--force and --displacement, expected one of the two")
-    check_within("--force", force, reports.LARGEST_FORCE)
-    check_within("--displacement", displacement, reports.LARGEST_DISPLACEMENT)
+    check_within("--force", force, LARGEST_FORCE)
+    check_within("--displacement", displacement, LARGEST_DISPLACEMENT)
     if layers is not None and not three_dimensional:
         raise BadInput("--layers without --three-dimensional, expected both: layers are through the thickness")
     if three_dimensional:
         solid = reports.under_load_solid(loaded, force, displacement, resolution, layers, vtu)
         console.show(solid, json, tables.print_solid)
         return
-    found = reports.under_load(loaded, force, displacement, resolution or reports.RESOLUTION, vtu)
+    found = reports.under_load(loaded, force, displacement, resolution or RESOLUTION, vtu)
     console.show(found, json, tables.print_load)
 
 
@@ -132,4 +139,4 @@ def formulas(output: Wanted = None, json: Json = False) -> None:
 
         write_beside(output / "hinge-chart.json", hinge_chart_figure(hinges.hinge_review()))
         write_beside(output / "hinge-thickness.json", thickness_figure(hinges.thickness_review()))
-    console.show(hinges.known_formulas(), json, tables.print_formulas)
+    console.show(hinges.known_formulas(), json, stage_tables.print_formulas)

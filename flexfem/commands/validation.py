@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -20,13 +21,14 @@ def cross_check(
     stage: StageFile,
     solver: Annotated[str, typer.Option(help="ngsolve or calculix.")] = "ngsolve",
     three_dimensional: Annotated[
-        bool, typer.Option("--three-dimensional", help="Wedges, two layers in half the thickness; pose only.")
+        bool,
+        typer.Option("--three-dimensional", help="Wedges, two layers in half the thickness; pose and frequencies."),
     ] = False,
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
-    """Solve the same mesh by another program and compare pose, displacements and neck stresses."""
-    from flexfem import reports
+    """Solve the same mesh by another program and compare pose, displacements, neck stresses and natural frequencies."""
+    from flexfem.reports import validation as reports
     from flexfem.stage.schema import load_feasible
 
     found = reports.cross_check(load_feasible(stage), solver, resolution, three_dimensional)
@@ -41,7 +43,7 @@ def benchmark(
     json: Json = False,
 ) -> None:
     """Solve published problems with known answers and compare: the verification of the code itself."""
-    from flexfem import reports
+    from flexfem.reports import validation as reports
 
     table = reports.benchmark(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
@@ -73,17 +75,12 @@ def baseline(
     json: Json = False,
 ) -> None:
     """Accept what flexfem prints of files now as their baselines."""
-    from flexfem.commands.baseline import store
-    from flexfem.files.writing import check_folder
+    from flexfem.commands.baseline import regression
 
     if not reason.strip():
         raise BadInput("--reason is empty, expected why the numbers may move")
-    places = store.places([(path, baselines or store.folder_of(path)) for path in files])
-    for _, folder in places:
-        check_folder(folder)
-    solve = console.solved_once()
-    written = [store.accept(path, folder, reason, solve) for path, folder in console.told(places, "accepting")]
-    console.show_written(written, json)
+    told = functools.partial(console.told, description="accepting")
+    console.show_written(regression.baseline(*files, reason=reason, baselines=baselines, each=told), json)
 
 
 @app.command()
@@ -92,6 +89,6 @@ def regression(
     json: Json = False,
 ) -> None:
     """Compare what flexfem prints now with baselines: what changed in the input, else every number that moved."""
-    from flexfem.commands.baseline import store
+    from flexfem.commands.baseline import regression
 
-    console.show_checked(store.regression(*baselines, each=lambda paths: console.told(paths, "checking")), json)
+    console.show_checked(regression.regression(*baselines, each=lambda paths: console.told(paths, "checking")), json)

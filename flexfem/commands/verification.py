@@ -26,7 +26,7 @@ def verify(
 ) -> None:
     """Apply the analytic force of (18), or joint commands, to the finite elements; errors as in Figs. 5 to 7."""
     from flexfem.commands.baseline import store
-    from flexfem.verify.result import write_result
+    from flexfem.verify.result_files import write_result
 
     loaded = console.load_cases(cases)
     folders = [baselines or store.folder_of(case.path) for case in loaded]
@@ -59,7 +59,7 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
-    from flexfem import reports
+    from flexfem.reports import verification as reports
     from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
@@ -94,13 +94,14 @@ def workspace(
 
     Of a driven stage also the poses that strokes, contacts, blocking forces and yield allow together.
     """
-    from flexfem import reports
+    from flexfem.reports import drive as reports
+    from flexfem.reports.given import LARGEST_LOAD
     from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
-    console.check_within("--load", load, reports.LARGEST_LOAD)
+    console.check_within("--load", load, LARGEST_LOAD)
     found = reports.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor, load=load)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
@@ -124,7 +125,7 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
-    from flexfem import reports
+    from flexfem.reports import verification as reports
     from flexfem.stage.schema import load_feasible
     from flexfem.verify.converge import RESOLUTIONS
 
@@ -144,7 +145,7 @@ def claims(
     json: Json = False,
 ) -> None:
     """Measure what the paper claims: holds, does not hold, depends on the dimensions, or cannot be decided."""
-    from flexfem import reports
+    from flexfem.reports import verification as reports
 
     report = reports.claims(path, console.now_and_then("stages of the ensemble"))
     if output is not None:
@@ -168,7 +169,7 @@ def plot(
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
     from flexfem.plot.write import write_figures
-    from flexfem.verify.result import read_fields, read_result
+    from flexfem.verify.result_files import read_fields, read_result
 
     read = [(path, read_result(path)) for path in results]
     stored = [(result, read_fields(path, result)) for path, result in read]

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.hinge import FREEDOMS, LENGTH, LEVELS, Hinge, Sample, sample
+from flexfem.fem.hinge import FREEDOMS, LENGTH, LEVELS, Extrapolation, PlaneHinge, sample
 from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
@@ -147,12 +147,12 @@ def make_chart(
     Raises BadInput when the file cannot be written.
     """
     ratios, heights = chart_points(grid)
-    hinges = [Hinge(float(ratio), float(height)) for ratio, height in product(ratios, heights)]
+    hinges = [PlaneHinge(float(ratio), float(height)) for ratio, height in product(ratios, heights)]
     samples = sampled(partial(sample, levels=levels), hinges, workers, progress)
     write_chart(path, _document(grid, samples, levels, date))
 
 
-def _document(grid: Grid, samples: list[Sample], levels: tuple[int, ...], date: str | None) -> dict[str, Any]:
+def _document(grid: Grid, samples: list[Extrapolation], levels: tuple[int, ...], date: str | None) -> dict[str, Any]:
     ratios, heights = chart_points(grid)
     values = np.array([made.values for made in samples]).reshape(*grid.shape, 3)
     bands = np.array([made.bands for made in samples]).reshape(*grid.shape, 3)

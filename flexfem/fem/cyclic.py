@@ -12,7 +12,7 @@ factor must be made a second time once the part that belongs to the boundary has
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol, TypeVar
@@ -36,7 +36,8 @@ from flexfem.fem.response import (
     rigid_motion,
 )
 from flexfem.fem.sectors import Sector, joined, welded
-from flexfem.stage.designs import CHAIN_TURN, turned
+from flexfem.fem.turns import chain_turn, made_alike, turn_of_points, under_loads
+from flexfem.stage.designs import CHAIN_TURN, chain_rotation, turned
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ class Alike(NamedTuple):
         if force is not None:
             inside, boundary = self.condensed.reduced(-self.equations.loads(force))
             edge += np.sum([turn.T @ each.T for turn, each in zip(T, under_loads([boundary.T]), strict=True)], axis=0)
-        return self.condensed.expanded(inside, T[0] @ _alike(self.solve(edge)))
+        return self.condensed.expanded(inside, T[0] @ made_alike(self.solve(edge)))
 
 
 def _of_alike(sector: Sector, plate: Plate) -> CyclicResponse:
@@ -205,27 +206,9 @@ def settle(
     return found
 
 
-def under_loads(values: Sequence[Array]) -> list[Array]:
-    """Values (3 loads, ...) of three chains, each in the frame of chain 1, from those of one or three sectors.
-
-    Notes
-    -----
-    Chain c of three alike answers a load as chain 1 does the load turned back by c turns.
-    """
-    if len(values) == 3:
-        return list(values)
-    return [np.tensordot(rotation(chain), values[0], axes=1) for chain in range(3)]
-
-
-def rotation(chain: int) -> Array:
-    """Matrix (3, 3) that turns x, y, theta from the frame of chain 1 into its place, chains from 0."""
-    c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def condense_alike(equations: Equations, spin: Array) -> Alike:
     """Condense a sector onto its cuts and the pose; `spin` (c, c) turns the unknowns of a cut by 120 degrees."""
-    turns = [_turn(spin, chain) for chain in range(3)]
+    turns = [chain_turn(spin, chain) for chain in range(3)]
     condensed = condense(equations.lower(), len(turns[0]))
     A = np.sum([T.T @ condensed.schur @ T for T in turns], axis=0)
     return Alike(equations, condensed, turns, dense(A))
@@ -243,36 +226,8 @@ def tie_sector(sector: Sector) -> Tied:
     return Tied(number, free, hub, rigid_motion(nodes[hub]))
 
 
-def turn_of_points(number: int) -> Array:
-    """Matrix (2n, 2n) that turns x, y of n points by 120 degrees."""
-    return np.asarray(np.kron(np.eye(number), rotation(1)[:2, :2]), dtype=np.float64)
-
-
-def _turn(spin: Array, chain: int) -> Array:
-    """T_c (2 c + 3, 3 c + 3), chains from 0; a cut moves in the frame of the chain behind which it is."""
-    c = len(spin)
-    T = np.zeros((2 * c + 3, 3 * c + 3))
-    behind, ahead = (c * ((chain + k) % 3) for k in (0, 1))
-    T[:c, behind : behind + c] = np.eye(c)
-    T[c : 2 * c, ahead : ahead + c] = spin
-    T[-3:, -3:] = rotation(chain).T
-    return T
-
-
-def _alike(edge: Array) -> Array:
-    """The response's unknowns (3 c + 3, 3 loads) made those of alike chains, so that round-off opens no cut.
-
-    Only the first sector is met, which must move its cut ahead as the next chain does the cut behind it.
-    """
-    cuts, pose = edge[:-3].reshape(3, -1, 3), edge[-3:]
-    turns = [rotation(chain) for chain in range(3)]
-    first = np.mean([cut @ turn for cut, turn in zip(cuts, turns, strict=True)], axis=0)
-    pose = np.mean([turn.T @ pose @ turn for turn in turns], axis=0)
-    return np.concatenate([*(first @ turn.T for turn in turns), pose])
-
-
 def sums(sector: Sector, field: Array, force: Array, planar: Array) -> tuple[Array, Array]:
     """Reactions and energy (3, 3) of the whole stage from those of its first sector; `planar` are forces (3, n, 2)."""
-    turns = [rotation(chain) for chain in range(3)]
+    turns = [chain_rotation(chain) for chain in range(3)]
     rows, work = resultants(sector.mesh, planar), np.einsum("ind,jnd->ij", field, force)
     return tuple(np.sum([R @ each @ R.T for R in turns], axis=0) for each in (rows, work))

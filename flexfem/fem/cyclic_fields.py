@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.cyclic import CyclicResponse, rotation, under_loads
+from flexfem.fem.cyclic import CyclicResponse
 from flexfem.fem.mesh import NODES, gradients
 from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
 from flexfem.fem.response import out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import Sector
+from flexfem.fem.turns import under_loads
 from flexfem.stage.bodies import BODIES, necks
+from flexfem.stage.designs import chain_rotation
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
 BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
+
+
+class OnSectors(Protocol):
+    """An answer whose cases chains turn as they turn x, y, theta."""
+
+    @property
+    def sectors(self) -> tuple[Sector, ...]:
+        """One sector, or three."""
+
+    @property
+    def sector_fields(self) -> tuple[Array, ...]:
+        """Displacements (3 cases, n, ...) of their nodes, as of `cyclic.CyclicResponse`."""
 
 
 def neck_stresses(stage: Stage, response: CyclicResponse, loads: Array) -> Array:
@@ -42,7 +57,7 @@ def notch_fields(stage: Stage, response: CyclicResponse, loads: Array) -> Iterat
         chosen = np.flatnonzero(np.any(near, axis=0))
         near, stress = near[:, chosen], _stress_at(sector, plate, field, chosen)
         for chain in chains:
-            turned_back = loads @ rotation(chain - chains[0])
+            turned_back = loads @ chain_rotation(chain - chains[0])
             for hinge, close in enumerate(near):
                 yield (chain, hinge), np.tensordot(turned_back, stress[:, close], axes=1)
 
@@ -66,7 +81,7 @@ def envelope(response: CyclicResponse) -> float:
     return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
 
 
-def solved_sectors(response: CyclicResponse) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
+def solved_sectors(response: OnSectors) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
     """Every sector with its fields and the chains, from 0, that it stands for."""
     if len(response.sectors) == 1:
         yield response.sectors[0], response.sector_fields[0], (0, 1, 2)

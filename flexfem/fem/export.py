@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,11 +52,29 @@ def write_deck(
     sets `nu13 = nu23 = 0`: the same sheet for a program that knows plane stress, and for one that makes wedges of the
     triangles, as CalculiX does, the way to plane stress at any thickness (see `flexfem.validate.calculix`).
     """
-    text = "\n".join(_lines(mesh, plate, loads, plate.thickness if thickness is None else thickness, uncoupled))
+    model = _model(mesh, plate, plate.thickness if thickness is None else thickness, uncoupled)
+    _write(path, (*model, *_static(len(mesh.nodes) + 1, loads)))
+
+
+def write_frequency_deck(mesh: StageMesh, plate: Plate, path: Path, density: float, count: int) -> None:
+    """Write the stage as `write_deck` does, of the uncoupled material, with a step for its lowest frequencies.
+
+    density : tonne/mm^3, of all elements; what has none is without mass.
+
+    Raises BadInput when the file cannot be written.
+    """
+    step = ("*STEP", "*FREQUENCY", str(count), "*END STEP")
+    _write(path, (*_model(mesh, plate, plate.thickness, True, density), *step))
+
+
+def _write(path: Path, lines: Iterable[str]) -> None:
+    text = "\n".join(lines)
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
 
 
-def _lines(mesh: StageMesh, plate: Plate, loads: Array, thickness: float, uncoupled: bool) -> Iterator[str]:
+def _model(
+    mesh: StageMesh, plate: Plate, thickness: float, uncoupled: bool, density: float | None = None
+) -> Iterator[str]:
     centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
     hub = np.unique(mesh.edges["hub"])
     yield "*HEADING"
@@ -70,15 +88,21 @@ def _lines(mesh: StageMesh, plate: Plate, loads: Array, thickness: float, uncoup
     yield from _node_set("ground", np.unique(mesh.edges["ground"]))
     yield from _node_set("hub", hub)
     yield from _material(plate, uncoupled)
+    if density is not None:
+        yield from ("*DENSITY", _field(density))
     yield "*SOLID SECTION, ELSET=stage, MATERIAL=sheet"
     yield _field(thickness)
     for node, (x, y) in zip((hub + 1).tolist(), mesh.nodes[hub], strict=True):
         yield from ("*EQUATION", "3", f"{node}, 1, 1, {centre}, 1, -1, {rotation}, 1, {_field(y)}")
         yield from ("*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}")
     yield from ("*BOUNDARY", "ground, 1, 2")
+
+
+def _static(centre: int, loads: Array) -> Iterator[str]:
+    """A linear static step for each load (k, 3) on the node of the platform's centre and the next, its rotation."""
     for fx, fy, moment in loads:
         yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW")
-        yield from (f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{rotation}, 1, {_field(moment)}")
+        yield from (f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{centre + 1}, 1, {_field(moment)}")
         yield from ("*NODE PRINT, NSET=all", "U", "*NODE PRINT, NSET=platform", "U")
         yield from ("*NODE PRINT, NSET=ground, TOTALS=YES", "RF", "*EL FILE", "S", "*END STEP")
 

@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 from flexfem.arrays import AnyArray
 from flexfem.clock import Limit, Stopwatch
-from flexfem.fem.mesher import Export, Job
+from flexfem.fem.mesher import Request
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 
@@ -31,13 +31,13 @@ class MeshTimeout(ComputationFailed):
     """gmsh was stopped because it took too long."""
 
 
-def run_mesher(job: Job | Export, time_limit: float | Limit) -> Made:
-    """Mesh, or write a mesh; as `run_jobs`."""
+def run_mesher(job: Request, time_limit: float | Limit) -> Made:
+    """Mesh, or write a mesh or a solid; as `run_jobs`."""
     return run_jobs([job], time_limit)[0]
 
 
-def run_jobs(jobs: Sequence[Job | Export], time_limit: float | Limit) -> list[Made]:
-    """Meshes of some jobs, one after the other in one process.
+def run_jobs(jobs: Sequence[Request], time_limit: float | Limit) -> list[Made]:
+    """What some tasks make, one after the other in one process.
 
     Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
     its sources are not those that this process began with.
@@ -67,7 +67,7 @@ class _Process:
     def alive(self) -> bool:
         return self._child.poll() is None
 
-    def answer(self, jobs: list[Job | Export], limit: Limit) -> list[Made]:
+    def answer(self, jobs: list[Request], limit: Limit) -> list[Made]:
         """As `run_jobs`; no stop of flexfem counts for the limit."""
         self._request += pickle.dumps(jobs)
         found: list[list[Made]] = []

@@ -40,7 +40,7 @@ FLUSH = 1e-6  # relative; a wall shorter than this is no wall
 SHEAR_FACTOR = 1.2  # 6/5: exact for the parabolic shear stress in the blocks
 
 
-class Hinge(NamedTuple):
+class PlaneHinge(NamedTuple):
     """A hinge of radius one in a sheet of modulus and thickness one.
 
     ratio : t/R.   height : H/h, of the blocks over the notch, h = 2R + t.   length : of a block over its height H.
@@ -63,11 +63,11 @@ class Hinge(NamedTuple):
         return high, self.length * high
 
 
-class Sample(NamedTuple):
-    """Compliances at vanishing triangle size, in the order of `FREEDOMS`.
+class Extrapolation(NamedTuple):
+    """What a single hinge is meshed for, at vanishing element size, in the order of `FREEDOMS` (k,).
 
-    values : (3,), E b R^2 theta/M, E b dx/F_x, E b dy/F_y.   bands : (3,), relative half-widths of their uncertainty.
-    levels : (k, 3), on the meshes.   unknowns : on the finest mesh.
+    values : (k,).   bands : (k,), half-widths of their uncertainty.   levels : (l, k), on the meshes.
+    unknowns : on the finest mesh.
     """
 
     values: Array
@@ -76,7 +76,7 @@ class Sample(NamedTuple):
     unknowns: int
 
 
-def hinge_mesh(hinge: Hinge, refinement: int) -> StageMesh:
+def hinge_mesh(hinge: PlaneHinge, refinement: int) -> StageMesh:
     """Mesh the quarter of a hinge: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
 
     Notes
@@ -110,12 +110,12 @@ def _arc_columns(tau: float) -> int:
     return max(LEAST_ARC, int(np.ceil(2 * np.arcsinh(np.pi / 2 / np.sqrt(tau)) / tau**0.25)))
 
 
-def compliance(hinge: Hinge, refinement: int, poissons_ratio: float = 0.0) -> Array:
+def compliance(hinge: PlaneHinge, refinement: int, poissons_ratio: float = 0.0) -> Array:
     """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
     return compliance_on(hinge_mesh(hinge, refinement), hinge, poissons_ratio)
 
 
-def compliance_on(mesh: StageMesh, hinge: Hinge, poissons_ratio: float) -> Array:
+def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> Array:
     """As `compliance`, on any mesh of the quarter with the edges that `hinge_mesh` names.
 
     Notes
@@ -134,7 +134,7 @@ def compliance_on(mesh: StageMesh, hinge: Hinge, poissons_ratio: float) -> Array
     return np.array(whole) - block_compliance(hinge, poissons_ratio)
 
 
-def block_compliance(hinge: Hinge, poissons_ratio: float) -> Array:
+def block_compliance(hinge: PlaneHinge, poissons_ratio: float) -> Array:
     """Compliances (3,) of the two blocks as beams from the ends of the notch, x = R, to their own, about the centre."""
     high, length = hinge.block
     bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
@@ -142,7 +142,7 @@ def block_compliance(hinge: Hinge, poissons_ratio: float) -> Array:
     return np.array([24 * length / high**3, 2 * length / high, bending + shear])
 
 
-def _tractions(hinge: Hinge) -> tuple[Traction, ...]:
+def _tractions(hinge: PlaneHinge) -> tuple[Traction, ...]:
     """Stresses on the end of the block under a unit moment, pull and sideways force through the neck's centre."""
     high, length = hinge.block
     lever = 1 + length
@@ -173,12 +173,12 @@ def _supports(mesh: StageMesh) -> tuple[list[Support], ...]:
     )
 
 
-def sample(hinge: Hinge, levels: Sequence[int] = LEVELS, poissons_ratio: float = 0.0) -> Sample:
-    """Compliances of a hinge extrapolated over three or more refinements, coarse to fine."""
+def sample(hinge: PlaneHinge, levels: Sequence[int] = LEVELS, poissons_ratio: float = 0.0) -> Extrapolation:
+    """Compliances of a hinge as of `compliance`, over three or more refinements, coarse to fine; relative bands."""
     found = np.array([compliance(hinge, refinement, poissons_ratio) for refinement in levels])
     limits = richardson(levels, found)
     unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
-    return Sample(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
 
 
 def richardson(levels: Sequence[int], values: Array) -> Array:

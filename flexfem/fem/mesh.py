@@ -73,6 +73,7 @@ def _jacobian(at: Array, slope: Array) -> Array:
 
 
 RESOLUTION = 8  # triangles across every neck
+SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
 TIME_LIMIT = 60.0  # s, for meshing one sector
 MOST_TRIANGLES = 1_000_000
 SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
@@ -118,14 +119,8 @@ def local_thickness(distance: Array, hinge: Hinge) -> Array:
     return np.asarray(hinge.neck + SLOPE * (np.sqrt(distance**2 + bend**2) - bend))
 
 
-def estimate_triangles(stage: Stage, resolution: float) -> float:
-    """About how many triangles the mesh of the whole stage will have (within a factor of two)."""
-    drawn = (area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
-    return estimate_drawn(stage, sum(drawn), resolution)
-
-
-def estimate_drawn(stage: Stage, drawn: float, resolution: float) -> float:
-    """As `estimate_triangles`, of a stage of known area, mm^2."""
+def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
+    """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two)."""
     width = stage.chain.link_width
     coarse = COARSEST * width
     rim, middle = rim_of(stage)
@@ -171,7 +166,12 @@ def outwards(nodes: Array, edges: Index) -> Index:
 
 def check_mesh(mesh: StageMesh, stage: Stage) -> None:
     """Refuse a mesh that is not the stage. Raises ComputationFailed and says what is wrong."""
-    check_triangles(mesh, sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()))
+    check_triangles(mesh, drawn_area(stage))
+
+
+def drawn_area(stage: Stage) -> float:
+    """Area of the stage as drawn, mm^2."""
+    return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
 
 
 def check_triangles(mesh: StageMesh, drawn: float) -> None:
@@ -188,7 +188,7 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
     meshed = float(np.sum(found[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
         raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} to {AREA_ERROR:g}")
-    quality = scaled(found)
+    quality = least_scaled_jacobian(found)
     if quality < LEAST_JACOBIAN:
         raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")
 
@@ -200,11 +200,6 @@ def jacobians(mesh: StageMesh) -> Array:
     return np.column_stack([found, mean])
 
 
-def least_scaled_jacobian(mesh: StageMesh) -> float:
-    """Smallest Jacobian determinant over the mean one of its triangle: 1 where straight, 0 where folded."""
-    return scaled(jacobians(mesh))
-
-
-def scaled(found: Array) -> float:
-    """As `least_scaled_jacobian`, of the determinants and means (m, 7) that `jacobians` returns."""
+def least_scaled_jacobian(found: Array) -> float:
+    """Smallest Jacobian determinant over the mean one of its triangle, of `jacobians`: 1 if straight, 0 if folded."""
     return float(np.min(found[:, :6] / found[:, 6:]))

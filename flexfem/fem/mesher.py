@@ -1,7 +1,7 @@
 """The only module that imports gmsh. Run as a process of its own: it can hang or crash without taking flexfem along.
 
-`main` reads pickled lists of `Job` and `Export` from standard input and writes as many lists of meshes to standard
-output; gmsh's own words go to standard error.
+`main` reads pickled lists of requests (`Job`, `Export`, `Extruded`) from standard input and writes as many lists of
+what was made to standard output; gmsh's own words go to standard error.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.stage.outline import Face, Segment
-
-SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
+from flexfem.fem.drawing import DrawnCurve, draw_loops
+from flexfem.fem.step import Extruded, write_extruded
+from flexfem.stage.outline import Face
 
 
 class Cone(NamedTuple):
@@ -48,55 +48,6 @@ TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
 STRAIGHT = complex(np.nan)  # for a centre
 
 
-class Curve(NamedTuple):
-    """A drawn curve: its label, and for an arc the centre."""
-
-    label: str
-    centre: complex | None
-
-
-def draw(kernel: Any, faces: list[Face]) -> tuple[dict[int, Curve], list[int]]:
-    """Draw every point and curve once; returns the curves and the surfaces."""
-    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1).reshape(ends.shape)
-    drawn, surfaces, places = _Drawn(kernel), [], iter(first.tolist())
-    for face in faces:
-        pieces = zip(face.loop, face.labels, strict=True)
-        tags = [drawn.curve(segment, label, *next(places)) for segment, label in pieces]
-        surfaces.append(kernel.addPlaneSurface([kernel.addCurveLoop([tag for tag in tags if tag])]))
-    return drawn.curves, surfaces
-
-
-class _Drawn:
-    """Points and curves that the kernel has, by the places of their ends among all ends."""
-
-    def __init__(self, kernel: Any) -> None:
-        self.kernel = kernel
-        self.curves: dict[int, Curve] = {}
-        self._points: dict[int, int] = {}
-        self._between: dict[tuple[int, int], int] = {}
-
-    def curve(self, segment: Segment, label: str, start: int, end: int) -> int:
-        """Tag of a curve, negative where its face meets it backwards; 0 for an arc of a bend too slight to draw."""
-        one, other = self._point(start, segment.start), self._point(end, segment.end)
-        if one == other:
-            return 0
-        if (other, one) in self._between:
-            return -self._between[other, one]
-        if segment.centre is None:
-            tag = int(self.kernel.addLine(one, other))
-        else:
-            middle = self.kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
-            tag = int(self.kernel.addCircleArc(one, middle, other))
-        self._between[one, other], self.curves[tag] = tag, Curve(label, segment.centre)
-        return tag
-
-    def _point(self, place: int, at: complex) -> int:
-        if place not in self._points:
-            self._points[place] = self.kernel.addPoint(at.real, at.imag, 0.0)
-        return self._points[place]
-
-
 def set_sizes(gmsh: Any, job: Job) -> None:
     field, tags = gmsh.model.mesh.field, []
     for cone in job.cones:
@@ -109,7 +60,7 @@ def set_sizes(gmsh: Any, job: Job) -> None:
     field.setAsBackgroundMesh(smallest)
 
 
-def collect(mesh: Any, surfaces: list[int], curves: dict[int, Curve]) -> dict[str, AnyArray]:
+def collect(mesh: Any, surfaces: list[int], curves: dict[int, DrawnCurve]) -> dict[str, AnyArray]:
     tags, xyz, _ = mesh.getNodes()
     place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     place[tags] = np.arange(len(tags))
@@ -159,6 +110,9 @@ class Export(NamedTuple):
     groups: dict[str, AnyArray]
 
 
+Request: TypeAlias = Job | Export | Extruded
+
+
 def require_gmsh() -> None:
     """Exit with one line that names the Debian packages of gmsh's system libraries that are missing."""
     try:
@@ -203,14 +157,15 @@ def mesh_faces(job: Job) -> dict[str, AnyArray]:
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.geo
-        curves, surfaces = draw(kernel, job.faces)
+        curves, loops = draw_loops(kernel, job.faces)
+        surfaces = [kernel.addPlaneSurface([loop]) for loop in loops]
         kernel.synchronize()
         for tag, curve in curves.items():
             if curve.label in job.divisions:
                 gmsh.model.mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
         set_sizes(gmsh, job)
         gmsh.model.mesh.generate(2)
-        told = {tag: curve for tag, curve in curves.items() if curve != Curve("free", None)}
+        told = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
         return collect(gmsh.model.mesh, surfaces, told)
 
 
@@ -241,8 +196,15 @@ def main() -> None:
             made.flush()
 
 
-def _served(jobs: list[Job | Export]) -> list[dict[str, AnyArray]]:
+def write_step(task: Extruded) -> dict[str, AnyArray]:
+    """Write a solid as `write_extruded`."""
+    with gmsh_session() as gmsh:
+        return write_extruded(gmsh, task)
+
+
+def _served(jobs: list[Request]) -> list[dict[str, AnyArray]]:
+    serve: dict[type, Any] = {Job: mesh_faces, Export: write_msh, Extruded: write_step}
     try:
-        return [write_msh(job) if isinstance(job, Export) else mesh_faces(job) for job in jobs]
+        return [serve[type(job)](job) for job in jobs]
     except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
         sys.exit(f"gmsh: {' '.join(str(error).split())}")

@@ -8,7 +8,7 @@ strain energy from differences of displacements within a triangle: they are exac
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +17,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import StageMesh, quadrature, shape_functions
 from flexfem.fem.plane_stress import (
+    QUADRATURE,
     ElementBatch,
     Plate,
     integration,
@@ -26,6 +27,9 @@ from flexfem.fem.plane_stress import (
 )
 from flexfem.fem.response import Tied
 from flexfem.refused import ComputationFailed
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import LinearOperator
 
 DEGREE = 6  # of products of shape functions times the Jacobian determinant of a curved triangle: exact
 SETTLED = 1e-5  # difference of ARPACK's eigenvalues and the Rayleigh quotients, relative
@@ -64,19 +68,19 @@ class Modes(NamedTuple):
     participation: Array
 
 
-def mass_matrices(batch: ElementBatch, areal: float) -> Array:
+def mass_matrices(batch: ElementBatch, areal: float, degree: int = DEGREE) -> Array:
     """Consistent mass matrices (e, 6, 2, 6, 2), tonne: `m[ia, jb] = delta_ab rho b int phi_i phi_j dA`."""
-    N = shape_functions(quadrature(DEGREE)[0])[0]
+    N = shape_functions(quadrature(degree)[0])[0]
     m = areal * np.einsum("iq,jq,eq->eij", N, N, batch.weights, optimize=True)
     found = np.zeros((len(m), 6, 2, 6, 2))
     found[:, :, 0, :, 0] = found[:, :, 1, :, 1] = m
     return found
 
 
-def mass_lower(mesh: StageMesh, areal: float, tied: Tied) -> sp.coo_array:
+def mass_lower(mesh: StageMesh, areal: float, tied: Tied, degree: int = DEGREE) -> sp.coo_array:
     """Lower triangle of T' M T over the unknowns of `tied`, without what the pose carries."""
-    pieces: Iterator[ElementBatch] = (p for batch in integration(mesh, DEGREE) for p in batch.pieces(STACK))
-    return tied_lower(mesh.triangles, (mass_matrices(p, areal) for p in pieces), tied.number, tied.rigid)
+    pieces: Iterator[ElementBatch] = (p for batch in integration(mesh, degree) for p in batch.pieces(STACK))
+    return tied_lower(mesh.triangles, (mass_matrices(p, areal, degree) for p in pieces), tied.number, tied.rigid)
 
 
 def structure(
@@ -87,6 +91,7 @@ def structure(
     carried: Array | None = None,
     pushes: Array | None = None,
     rates: Array | None = None,
+    degrees: tuple[int, int] = (QUADRATURE, DEGREE),
 ) -> Structure:
     """Assemble and factorise.
 
@@ -94,12 +99,13 @@ def structure(
     ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload; None where no pose is among the unknowns.
     pushes, rates : of engaged stacks, (m, n) and (n,), N/mm.
+    degrees : of the quadratures of stiffness and mass.
 
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
-    areal, batches = plate.thickness * density, integration(mesh)
+    areal, batches = plate.thickness * density, integration(mesh, degrees[0])
     unknowns = 2 * len(tied.free) + (3 if len(tied.hub) else 0)
-    half = mass_lower(mesh, areal, tied).tocsc()
+    half = mass_lower(mesh, areal, tied, degrees[1]).tocsc()
     M = (half + sp.tril(half, -1).T).tocsc()
     if carried is not None:
         place = np.arange(unknowns - 3, unknowns)
@@ -129,16 +135,21 @@ def modes(of: Structure, count: int) -> Modes:
     values, shapes = lowest(of.solve, of.mass, count)
     shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, of.mass @ shapes))
     squares = strain_energies(of, shapes)
-    worst = float(np.max(np.abs(squares / values - 1)))
-    if not worst <= SETTLED:
-        raise ComputationFailed(
-            f"modes refused: eigenvalues and strain energies differ by {worst:.2g}, expected at most {SETTLED:g}"
-        )
+    check_settled(values, squares)
     order = np.argsort(squares)
     squares, shapes = squares[order], shapes[:, order]
     shapes = shapes @ aligned(squares, shapes.T @ base_loads(of))
     shapes = shapes * signs(shapes)
     return Modes(np.sqrt(squares), shapes, shapes.T @ base_loads(of))
+
+
+def check_settled(values: Array, squares: Array) -> None:
+    """Raise ComputationFailed when eigenvalues are not the Rayleigh quotients (k,) of their modes."""
+    worst = float(np.max(np.abs(squares / values - 1)))
+    if not worst <= SETTLED:
+        raise ComputationFailed(
+            f"modes refused: eigenvalues and strain energies differ by {worst:.2g}, expected at most {SETTLED:g}"
+        )
 
 
 def aligned(squares: Array, participation: Array) -> Array:
@@ -155,11 +166,12 @@ def aligned(squares: Array, participation: Array) -> Array:
     return Q
 
 
-def lowest(solve: Solve, mass: sp.csc_array, count: int, shift: float = 0.0) -> tuple[Array, Array]:
+def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Array]:
     """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
 
     Parameters
     ----------
+    mass : (m, m), symmetric, or complex Hermitian.
     solve : by `K - shift M`, positive definite: the shift is below the lowest eigenvalue.
     """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
@@ -167,7 +179,7 @@ def lowest(solve: Solve, mass: sp.csc_array, count: int, shift: float = 0.0) -> 
     size = mass.shape[0]
     if count >= size:
         raise ComputationFailed(f"{count} modes of {size} unknowns, expected fewer")
-    inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=float)
+    inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
     start = np.random.default_rng(0).standard_normal(size)  # the same every time
     try:
         values, vectors = eigsh(mass, count, M=mass, sigma=shift, OPinv=inverse, v0=start)  # A is not used

@@ -13,8 +13,8 @@ from flexfem.fem.plane_stress import QUADRATURE, Plate, slopes_of, stress_tensor
 from flexfem.fem.tangent import (
     Factorise,
     Factorization,
-    Model,
     State,
+    Undeformed,
     factoriser,
     green_lagrange,
     held_by,
@@ -112,7 +112,7 @@ def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool, degree: i
 
 
 def _reach(
-    model: Model, factorise: Factorise, state: State, start: Array, target: Array, hold: bool, scale: float
+    model: Undeformed, factorise: Factorise, state: State, start: Array, target: Array, hold: bool, scale: float
 ) -> tuple[_Step, int, float]:
     """Go from a state at `start`, a load or (hold) a pose, to `target`, in steps that are halved when Newton fails."""
     done, part, iterations = 0.0, 1.0, 0
@@ -135,7 +135,7 @@ def _reach(
 
 
 def _newton(
-    model: Model, factorise: Factorise, state: State, goal: Array, hold: bool, scale: float
+    model: Undeformed, factorise: Factorise, state: State, goal: Array, hold: bool, scale: float
 ) -> tuple[_Step | None, int]:
     """Equilibrium at `goal`, None when not converged; energies below `scale` count as nothing."""
     last = 1.0
@@ -150,7 +150,7 @@ def _newton(
     return None, ITERATIONS
 
 
-def _step(model: Model, factorise: Factorise, state: State, goal: Array, hold: bool) -> _Step:
+def _step(model: Undeformed, factorise: Factorise, state: State, goal: Array, hold: bool) -> _Step:
     """One Newton step towards a load or (hold) a pose; held, the load on the hub is the one that brings it there."""
     hub, free = hub_at(model.arms, state.pose), 2 * len(model.tied.free)
     held, factor = held_by(model, state), factorise(tangent(model, state))
@@ -173,7 +173,7 @@ def _step(model: Model, factorise: Factorise, state: State, goal: Array, hold: b
     return _Step(State(pose, moved, stress), size, held.energy, turn, unit, factor)
 
 
-def _predicted(model: Model, field: Array, change: Array) -> tuple[list[Array], float]:
+def _predicted(model: Undeformed, field: Array, change: Array) -> tuple[list[Array], float]:
     """Second Piola-Kirchhoff stress after a change of the displacements, to first order in it; and the largest turn."""
     stress, turn = [], 0.0
     for batch in model.batches:
@@ -183,7 +183,7 @@ def _predicted(model: Model, field: Array, change: Array) -> tuple[list[Array], 
     return stress, float(turn)
 
 
-def _row(model: Model, step: _Step, iterations: int, scale: float, load: Array | None) -> tuple[Any, ...]:
+def _row(model: Undeformed, step: _Step, iterations: int, scale: float, load: Array | None) -> tuple[Any, ...]:
     """The entries of `Equilibria`, in their order; `load` None takes what the hub needs to stay where it is."""
     held = held_by(model, step.state)
     if held.strain > LARGEST_STRAIN:

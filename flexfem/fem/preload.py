@@ -20,9 +20,20 @@ from flexfem.arrays import Array
 from flexfem.fem.drive import push_forces
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
-from flexfem.fem.tangent import Model, State, factoriser, green_lagrange, held_by, hub_at, model_of, rest, tangent
+from flexfem.fem.tangent import (
+    State,
+    Undeformed,
+    factoriser,
+    green_lagrange,
+    held_by,
+    hub_at,
+    model_of,
+    rest,
+    tangent,
+)
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Follows, Push, Stack, chain_rotation, middle_at
+from flexfem.stage.contacts import Follows, Push, Stack, middle_at
+from flexfem.stage.designs import chain_rotation
 
 ITERATIONS = 25
 CONVERGED = 1e-9  # root of energy of a Newton step, over that stored and that of every force alone
@@ -78,7 +89,7 @@ def preloaded(
     raise ComputationFailed("no equilibrium with these forces of the stacks: Newton's method does not converge")
 
 
-def _end(model: Model, mesh: StageMesh, chain: int, push: Push) -> _End:
+def _end(model: Undeformed, mesh: StageMesh, chain: int, push: Push) -> _End:
     """How the motion of a body at a push is read."""
     unknowns = 2 * len(model.tied.free) + 3
     if push.station is None:
@@ -146,7 +157,7 @@ def _dot(a: complex, b: complex) -> float:
     return float((np.conj(a) * b).real)
 
 
-def _state(model: Model, motion: Array) -> State:
+def _state(model: Undeformed, motion: Array) -> State:
     """The state at displacements (unknowns,) of the free nodes and the hub."""
     field = np.zeros((len(model.tied.number), 2))
     field[model.tied.free] = motion[:-3].reshape(-1, 2)

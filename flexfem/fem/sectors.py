@@ -24,7 +24,7 @@ from flexfem.fem.mesh import (
     TIME_LIMIT,
     StageMesh,
     check_triangles,
-    estimate_drawn,
+    estimate_triangles,
     ordered,
     outwards,
     refuse_size,
@@ -78,7 +78,7 @@ def mesh_sectors(
     chains = (1,) if stage.chains_alike else (1, 2, 3)
     jobs = [sector_drawing(stage, chain, resolution) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
-    refuse_size(estimate_drawn(stage, sum(areas) * 3 / len(chains), resolution))
+    refuse_size(estimate_triangles(stage, sum(areas) * 3 / len(chains), resolution))
     kinds = [tuple(stage.hinge(chain, name) for name in HINGE_NAMES) for chain in chains]
     unlike = [kinds.index(kind) for kind in dict.fromkeys(kinds)]
     wanted = [jobs[place] for place in unlike]

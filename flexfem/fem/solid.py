@@ -7,7 +7,9 @@ only, and straight ones.
 
 Half the thickness is enough for loads in the plane: the mid-plane z = 0 stays a plane, w = 0. Integrals are over both
 halves, so forces are those of the whole thickness. The hub's face is bonded to a rigid body that moves in the plane,
-`u = X - theta y, v = Y + theta x, w = 0`; the face on the ground is held, `u = v = w = 0`.
+`u = X - theta y, v = Y + theta x, w = 0`; the face on the ground is held, `u = v = w = 0`. Motion out of the plane is
+antisymmetric: u = v = 0 on the mid-plane, w is free, and the hub has the pose Z, a, b with a and b its rotations about
+x and y: `u = b z, v = -a z, w = Z + a y - b x`.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.layers import Layers, rigid_fields
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import CACHED, ElementBatch, Plate, integration
 from flexfem.fem.problem import shape_values
@@ -26,79 +29,11 @@ from flexfem.fem.response import Tied
 from flexfem.stage.schema import Stage
 
 DEGREE = 4  # of the quadrature in the plane: of products of two quadratic shape functions
-POINTS = 3  # of Gauss in every layer: exact for products of two quadratic shape functions
-
-
-class Layers(NamedTuple):
-    """Quadratic segments through the thickness, and which of their nodes stay at their height.
-
-    heights : (m,), mm, of the nodes above the mid-plane, ascending: ends and middles of the layers.
-    values, slopes : (m, z), of the shape functions at the points of Gauss; slopes in 1/mm.
-    weights : (z,), mm, of these; twice where the segments are half of the thickness.
-    held : nodes with w = 0.
-    """
-
-    heights: Array
-    values: Array
-    slopes: Array
-    weights: Array
-    held: tuple[int, ...]
-
-    @property
-    def lifted(self) -> Index:
-        """Nodes with w unknown."""
-        return np.setdiff1d(np.arange(len(self.heights)), self.held)
-
-    @property
-    def number(self) -> int:
-        """How many layers there are."""
-        return len(self.heights) // 2
-
-    @property
-    def unknowns(self) -> int:
-        """Unknowns of one node of the plane: u, v at all heights, then w of the lifted ones."""
-        return 2 * len(self.heights) + len(self.lifted)
-
-
-def mirrored(thickness: float, number: int, surface: float, faces_held: bool = False) -> Layers:
-    """Layers of half the thickness, thinner towards the free face; the other half is alike.
-
-    Parameters
-    ----------
-    surface : mm, distance from the face over which the layers grow; below it the stress of a neck that wide changes.
-    faces_held : w = 0 on the faces too, as between two rigid walls without friction: plane strain.
-
-    Notes
-    -----
-    Bounds are at `a sinh(s asinh(b / 2 a))` from the face, s equally spaced: more layers refine all of them alike.
-    """
-    spaced = np.linspace(1.0, 0.0, number + 1) * np.arcsinh(thickness / 2 / surface)
-    bounds = thickness / 2 - surface * np.sinh(spaced)
-    bounds[0] = 0.0
-    return layered(bounds, (0, 2 * number) if faces_held else (0,), 2)
-
-
-def layers_of(stage: Stage, number: int) -> Layers:
-    """Layers for a stage: graded for its narrowest neck."""
-    return mirrored(stage.thickness, number, float(stage.array("neck").min()))
 
 
 def sheet_of(stage: Stage) -> Plate:
     """The metal and the thickness of a stage."""
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
-
-
-def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:
-    """Layers with given bounds (l + 1,), mm, ascending; integrals count `copies` times."""
-    s, w = np.polynomial.legendre.leggauss(POINTS)
-    psi, slope = np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
-    high, count = np.diff(bounds), len(bounds) - 1
-    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + high / 2]).ravel(), bounds[-1:]])
-    values, slopes = np.zeros((2, 2 * count + 1, POINTS * count))
-    for layer in range(count):
-        at = slice(2 * layer, 2 * layer + 3), slice(POINTS * layer, POINTS * (layer + 1))
-        values[at], slopes[at] = psi, slope * 2 / high[layer]
-    return Layers(heights, values, slopes, np.outer(copies * high / 2, w).ravel(), held)
 
 
 def solid_lame(plate: Plate) -> tuple[float, float]:
@@ -127,22 +62,22 @@ class Solid(NamedTuple):
 
     def fields(self, motion: Array) -> Array:
         """Displacements (k, n, m, 3), mm, of all nodes from unknowns (size, k)."""
-        m, lifted, k = len(self.layers.heights), self.layers.lifted, motion.shape[1]
-        fields = np.zeros((k, len(self.tied.number), m, 3))
-        free = motion[:-3].T.reshape(k, len(self.tied.free), -1)
-        at = self.tied.free[:, None]
-        fields[:, self.tied.free, :, :2] = free[..., : 2 * m].reshape(k, -1, m, 2)
-        fields[:, at, lifted, 2] = free[..., 2 * m :]
-        fields[:, self.tied.hub, :, :2] = (self.tied.rigid @ motion[-3:]).T.reshape(k, -1, 1, 2)
+        fields = np.zeros((motion.shape[1], len(self.tied.number), len(self.layers.heights), 3))
+        free = motion[:-3].T.reshape(len(fields), len(self.tied.free), -1)
+        fields[:, self.tied.free[:, None], *self.layers.kept] = free
+        fields[:, self.tied.hub] = np.moveaxis(self.bonded @ motion[-3:], -1, 0)
         return fields
 
     def loads(self, forces: Array) -> Array:
         """Loads (size, k) on the unknowns from nodal forces (k, n, m, 3), N."""
-        k, m = len(forces), len(self.layers.heights)
-        plane = forces[:, self.tied.free, :, :2].reshape(k, -1, 2 * m)
-        lifting = forces[:, self.tied.free][:, :, self.layers.lifted, 2]
-        hub = forces[:, self.tied.hub, :, :2].sum(axis=2).reshape(k, -1) @ self.tied.rigid
-        return np.concatenate([np.concatenate([plane, lifting], axis=2).reshape(k, -1), hub], axis=1).T
+        free = forces[:, self.tied.free[:, None], *self.layers.kept].reshape(len(forces), -1)
+        hub = np.einsum("khmc,hmcp->kp", forces[:, self.tied.hub], self.bonded)
+        return np.concatenate([free, hub], axis=1).T
+
+    @property
+    def bonded(self) -> Array:
+        """Displacements (h, m, 3, 3) of the hub's nodes at all heights per pose."""
+        return rigid_fields(self.layers, self.tied.rigid)
 
     def forces(self, fields: Array) -> Array:
         """Nodal forces (k, n, m, 3), N, that hold displacements (k, n, m, 3), mm.
@@ -196,8 +131,7 @@ class Solid(NamedTuple):
         rows, columns, plane = self._plane_pairs()
         line, k, j = self._line_pairs()
         place = np.full((len(self.layers.heights), 3), -1)  # of the unknown among those of a node
-        place[:, :2] = np.arange(2 * len(place)).reshape(-1, 2)
-        place[self.layers.lifted, 2] = 2 * len(place) + np.arange(len(self.layers.lifted))
+        place[self.layers.kept] = np.arange(self.layers.unknowns)
         one, other = np.broadcast_arrays(place[k][:, :, None], place[j][:, None, :])
         kept = np.flatnonzero((one.ravel() >= 0) & (other.ravel() >= 0))
         one, other = one.ravel()[kept], other.ravel()[kept]

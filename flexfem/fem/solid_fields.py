@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.cyclic import CyclicResponse, rotation
-from flexfem.fem.cyclic_fields import near_necks, solved_sectors
+from flexfem.fem.cyclic import CyclicResponse
+from flexfem.fem.cyclic_fields import OnSectors, near_necks, solved_sectors
+from flexfem.fem.layers import Layers
 from flexfem.fem.mesh import NODES, StageMesh, gradients
 from flexfem.fem.plane_stress import CACHED, Plate
-from flexfem.fem.solid import Layers, gathering, solid_lame, solid_stress
+from flexfem.fem.solid import gathering, solid_lame, solid_stress
 from flexfem.fem.solid_response import SolidResponse
+from flexfem.stage.designs import chain_rotation
 from flexfem.stage.schema import Stage
+
+
+class OnLayers(OnSectors, Protocol):
+    """As `OnSectors`, with fields (3 cases, n, m, 3) at the heights of layers."""
+
+    @property
+    def layers(self) -> Layers:
+        """Of half the thickness."""
 
 
 class NeckStress(NamedTuple):
@@ -69,7 +79,7 @@ def in_mid_plane(response: SolidResponse) -> CyclicResponse:
     return CyclicResponse(response.compliance, response.sectors, fields, *sums)
 
 
-def solid_neck_stresses(stage: Stage, plate: Plate, response: SolidResponse, loads: Array) -> NeckStress:
+def solid_neck_stresses(stage: Stage, plate: Plate, response: OnLayers, loads: Array) -> NeckStress:
     """The highest stress of each notch under loads (k, 3), N, N, N mm: within a notch radius of the neck's centre."""
     highest, height = np.empty((2, len(loads), 3, 3))
     for sector, fields, chains in solved_sectors(response):
@@ -77,7 +87,7 @@ def solid_neck_stresses(stage: Stage, plate: Plate, response: SolidResponse, loa
         chosen = np.flatnonzero(np.any(near, axis=0))
         units = [solid_nodal_stress(sector.mesh, plate, response.layers, field, chosen) for field in fields]
         for chain in chains:
-            back = loads @ rotation(chain - chains[0])
+            back = loads @ chain_rotation(chain - chains[0])
             values = solid_von_mises(np.tensordot(back, np.array(units), axes=1))
             for hinge, close in enumerate(near[:, chosen]):
                 found = values[:, close].max(axis=1)

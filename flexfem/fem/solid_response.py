@@ -12,23 +12,17 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import (
-    CyclicResponse,
-    condense_alike,
-    rotation,
-    settle,
-    sums,
-    tie_sector,
-    turn_of_points,
-    under_loads,
-)
+from flexfem.fem.cyclic import CyclicResponse, condense_alike, settle, sums, tie_sector
 from flexfem.fem.factor import factorise
+from flexfem.fem.layers import Layers
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import resultants, tie_hub
 from flexfem.fem.sectors import Sector, joined
-from flexfem.fem.solid import DEGREE, Layers, Solid, solid
+from flexfem.fem.solid import DEGREE, Solid, solid
+from flexfem.fem.turns import turn_of_points, under_loads
 from flexfem.refused import ComputationFailed
+from flexfem.stage.designs import chain_rotation
 
 MOST_UNKNOWNS = 600_000  # of one factorisation: about 6 GB
 
@@ -55,7 +49,7 @@ class SolidResponse(CyclicResponse):
 
 def turned_solid(values: Array, chain: int) -> Array:
     """Vectors (..., 3) of the frame of chain 1 turned to a chain, counted from 0; a negative one turns back."""
-    return values @ rotation(chain).T
+    return values @ chain_rotation(chain).T
 
 
 def solid_response(sectors: tuple[Sector, ...], plate: Plate, layers: Layers, degree: int = DEGREE) -> SolidResponse:
@@ -85,9 +79,7 @@ def solid_response(sectors: tuple[Sector, ...], plate: Plate, layers: Layers, de
 def _of_alike(sector: Sector, plate: Plate, layers: Layers, degree: int) -> SolidResponse:
     equations = solid(sector.mesh, plate, layers, tie_sector(sector), degree)
     refuse_unknowns(equations)
-    heights, lifted = len(layers.heights), len(layers.lifted)
-    spin = block_diag(*[turn_of_points(heights), np.eye(lifted)] * len(sector.ahead))
-    part = condense_alike(equations, spin)
+    part = condense_alike(equations, spin_of(layers, len(sector.ahead)))
 
     def response(motion: Array, field: Array, force: Array) -> SolidResponse:
         flat, whole = field.reshape(3, -1, 3), force.reshape(3, -1, 3)
@@ -95,6 +87,11 @@ def _of_alike(sector: Sector, plate: Plate, layers: Layers, degree: int) -> Soli
         return SolidResponse(motion[-3:], (sector,), (field,), reactions, energy, part.unknowns, layers)
 
     return settle(part.step, equations, response, _size(sector.mesh))
+
+
+def spin_of(layers: Layers, nodes: int) -> Array:
+    """Matrix that turns the unknowns of so many nodes of the plane by 120 degrees."""
+    return np.asarray(block_diag(*[turn_of_points(len(layers.moving)), np.eye(len(layers.lifted))] * nodes))
 
 
 def _in_plane(force: Array) -> Array:

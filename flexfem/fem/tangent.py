@@ -98,7 +98,7 @@ def hub_at(arms: Array, pose: Array) -> Hub:
     return Hub(pose[:2] + swung, rigid_motion(arms + swung), -(arms + swung))
 
 
-class Model(NamedTuple):
+class Undeformed(NamedTuple):
     """The stage before its displacements: arms (h, 2), mm, are the hub's nodes from the platform centre."""
 
     batches: list[ElementBatch]
@@ -126,19 +126,19 @@ class Held(NamedTuple):
     strain: float
 
 
-def model_of(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Model:
+def model_of(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Undeformed:
     """Triangles and unknowns of a mesh; `degree` is that of the quadrature."""
     batches, tied = integration(mesh, degree), tie_hub(mesh)
-    return Model(batches, plate, tied, mesh.nodes[tied.hub])
+    return Undeformed(batches, plate, tied, mesh.nodes[tied.hub])
 
 
-def rest(model: Model) -> State:
+def rest(model: Undeformed) -> State:
     """The stage without displacement and stress."""
     stress = [np.zeros((len(batch.triangles), 2, 2, batch.weights.shape[1])) for batch in model.batches]
     return State(np.zeros(3), np.zeros((len(model.tied.number), 2)), stress)
 
 
-def held_by(model: Model, state: State) -> Held:
+def held_by(model: Undeformed, state: State) -> Held:
     """Forces, energy and strain of the state's displacements."""
     forces, energy, largest = np.zeros((1, *state.field.shape)), 0.0, 0.0
     for batch in model.batches:
@@ -152,7 +152,7 @@ def held_by(model: Model, state: State) -> Held:
     return Held(np.append(forces[0, model.tied.free].ravel(), on_hub), energy, largest)
 
 
-def tangent(model: Model, state: State) -> sp.coo_array:
+def tangent(model: Undeformed, state: State) -> sp.coo_array:
     """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
     hub, forces, matrices = hub_at(model.arms, state.pose), np.zeros((1, *state.field.shape)), []
     for batch, stress in zip(model.batches, state.stress, strict=True):

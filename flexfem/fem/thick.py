@@ -13,7 +13,7 @@ subtracted from the plane-stress compliance it is divided by.
 
 p lies in 0..1: plane stress is statically admissible, plane strain kinematically. p = 1 is in general not reached for
 b -> infinity, because the hinge may contract as a whole. Then e_zz is linear over the section, and with its energy
-minimised for a given length of blocks (`thick_limit`), A and I the section's area and its second moment about x,
+minimised for a given length of blocks, A and I the section's area and its second moment about x,
 
     C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation,
 
@@ -35,7 +35,7 @@ from flexfem.fem.extrusion import (
     section_integrals,
     solid_stiffness,
 )
-from flexfem.fem.hinge import richardson
+from flexfem.fem.hinge import Extrapolation, richardson
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import edge_force, mapped, nodes_on
@@ -66,19 +66,6 @@ class ThickHinge(NamedTuple):
         """Height and length of a block, in radii."""
         high = 2.0 + self.ratio
         return high, self.length or max(LENGTH * high, self.width * self.ratio)
-
-
-class Sample(NamedTuple):
-    """Positions between plane stress and plane strain at vanishing element size, in the order of `FREEDOMS`.
-
-    values : (2,).   bands : (2,), half-widths of their uncertainty.   levels : (k, 2), on the meshes.
-    unknowns : on the finest mesh.
-    """
-
-    values: Array
-    bands: Array
-    levels: Array
-    unknowns: int
 
 
 def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
@@ -137,8 +124,8 @@ def position(hinge: ThickHinge, refinement: int) -> Array:
     return -excess / plane / hinge.poissons_ratio**2
 
 
-def sample(hinge: ThickHinge, levels: Sequence[int] = LEVELS) -> Sample:
-    """Positions of a hinge extrapolated over three or more refinements, coarse to fine.
+def sample(hinge: ThickHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:
+    """Positions of a hinge between plane stress and plane strain over three or more refinements, coarse to fine.
 
     Notes
     -----
@@ -147,22 +134,7 @@ def sample(hinge: ThickHinge, levels: Sequence[int] = LEVELS) -> Sample:
     made = [_compliances(hinge, refinement) for refinement in levels]
     found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
     limits = richardson(levels, found)
-    return Sample(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
-
-
-def thick_limit(hinge: ThickHinge, plane: Array) -> Array:
-    """Position (2,) that b -> infinity leads to with blocks of the hinge's own length; its width does not matter.
-
-    plane : (2,), plane-stress compliances `E b R^2 theta/M` and `E b dx/F_x` of the hinge, less the blocks'.
-    """
-    high, block = hinge.block
-    x, w = np.polynomial.legendre.leggauss(40)
-    depth = 2 + hinge.ratio - 2 * np.sin((x + 1) * np.pi / 2)  # at cos(angle) = x/R
-    slope = np.sin((x + 1) * np.pi / 2) * np.pi / 2
-    area, second = 2 * block * high + w @ (depth * slope), (2 * block * high**3 + w @ (depth**3 * slope)) / 12
-    length = 2 * block + 2
-    kept = np.array([length**2 / second - 24 * block / high**3, length**2 / area - 2 * block / high])
-    return 1 - kept / plane
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
 
 
 def _compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:

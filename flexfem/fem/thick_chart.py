@@ -16,7 +16,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.chart import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
-from flexfem.fem.thick import FREEDOMS, LEVELS, Sample, ThickHinge, sample
+from flexfem.fem.hinge import Extrapolation
+from flexfem.fem.thick import FREEDOMS, LEVELS, ThickHinge, sample
 
 RATIOS, WIDTHS, POISSONS = (0.02, 1.2), (0.5, 50.0), (0.1, 0.45)  # t/R, b/t, nu
 SHAPE = (7, 11, 3)  # samples in t/R, b/t and nu
@@ -60,7 +61,7 @@ def make_thickness_chart(
 
 
 def _document(
-    points: tuple[Array, Array, Array], samples: list[Sample], levels: tuple[int, ...], date: str | None
+    points: tuple[Array, Array, Array], samples: list[Extrapolation], levels: tuple[int, ...], date: str | None
 ) -> dict[str, Any]:
     shape = tuple(map(len, points))
     values = np.array([made.values for made in samples]).reshape(*shape, 2)

@@ -42,13 +42,23 @@ class Sourced(Table):
     @property
     def assumed(self) -> tuple[str, ...]:
         """Key paths of the values, in order, whose provenance (their own or their table's) starts with "assumed"."""
-        sources = {path: provenance_of(self, path) or "" for path, value in _walk(self) if not _is_table(value)}
-        return tuple(path for path, source in sources.items() if is_assumed(source))
+        values = values_by_key(self)
+        return tuple(path for path, source in self.sources.items() if path in values and is_assumed(source or ""))
 
     @property
     def not_stated(self) -> tuple[str, ...]:
         """Key paths of the numbers, in order, of which the file does not say where they come from."""
-        return tuple(path for path in self.numbers if provenance_of(self, path) is None)
+        sources = self.sources
+        return tuple(path for path in self.numbers if sources[path] is None)
+
+    @property
+    def sources(self) -> dict[str, str | None]:
+        """Where every table and value comes from, by key path: its own provenance or else its nearest table's."""
+        return {path: self._source(path_of(path)) for path in key_paths(self)}
+
+    def _source(self, parts: KeyPath) -> str | None:
+        ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
+        return next((self.provenance[way] for way in ways_up if way in self.provenance), None)
 
 
 class Doubts(NamedTuple):
@@ -83,21 +93,6 @@ def values_by_key(file: Table) -> dict[str, Any]:
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
     """Return the key paths of all measured numbers the file gives; the chain of an override is none."""
     return tuple(path for path, value in _walk(file) if _is_number(value))
-
-
-def provenance_of(file: Sourced, key: str) -> str | None:
-    """Return where the value at a key path comes from, by its own provenance or else its nearest table's, or None.
-
-    Raises
-    ------
-    KeyError
-        The file gives no such key.
-    """
-    if key not in key_paths(file):
-        raise KeyError(key)
-    parts = path_of(key)
-    ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
-    return next((file.provenance[way] for way in ways_up if way in file.provenance), None)
 
 
 def _as_written_now(file: Table, key: str, known: Iterable[str]) -> str:

@@ -7,6 +7,7 @@ nesting and dotted keys so deep that `tomllib` would overflow the stack or take 
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import re
@@ -21,6 +22,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, mod
 from flexfem.files.lines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 from flexfem.files.refusals import (
     SHOWN,
+    Problem,
     checked_path,
     merged,
     missing_sentence,
@@ -123,6 +125,11 @@ def read_toml(path: Path) -> TomlFile:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
+def bad_key(path: Path, key: tuple[str | int, ...], said: str) -> BadInput:
+    """What is said of a key of a file, after the file and the line of it."""
+    return BadInput(f"{place_of(path, read_toml(path).lines.line(key))}: {said}")
+
+
 def validate(
     model_class: type[Model], path: Path, completed: Callable[[dict[str, Any], LineIndex], dict[str, Any]] | None = None
 ) -> Model:
@@ -135,22 +142,60 @@ def validate(
         first such value in the file is named, the others are counted; missing keys are named all.
     """
     data, lines = read_toml(path)
-    _require_plain_stem(path)
+    require_plain_stem(path)
+    return _validated(model_class, path, data if completed is None else completed(data, lines), lines)
+
+
+def validate_partly(
+    model_class: type[Model],
+    path: Path,
+    spare: Mapping[str, Any],
+    completed: Callable[[dict[str, Any], LineIndex], dict[str, Any]] | None = None,
+) -> tuple[Model, list[str]]:
+    """As `validate`, what is missing taken from `spare`, values by key path; returns the keys that are missing, too.
+
+    A key that is missing and not among the spare ones is refused as ever.
+    """
+    data, lines = read_toml(path)
+    require_plain_stem(path)
     data = data if completed is None else completed(data, lines)
+    _refuse_other_kind(model_class, path, data)
+    try:
+        return model_class.model_validate(data), []
+    except ValidationError as error:
+        missing = _missing(model_class, data, _problems(error, data))
+    filled = copy.deepcopy(data)
+    for key in (key for key in missing if key in spare):
+        *tables, name = key.split(".")
+        table = filled
+        for each in tables:
+            table = table.setdefault(each, {})
+        table[name] = spare[key]
+    return _validated(model_class, path, filled, lines), missing
+
+
+def _validated(model_class: type[Model], path: Path, data: dict[str, Any], lines: LineIndex) -> Model:
     try:
         return model_class.model_validate(data)
     except ValidationError as error:
         _refuse_other_kind(model_class, path, data)
-        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
+        problems = _problems(error, data)
         wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
-        missing = [
-            key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)
-        ]
+        missing = _missing(model_class, data, problems)
         said = [sentence(wrong[0], model_class, data) + _more(len(wrong) - 1)] if wrong else []
         said += [missing_sentence(missing)] if missing else []
         first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
         place = place_of(path, lines.line(first.path))
         raise BadInput(one_line(f"{place}: {'; '.join(said)}")) from None
+
+
+def _problems(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
+    return merged([problem_of(details, data) for details in error.errors(include_url=False)])
+
+
+def _missing(model_class: type[BaseModel], data: dict[str, Any], problems: list[Problem]) -> list[str]:
+    """Key paths that are missing."""
+    return [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
 
 
 def _more(count: int) -> str:
@@ -172,7 +217,7 @@ def _is_json(text: str) -> bool:
         return False
 
 
-def _require_plain_stem(path: Path) -> None:
+def require_plain_stem(path: Path) -> None:
     """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
     stem = PurePath(path).stem
     device = stem.partition(".")[0].rstrip().upper() in DEVICES

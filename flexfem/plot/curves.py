@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
-from flexfem.plot.driven_text import BRIEF
+from flexfem.plot.driven_text import BANDS, BRIEF, OF_STAGE
 from flexfem.plot.style import GREY, INK, in_house_style, inches, legend_beside, panels, wrapped
 from flexfem.plot.text import banded, scientific
 from flexfem.units import LENGTH, Unit, unit_for
@@ -107,8 +107,9 @@ def error_figure(result: Result, displacement: bool = False) -> Figure:
     Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
     shown = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
+    where = OF_STAGE[result.elements].replace(",", "")
     lines = [
-        f"Finite-element displacement {shown}, {driven_by(result)}. ±, shaded: mesh band.",
+        f"Finite-element displacement{where} {shown}, {driven_by(result)}. ±, shaded: {BANDS[result.elements]}.",
         normalisation(result),
     ]
     figure, found = panels((WIDTH, HEIGHT), result.name, lines, 3, doubts=(result.assumed, result.not_stated))

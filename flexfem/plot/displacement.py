@@ -15,12 +15,13 @@ from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import NAMES
+from flexfem.plot.driven_text import SHOWN_OF_SOLID
 from flexfem.plot.marks import clear_spot, edges_of, loops_of, polygon, quarters
 from flexfem.plot.style import INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import round_factor, significant
 from flexfem.stage.bodies import BODIES
 from flexfem.units import STRESS, unit_for
-from flexfem.verify.result import Fields, Model, Result
+from flexfem.verify.result import CurveModels, Fields, Result
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
@@ -54,6 +55,8 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command.name}, displacements "
         f"× {significant(factor, 1)}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
     ]
+    if result.elements == "three_dimensional":
+        lines.append(f"Three dimensions. {SHOWN_OF_SOLID}")
     figure, found = panels(size, result.name, lines, rows, columns, (result.assumed, result.not_stated))
     for axes in found[len(result.curves) :]:
         axes.remove()
@@ -86,7 +89,7 @@ def stress_scale(fields: dict[str, Fields]) -> LogNorm:
     return LogNorm(largest / 10**DECADES, largest)
 
 
-def largest_stress(model: Model, fields: Fields) -> Peak:
+def largest_stress(model: CurveModels, fields: Fields) -> Peak:
     """Node of the largest stress and the name of its place; of places alike, as by symmetry, the first by name."""
     nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - ALIKE))
     places = {name_of_place(model, fields, int(node)): int(node) for node in reversed(nodes)}
@@ -94,7 +97,7 @@ def largest_stress(model: Model, fields: Fields) -> Peak:
     return Peak(places[first], f"{first} and {len(others)} more alike" if others else first)
 
 
-def name_of_place(model: Model, fields: Fields, node: int) -> str:
+def name_of_place(model: CurveModels, fields: Fields, node: int) -> str:
     """The hinge whose notch holds a node, else the body."""
     at = fields.nodes[node]
     for number, hinge in enumerate(model.hinges, start=1):
@@ -148,7 +151,7 @@ def _around_origin(points: Array, hub_radius: float) -> bool:
     return bool(np.hypot(*points.T).max() < 1.01 * hub_radius)
 
 
-def _name_largest(axes: Axes, model: Model, fields: Fields, factor: float) -> None:
+def _name_largest(axes: Axes, model: CurveModels, fields: Fields, factor: float) -> None:
     """Point at the largest stress and write value and place below the stage."""
     moved = fields.nodes + factor * fields.displacement
     size = float(np.ptp(np.concatenate([fields.nodes, moved]), axis=0).max())

@@ -1,9 +1,16 @@
-"""What the finite elements of a case were given, in words: a force, rotations of hinges, or strokes."""
+"""What the finite elements of a case are and what they were given, in words: a force, rotations, or strokes."""
 
 from __future__ import annotations
 
-from flexfem.verify.case import Drive
+from flexfem.verify.case import Drive, Elements
 
+OF_STAGE: dict[Elements, str] = {"fe": "", "three_dimensional": ", in three dimensions"}
+BANDS: dict[Elements, str] = {"fe": "mesh band", "three_dimensional": "band of mesh and layers"}
+SHOWN_OF_SOLID = "Displacement of the mid-plane; stress: the highest through the thickness."
+EXTRUDED = (
+    "In three dimensions the stage is extruded: wedges of 18 nodes in layers, both faces free. Bands are then of the "
+    "mesh in the plane and of the layers, whose share is the change from fewer to more of them times 1.25."
+)
 COMMANDED: dict[Drive, str] = {"force": "", "joints": ", joints imposed", "strokes": ", strokes commanded"}
 BRIEF: dict[Drive, str] = {
     "force": "force by (18)",

@@ -15,7 +15,7 @@ from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.plot.text import significant
 from flexfem.units import LENGTH
-from flexfem.verify.result import Model
+from flexfem.verify.result import CurveModels
 
 NECK = 0.42  # t/R of the drawing, whatever the stage's
 BLOCK = 1.5  # length of the blocks beside the notch, per R
@@ -26,7 +26,7 @@ SHADES = ("#CDD4DC", "#EEF1F4")  # darkest and lightest of the sides
 
 
 @in_house_style
-def hinge_sketch(model: Model) -> Figure:
+def hinge_sketch(model: CurveModels) -> Figure:
     """Draw the labelled sketch of the circular hinge, with the dimensions of the model's hinges in a table below.
 
     Notes
@@ -61,7 +61,7 @@ def outline() -> Array:
     return np.concatenate([[[-1 - BLOCK, -top]], lower, corners, -lower, [[-1 - BLOCK, top]]])
 
 
-def hinge_rows(model: Model | Placed) -> list[tuple[str, ...]]:
+def hinge_rows(model: CurveModels | Placed) -> list[tuple[str, ...]]:
     """Rows of the table of hinges: which, R, t, h in mm, t/R; hinges that are alike in one row."""
     groups: dict[tuple[float, float], list[str]] = {}
     for number, hinge in enumerate(model.hinges, start=1):

@@ -14,7 +14,7 @@ from flexfem.plot.marks import clear_spot, frame_cross, hatch_ground, write
 from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, inches, panels, text_width
 from flexfem.units import DEGREE, LENGTH
-from flexfem.verify.result import HingeDrawing, Model
+from flexfem.verify.result import CurveModels, HingeDrawing
 
 WIDTH = 8.27  # in
 LINK, SLIDER = "#30465E", "#0072B2"
@@ -29,7 +29,7 @@ MEANING = {
 
 
 @in_house_style
-def model_sketch(model: Model) -> Figure:
+def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model: links, joints with their freedoms, ground, platform and its frame.
 
     Notes
@@ -69,7 +69,7 @@ def plot_model(ax: Axes, stage: HasHinges) -> Axes:
     return ax
 
 
-def mobility_line(model: Model) -> str:
+def mobility_line(model: CurveModels) -> str:
     """Mobility by (1), in words."""
     counts = [len(hinge.freedoms) for hinge in model.hinges]
     return (
@@ -78,7 +78,7 @@ def mobility_line(model: Model) -> str:
     )
 
 
-def links_of_chain(model: Model | Placed) -> tuple[Array, Array]:
+def links_of_chain(model: CurveModels | Placed) -> tuple[Array, Array]:
     """Lengths l1, l2, l3 (3,), mm, and angles phi_1 to phi_3 (3,), rad in (-pi, pi], of chain 1 as in (19), (20)."""
     points = np.array([*(hinge.centre for hinge in model.hinges[:3]), (0.0, 0.0)])
     links = np.diff(points, axis=0)

@@ -11,8 +11,8 @@ from flexfem.refused import BadInput
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.verify.answers import PlacedHinge, StageReport
-from flexfem.verify.result import HingeDrawing, Model
+from flexfem.verify.result import CurveModels, HingeDrawing
+from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 
 class Placed(NamedTuple):
@@ -21,12 +21,12 @@ class Placed(NamedTuple):
     hinges: list[HingeDrawing]
 
 
-HasHinges: TypeAlias = Stage | StageReport | Model
+HasHinges: TypeAlias = Stage | StageReport | CurveModels
 
 
 def placed(given: HasHinges) -> Placed:
     """The hinges of a stage as read, or of a model. Raises BadInput for what has none, or cannot be made."""
-    if isinstance(given, Model):
+    if isinstance(given, CurveModels):
         return Placed(given.hinges)
     if isinstance(given, Stage):
         check_feasible(given)

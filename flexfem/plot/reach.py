@@ -22,7 +22,8 @@ from flexfem.plot.style import GREY, INK, in_house_style, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE
 from flexfem.verify.limits import KINDS, grouped, kinds
-from flexfem.verify.reach import PoseEdge, Range, Reach
+from flexfem.verify.pose_set import PoseEdge, Range
+from flexfem.verify.reach import Reach
 
 WIDTH, HEIGHT = 11.69, 7.6  # in
 LISTED = 12  # edges whose limits are written out: the longest ones

@@ -30,7 +30,7 @@ from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.outline import Segment, polygon_points
 from flexfem.stage.schema import CHAINS, Stage
 from flexfem.units import LENGTH
-from flexfem.verify.result import Fields, HingeDrawing, Model
+from flexfem.verify.result import CurveModels, Fields, HingeDrawing
 
 MESH_COLOUR = "#5B7FA6"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
@@ -94,7 +94,7 @@ def _points(segment: Segment) -> Array:
 
 
 @in_house_style
-def stage_figure(model: Model, fields: Fields) -> Figure:
+def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage with its mesh, the numbers of its hinges and chains, its clamped edges and its rigid hub, in mm.
 
     Parameters
@@ -108,7 +108,7 @@ def stage_figure(model: Model, fields: Fields) -> Figure:
     return figure
 
 
-def plot_mesh(ax: Axes, model: Model, fields: Fields) -> Axes:
+def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     """Draw the mesh of a stage, the numbers of its hinges and chains, clamped edges and hub, in mm; returns `ax`."""
     edges = edges_of(fields.triangles)
     draw_mesh(ax, fields.nodes, edges, width=0.18)
@@ -121,10 +121,11 @@ def plot_mesh(ax: Axes, model: Model, fields: Fields) -> Axes:
     return ax
 
 
-def mesh_size(model: Model) -> str:
+def mesh_size(model: CurveModels) -> str:
     """Size of the mesh, in words."""
     triangles, unknowns = (f"{count:,}".replace(",", SPACE) for count in (model.triangles, model.unknowns))
     across = f"{model.resolution} triangles across every neck"
+    across += f", {model.layers} layers in half the thickness" if model.layers else ""
     return f"{triangles} curved quadratic triangles, {unknowns} unknowns, {across}."
 
 
@@ -150,7 +151,7 @@ def fit(axes: Axes, nodes: Array) -> float:
     return size
 
 
-def _number_hinges(axes: Axes, model: Model, nodes: Array, size: float) -> None:
+def _number_hinges(axes: Axes, model: CurveModels, nodes: Array, size: float) -> None:
     """Write the hinges' numbers and the chains' names where there is room."""
     taken = [nodes[::4], *(np.array([hinge.centre]) for hinge in model.hinges)]
     for number, hinge in enumerate(model.hinges, start=1):
@@ -171,7 +172,7 @@ def _number_hinges(axes: Axes, model: Model, nodes: Array, size: float) -> None:
 
 
 @in_house_style
-def neck_figure(model: Model, fields: Fields) -> Figure:
+def neck_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm.
 
     Parameters

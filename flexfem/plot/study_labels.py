@@ -13,12 +13,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from flexfem.arrays import Array
 from flexfem.files.keypath import path_of
 from flexfem.plot.text import SPACE, significant
-from flexfem.study.columns import Column
+from flexfem.study.columns import STRESSES, Column
 from flexfem.study.tables import Method
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy
+    from flexfem.study.plan import Study
     from flexfem.study.study_table import StudyTable
 
 OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
@@ -50,6 +51,16 @@ OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
     "frequency_1_hz": ("natural frequency 1", ""),
     "frequency_2_hz": ("natural frequency 2", ""),
     "frequency_3_hz": ("natural frequency 3", ""),
+    "drift_x_um_per_k": ("drift in X per kelvin", ""),
+    "drift_y_um_per_k": ("drift in Y per kelvin", ""),
+    "drift_theta_urad_per_k": ("drift in θ per kelvin", ""),
+    "drift_gradient_um_per_k_per_mm": ("largest drift by a gradient", ""),
+    "drift_gradient_theta_urad_per_k_per_mm": ("largest drift in θ by a gradient", ""),
+    "life_cycles": ("cycles at the amplitude", ""),
+    "life_amplitude_x_um": ("amplitude in X for the wanted life", ""),
+    "life_amplitude_y_um": ("amplitude in Y for the wanted life", ""),
+    "life_amplitude_theta_mrad": ("amplitude in θ for the wanted life", ""),
+    "safety_factor": ("yield strength over neck stress", ""),
     "error_x_percent": ("error along X", ""),
     "error_y_percent": ("error along Y", ""),
     "error_theta_percent": ("error along θ", ""),
@@ -100,10 +111,12 @@ class Caption(NamedTuple):
     not_stated: Sequence[str] = ()
 
 
-def output(column: str) -> Quantity:
-    """What an output column is called."""
+def output(column: str, study: Study | None = None) -> Quantity:
+    """What an output column of a study is called, with the known error of a stress by finite elements."""
     name, symbol = OUTPUTS[column]
-    return Quantity(name, unit_of(column).name, symbol)
+    if column in STRESSES and study is not None and study.stress_below:
+        name = f"{name} ({study.stress_below})"
+    return Quantity(name, unit_of(column).name, symbol, column == "life_cycles")
 
 
 def factor(column: Column) -> Quantity:

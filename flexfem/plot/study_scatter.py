@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flexfem.arrays import Array
 from flexfem.plot.curves import DASHES
-from flexfem.plot.study_labels import Caption, Quantity
+from flexfem.plot.study_labels import Caption, Quantity, name_axis
 from flexfem.plot.style import INK, NOTE_COLOUR, in_house_style, legend_beside, panels
 from flexfem.plot.text import SPACE, significant
 from flexfem.study.statistics import Indices, Percentile
@@ -62,7 +62,9 @@ def distribution_figure(shown: Distribution) -> Figure:
 def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
     """Draw a histogram of one value with its percentiles and their legend; returns `ax`."""
     values = scatter.values() if callable(scatter.values) else scatter.values
-    counts, borders = histogram(values)
+    log = scatter.quantity.log and bool(values.min() > 0)
+    counts, borders = histogram(np.log10(values) if log else values)
+    borders = 10.0**borders if log else borders
     ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
     ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
     entries = _draw_marks(ax, scatter, float(np.abs(values).max()))
@@ -70,7 +72,10 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
     ax.set_xlabel(scatter.quantity.label, parse_math=bool(scatter.quantity.symbol))
     ax.set_ylabel("designs")
     ax.set(xlim=(borders[0], borders[-1]), ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
-    ax.ticklabel_format(useOffset=False, axis="x")
+    if log:
+        name_axis(ax, "x", scatter.quantity, (float(borders[0]), float(borders[-1])))
+    else:
+        ax.ticklabel_format(useOffset=False, axis="x")
     return ax
 
 
@@ -123,7 +128,7 @@ def narrowest(found: Sequence[Percentile]) -> float:
 def to_digits(value: float, width: float) -> str:
     """A number to the second digit of a width, or with four digits where that is long or there is no width."""
     decimals = 1 - math.floor(math.log10(width)) if width > 0 else MOST_DECIMALS + 1
-    if decimals > MOST_DECIMALS:
+    if decimals > MOST_DECIMALS or decimals < -2:
         return significant(value)
     return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
 

@@ -6,7 +6,7 @@ import io
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import wraps
+from functools import cache, wraps
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
@@ -86,6 +86,7 @@ def rendered(figure: Figure, form: str) -> bytes:
     return buffer.getvalue()
 
 
+@cache  # notes and captions are broken anew whenever a figure is laid out again
 def text_width(text: str, size: float, weight: str = "normal") -> float:
     """Width, in inches, of a line of text at a size in points."""
     font = FontProperties(family="DejaVu Sans", size=size, weight=weight)

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem.files.writing import markdown_table
-from flexfem.plot.driven_text import COMMANDED, METHOD
+from flexfem.plot.driven_text import COMMANDED, EXTRUDED, METHOD, OF_STAGE
 from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.result import Model, Result
+from flexfem.verify.result import CurveModels, Result
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
@@ -113,6 +113,7 @@ def _opening(results: Sequence[Result]) -> str:
     )
     text = " ".join(METHOD[kind] for kind in METHOD if any(each.drive == kind for each in results)).format(exact=exact)
     text += " The error is the finite-element displacement minus the commanded one."
+    text += f" {EXTRUDED}" if any(each.elements == "three_dimensional" for each in results) else ""
     return f"{text}\n\n{warning}" if note else text
 
 
@@ -130,7 +131,7 @@ def _command(result: Result) -> str:
     largest = max(result.commanded)
     unit = unit_for(result.direction, largest)
     name = {"x": "X", "y": "Y", "theta": "θ"}[result.direction]
-    return f"{name} = {largest * unit.factor:.6g} {unit.name}{COMMANDED[result.drive]}"
+    return f"{name} = {largest * unit.factor:.6g} {unit.name}{COMMANDED[result.drive]}{OF_STAGE[result.elements]}"
 
 
 def _normalisation(results: Sequence[Result]) -> str:
@@ -147,7 +148,9 @@ def _uncertainty(results: Sequence[Result]) -> str:
     rows = []
     for result in results:
         for label, found in result.uncertainty.items():
-            bands = [f"± {significant(found[key].band, 2)} ({found[key].verdict})" for key in DIRECTIONS]
+            layers = result.models[label].band_layers
+            part = {key: f"; layers {significant(getattr(layers, key), 2)}" if layers else "" for key in DIRECTIONS}
+            bands = [f"± {significant(found[k].band, 2)} ({found[k].verdict}{part[k]})" for k in DIRECTIONS]
             rows.append([result.case, label, ", ".join(map(str, found["x"].resolutions)), *bands])
     return _numbered(["case", "curve", "triangles across a neck", "X", "Y", "θ"], rows, 3)
 
@@ -179,7 +182,7 @@ def _imposed(results: Sequence[Result]) -> str:
     return _numbered(["case", "curve", "imposed", "largest stress at the necks (finite elements)"], rows, 1)
 
 
-def joint_value(result: Result, model: Model, point: int, joint: int) -> str:
+def joint_value(result: Result, model: CurveModels, point: int, joint: int) -> str:
     """A rotation or stroke that the finite elements were given, with its unit; one that is round-off is 0."""
     values = model.imposed[point]
     unit = unit_for("theta" if result.drive == "joints" else "x", max(map(abs, values)))
@@ -187,7 +190,7 @@ def joint_value(result: Result, model: Model, point: int, joint: int) -> str:
     return "0" if tiny else f"{significant(values[joint] * unit.factor)} {unit.name}"
 
 
-def _scales(model: Model) -> tuple[float, float, float]:
+def _scales(model: CurveModels) -> tuple[float, float, float]:
     return (1.0, 1.0, model.lever)
 
 
@@ -218,7 +221,8 @@ def _meshes(results: Sequence[Result]) -> str:
     rows: list[list[str]] = []
     for result in results:
         for model in result.models.values():
-            row = [model.stage, model.hash[:12], f"{model.resolution}", f"{model.triangles}", f"{model.unknowns}"]
+            across = f"{model.resolution}{f', {model.layers} layers' if model.layers else ''}"
+            row = [model.stage, model.hash[:12], across, f"{model.triangles}", f"{model.unknowns}"]
             if row not in rows:
                 rows.append(row)
     return _numbered(["stage", "hash", "triangles across a neck", "triangles", "unknowns"], rows, 3)

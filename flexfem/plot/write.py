@@ -18,7 +18,7 @@ from flexfem.plot.model_sketch import model_sketch
 from flexfem.plot.stage import neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
-from flexfem.verify.result import Fields, Model, Result
+from flexfem.verify.result import CurveModels, Fields, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]
 FORMS = ("png", "pdf")
@@ -109,7 +109,7 @@ def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure
         seen |= {model.hash, (model.hash, freedoms)}
 
 
-def _stem(model: Model) -> str:
+def _stem(model: CurveModels) -> str:
     return _file_name(Path(model.file).stem)
 
 

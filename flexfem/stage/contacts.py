@@ -15,7 +15,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.actuators import BODY_NAMES, Body
 from flexfem.stage.bodies import centrelines
-from flexfem.stage.designs import CHAIN_TURN
+from flexfem.stage.designs import chain_rotation
 from flexfem.stage.outline import Segment
 
 if TYPE_CHECKING:
@@ -212,12 +212,6 @@ class Stack(NamedTuple):
     def placed(self, push: Push) -> Array:
         """Wrench (..., 3) of one of its pushes in the frame of the stage."""
         return np.asarray(push.wrench @ chain_rotation(self.chain).T)
-
-
-def chain_rotation(chain: int) -> Array:
-    """Matrix (3, 3) that turns x, y, theta from the frame of chain 1 into that of the stage, chains from 0."""
-    c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def placed_stack(

@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from flexfem.arrays import Array, Index
 from flexfem.stage.actuators import Numbers
 from flexfem.stage.cache import once
+from flexfem.stage.materials import SWT
 from flexfem.stage.overrides import actuators_of
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Plane
 
 if TYPE_CHECKING:
+    from flexfem.stage.materials import Material
     from flexfem.stage.schema import Stage
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
@@ -47,6 +49,8 @@ class Designs:
     plane : how all of them are made a plane problem.   prismatic : (3 chains, 3 hinges), bool, the same for all.
     thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
     density : (n,), kg/m^3, asked for by natural frequencies alone.
+    expansion : (n, 2), 1/K, of stage and frame, nan where not stated; for answers on heat alone.
+    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives alone.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
     actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
@@ -59,6 +63,8 @@ class Designs:
     poissons_ratio: Array
     yield_strength: Array
     density: Array
+    expansion: Array
+    fatigue: Array
     link_width: Array
     platform_radius: Array
     hub_radius: Array
@@ -112,6 +118,8 @@ def lower(stage: Stage) -> Designs:
         "poissons_ratio": material.poissons_ratio,
         "yield_strength": material.yield_strength,
         "density": material.density,
+        "expansion": _numbers(material.expansion, stage.frame.expansion),
+        "fatigue": _fatigue(material),
         "link_width": chain.link_width,
         "platform_radius": platform.radius,
         "hub_radius": platform.hub_radius,
@@ -129,6 +137,17 @@ def lower(stage: Stage) -> Designs:
     for each in (prismatic, *found.values(), *made.frames):
         each.setflags(write=False)
     return made
+
+
+def _fatigue(material: Material) -> list[float]:
+    constants = material.fatigue_strength_coefficient, material.fatigue_strength_exponent
+    walker = SWT if material.walker_exponent is None else material.walker_exponent
+    return [*_numbers(*constants), walker]
+
+
+def _numbers(*values: float | None) -> list[float]:
+    """Values, nan for those not stated."""
+    return [np.nan if value is None else value for value in values]
 
 
 def stage_frames(stage: Stage) -> Frames:
@@ -209,6 +228,12 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
 def direction(angle: Array) -> Array:
     """Unit vectors (..., 2) at the angles (...), rad."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def chain_rotation(chain: int) -> Array:
+    """Matrix (3, 3) that turns x, y, theta from the frame of chain 1 into that of the stage, chains from 0."""
+    c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def turned(points: Array, angle: Array | float) -> Array:

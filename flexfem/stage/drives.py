@@ -11,7 +11,8 @@ from flexfem.refused import BadInput
 from flexfem.stage.actuators import BODY_NAMES, ENDS, Actuator
 from flexfem.stage.bodies import centrelines, draw_sector, turn
 from flexfem.stage.cache import once
-from flexfem.stage.contacts import Stack, chain_rotation, middle_at, placed_stack, tangent_at
+from flexfem.stage.contacts import Stack, middle_at, placed_stack, tangent_at
+from flexfem.stage.designs import chain_rotation
 from flexfem.stage.origin import located
 from flexfem.stage.outline import Segment
 from flexfem.stage.overrides import actuators_of, key_of_actuator

@@ -24,10 +24,14 @@ POINTS = 16  # of Gauss on each line or arc of less than half a turn: exact to r
 
 
 class Payload(NamedTuple):
-    """What the platform carries at its centre: mass, tonne, and moment of inertia about the centre, tonne mm^2."""
+    """What the platform carries, its centre of mass at the platform's centre and in the mid-plane.
+
+    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every axis in its mid-plane.
+    """
 
     mass: float = 0.0
     inertia: float = 0.0
+    tilting: float = 0.0
 
 
 class Inertia(NamedTuple):
@@ -106,6 +110,18 @@ def mass_per_area(stage: Stage) -> float:
 def carried(stage: Stage, payload: Payload) -> Array:
     """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, which move as the pose."""
     return inertia_of(hub_moments(stage), mass_per_area(stage)).matrix + payload_matrix(payload)
+
+
+def carried_out_of_plane(stage: Stage, payload: Payload) -> Array:
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and y.
+
+    Notes
+    -----
+    Of a disc of radius r and thickness b about a diameter `m (r^2 / 4 + b^2 / 12)`.
+    """
+    hub = inertia_of(hub_moments(stage), mass_per_area(stage))
+    tilting = hub.second / 2 + hub.mass * stage.thickness**2 / 12 + payload.tilting
+    return np.diag([hub.mass + payload.mass, tilting, tilting])
 
 
 def payload_matrix(payload: Payload) -> Array:

@@ -20,6 +20,8 @@ from flexfem.stage.overrides import OF_ACTUATORS, actuators_of
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.stage.tables import Hinge
 
+LASTING = FATIGUE[:3]  # those of `Designs.fatigue`
+EXPANDING = ("material", "frame")  # tables of those of `Designs.expansion`
 _PROBE = 0.25  # possible for every key, or its negative, and a power of two: the unit comes out exact
 
 
@@ -53,8 +55,12 @@ class Key(NamedTuple):
         return None
 
     def impossible(self, values: Array) -> AnyArray:
-        """Which values (...), file units, no file can give. The possible ones fill an interval, so the ends decide."""
-        if values.size == 0 or all(self.expected(end) is None for end in (np.min(values), np.max(values))):
+        """Which values (...), file units, no file can give.
+
+        The possible ones fill an interval, some and zero, so its ends and the least one above zero decide.
+        """
+        ends = () if values.size == 0 else (np.min(values), np.max(values), _least_positive(values))
+        if all(self.expected(end) is None for end in ends):
             return np.zeros(values.shape, dtype=bool)
         found: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)
         return found
@@ -62,8 +68,8 @@ class Key(NamedTuple):
     def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
         """Fields of `stage.designs.Designs` that it sets and where in them; none where no model asks for it.
 
-        A hinge or an actuator with an override of its own does not follow the one it overrides; no output depends
-        on fatigue or expansion, and on the density natural frequencies alone.
+        A hinge or an actuator with an override of its own does not follow the one it overrides; on the expansions drift
+        alone depends, on fatigue constants lives alone, and on the density natural frequencies alone.
         """
         if self.of_drive:
             return [("actuator", place) for place in self._actuators_in(stage)]
@@ -73,7 +79,11 @@ class Key(NamedTuple):
             own = {o.place for o in stage.override if getattr(o, self.attribute) is not None}
             position = HINGE_NAMES.index(self.table[1])
             return [(self.attribute, (chain - 1, position)) for chain in CHAINS if (chain, self.table[1]) not in own]
-        if self.attribute in ("expansion", *FATIGUE):
+        if self.attribute in LASTING:
+            return [("fatigue", (LASTING.index(self.attribute),))]
+        if self.attribute == "expansion":
+            return [("expansion", (EXPANDING.index(self.table[0]),))]
+        if self.attribute in FATIGUE:
             return []
         field = "_".join((*self.table[:1], self.attribute)) if self.attribute == "radius" else self.attribute
         return [(field, () if self.element is None else (self.element,))]
@@ -113,6 +123,11 @@ class Key(NamedTuple):
             value = getattr(found, self.attribute)
         value = value if self.element is None or value is None else value[self.element]
         return None if value is None else value / self.unit
+
+
+def _least_positive(values: Array) -> float:
+    """The least value above zero, the greatest where none is."""
+    return float(np.min(values, where=values > 0, initial=np.max(values)))
 
 
 def _may_say(actuator: Actuator, attribute: str) -> bool:

@@ -12,6 +12,8 @@ from itertools import compress
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from flexfem import own
@@ -25,7 +27,10 @@ NEAREST = 5  # names listed beside one that is not known
 
 
 STEEPEST, FLATTEST = -0.5, -0.01  # exponents b; of metals -0.05 to -0.15
-LEAST_STRENGTH = 0.5  # sigma'_f over the yield strength; it is near the true fracture strength, which is above yield
+SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson and Topper
+# sigma'_f over the yield strength; it is near the true fracture strength, above yield, of soft metals ten times it
+STRENGTHS = (0.5, 50.0)
+UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
 
 Cycles: TypeAlias = Annotated[float, Field(gt=0, le=1e12)]
 
@@ -34,6 +39,12 @@ def _falls(exponent: float) -> float:
     if not STEEPEST <= exponent <= FLATTEST:
         raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
     return exponent
+
+
+def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bool_]:
+    """Whether a fatigue strength coefficient sigma'_f (...) is in another unit than the yield strength (...)."""
+    low, high = (np.multiply(part, yield_strength) for part in STRENGTHS)
+    return np.asarray((coefficient < low) | (coefficient > high))
 
 
 class Material(Dimensioned):
@@ -81,9 +92,8 @@ class Material(Dimensioned):
         for needed in (coefficient, exponent):
             if given and needed not in given:
                 raise refusal(f"{key[needed]} beside it", key[given[0]])
-        if given and (self.fatigue_strength_coefficient or 0.0) < LEAST_STRENGTH * self.yield_strength:
-            expected = f"at least {LEAST_STRENGTH:g} of {key['yield_strength']}: less is a unit mistake"
-            raise refusal(expected, key[coefficient])
+        if given and unlikely(self.fatigue_strength_coefficient or 0.0, self.yield_strength):
+            raise refusal(UNLIKELY.format(*STRENGTHS, key["yield_strength"]), key[coefficient])
         if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
             raise refusal("fewer cycles first", key[within])
         return self

@@ -12,7 +12,7 @@ from flexfem.files.toml import Label
 from flexfem.stage.actuators import Actuator, Coordinate, Force, Rate, Stroke, Tilt
 from flexfem.stage.cache import once
 from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus
-from flexfem.stage.tables import CHAINS, Hinge, HingeName
+from flexfem.stage.tables import CHAINS, HINGE_NAMES, Hinge, HingeName
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -112,6 +112,17 @@ def _content(actuator: Actuator, override: Override) -> dict[str, Any]:
 
 
 @once
+def hinges_of(stage: Stage) -> tuple[tuple[Hinge, ...], ...]:
+    """The nine hinges, 3 chains by 3 hinges, overrides applied."""
+    changes = {override.place: override.changes for override in stage.override}
+    own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
+    return tuple(
+        tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)
+        for i in CHAINS
+    )
+
+
+@once
 def actuators_of(stage: Stage) -> tuple[tuple[Actuator, ...], ...]:
     """The actuators of every chain, overrides applied."""
     own = {override.place: override for override in stage.override}
@@ -124,6 +135,21 @@ def actuators_of(stage: Stage) -> tuple[tuple[Actuator, ...], ...]:
         )
         for chain in CHAINS
     )
+
+
+def drive_content(stage: Stage) -> list[Any]:
+    """What of the drive is part of a hash, of every chain, or of one where all are alike: no names.
+
+    Friction that is not stated is left out, as in hashes older than that key.
+    """
+    chains = [
+        [
+            [one.model_dump(exclude={"name", "stack"} | ({"friction"} if one.friction is None else set())), one.rating]
+            for one in chain
+        ]
+        for chain in actuators_of(stage)
+    ]
+    return chains[0] if all(chain == chains[0] for chain in chains) else chains
 
 
 def key_of_actuator(stage: Stage, chain: int, index: int, key: str) -> str:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
-import re
 from collections.abc import Mapping
 from functools import cached_property, partial
 from importlib import import_module
@@ -15,15 +12,16 @@ from typing import Any, ClassVar
 from pydantic import Field, model_validator
 
 from flexfem.arrays import AnyArray
+from flexfem.files.digest import canonical, digest
 from flexfem.files.keypath import key_path
-from flexfem.files.provenance import Doubts, Sourced, key_paths, provenance_of, values_by_key
+from flexfem.files.provenance import Doubts, Sourced, key_paths, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import toml_text, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import Actuator
-from flexfem.stage.cache import KEPT, once
+from flexfem.stage.cache import KEPT
 from flexfem.stage.designs import Elastic, lower
 from flexfem.stage.drives import check_drive
 from flexfem.stage.feasibility import check_feasible
@@ -33,7 +31,7 @@ from flexfem.stage.materials import Material as Material
 from flexfem.stage.materials import sources_of
 from flexfem.stage.origin import Origin
 from flexfem.stage.overrides import Override as Override
-from flexfem.stage.overrides import actuators_of, check_overrides
+from flexfem.stage.overrides import actuators_of, check_overrides, drive_content, hinges_of
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
 from flexfem.stage.tables import Chain as Chain
@@ -44,7 +42,7 @@ from flexfem.stage.tables import Hinges as Hinges
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
 from flexfem.stage.tables import key_of as key_of
-from flexfem.stage.tables import merged_changes
+from flexfem.stage.tables import merged_changes, of_drive, of_heat
 
 
 class Stage(Dimensioned, Sourced):
@@ -147,7 +145,8 @@ link, expected < chain.link_width_mm = 9
         """The provenance of a changed stage: values that differ have no source of this one's."""
         before, after = values_by_key(self), values_by_key(changed)
         different = [key for key, value in after.items() if before.get(key) != value]
-        replaced = {key: "replaced in Python" for key in different if provenance_of(changed, key) is not None}
+        stated = changed.sources
+        replaced = {key: "replaced in Python" for key in different if stated[key] is not None}
         found, sources = dict(changed.provenance) | replaced, sources_of(changed.material.name)
         if not sources or changed.material == self.material:
             return found
@@ -189,7 +188,7 @@ link, expected < chain.link_width_mm = 9
         """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
         if chain not in CHAINS or name not in HINGE_NAMES:
             raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
-        return _hinges(self)[chain - 1][HINGE_NAMES.index(name)]
+        return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
 
     def array(self, attr: str) -> AnyArray:
         """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""
@@ -211,7 +210,7 @@ link, expected < chain.link_width_mm = 9
     @property
     def chains_alike(self) -> bool:
         """Whether the hinges of chains 2 and 3 equal those of chain 1, so that the stage is three-fold symmetric."""
-        return len(set(_hinges(self))) == 1
+        return len(set(hinges_of(self))) == 1
 
     @property
     def hash(self) -> str:
@@ -222,20 +221,18 @@ link, expected < chain.link_width_mm = 9
         content["material"] = {key: value for key, value in numbers if key not in others and value is not None}
         if self.model == "plane_stress":  # the hashes of stages older than the key stay
             del content["model"]
-        content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in _hinges(self)]
-        return _digest(content)
+        content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
+        return digest(canonical(content))
 
     @property
     def drive_hash(self) -> str:
         """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of."""
-        chains = [[[_physical(one), one.rating] for one in chain] for chain in actuators_of(self)]
-        alike = all(chain == chains[0] for chain in chains)
-        return _digest({"stage": self.hash, "drive": chains[0] if alike else chains})
+        return digest(canonical({"stage": self.hash, "drive": drive_content(self)}))
 
     @property
     def heat_hash(self) -> str:
         """SHA-256 of the physical content and of both coefficients of expansion: what answers on heat are of."""
-        return _digest({"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]})
+        return digest(canonical({"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]}))
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -250,11 +247,11 @@ link, expected < chain.link_width_mm = 9
     @property
     def heat_doubts(self) -> Doubts:
         """What is assumed and what is not stated, expansion included; a frame of none is assumed as the stage's."""
-        kept = [key for key in super().numbers if not of_drive(key)]
+        sources, kept = self.sources, [key for key in super().numbers if not of_drive(key)]
         found = [key for key in super().assumed if not of_drive(key)]
         if self.frame.expansion is None:
             found.append("frame.expansion_um_per_m_k")
-        return Doubts(found, [key for key in kept if provenance_of(self, key) is None])
+        return Doubts(found, [key for key in kept if sources[key] is None])
 
     @property
     def drive_doubts(self) -> Doubts:
@@ -264,34 +261,8 @@ link, expected < chain.link_width_mm = 9
             for k, chains in enumerate(zip(*actuators_of(self), strict=True))
             if any(one.steel_assumed for one in chains)
         ]
-        not_stated = [key for key in super().numbers if provenance_of(self, key) is None]
-        return Doubts([*super().assumed, *steel], not_stated)
-
-
-def _physical(of: Actuator) -> dict[str, Any]:
-    """What of an actuator is part of a hash: no friction that is not stated, as in hashes older than that key."""
-    return of.model_dump(exclude={"name", "stack"} | ({"friction"} if of.friction is None else set()))
-
-
-def of_drive(key: str) -> bool:
-    """Whether a key path of a stage file, or of its provenance, is one of the drive."""
-    return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
-
-
-def of_heat(key: str) -> bool:
-    """Whether a key path of a stage file, or of its provenance, is about expansion."""
-    return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
-
-
-@once
-def _hinges(stage: Stage) -> tuple[tuple[Hinge, ...], ...]:
-    """The nine hinges, 3 chains by 3 hinges, overrides applied."""
-    changes = {override.place: override.changes for override in stage.override}
-    own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
-    return tuple(
-        tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)
-        for i in CHAINS
-    )
+        sources = self.sources
+        return Doubts([*super().assumed, *steel], [key for key in super().numbers if sources[key] is None])
 
 
 def load_stage(path: Path) -> Stage:
@@ -314,18 +285,3 @@ def load_feasible(path: Path) -> Stage:
     check_feasible(stage)
     check_drive(stage)
     return stage
-
-
-def _digest(content: dict[str, Any]) -> str:
-    text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _canonical(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _canonical(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_canonical(item) for item in value]
-    if isinstance(value, bool | str) or value is None:
-        return value
-    return float(value) + 0.0  # -0.0 is 0.0

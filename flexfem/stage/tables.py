@@ -5,6 +5,7 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
@@ -51,7 +52,7 @@ class Hinges(Dimensioned):
 
 
 class Platform(Dimensioned):
-    """The platform disc and its rigid hub, radii in mm."""
+    """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
 
     radius: Length = Field(alias="radius_mm")
     hub_radius: Length = Field(alias="hub_radius_mm")
@@ -143,3 +144,13 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(_said(item)) for item in value]
     return {key: _plain(item) for key, item in value.items()} if isinstance(value, Mapping) else plain(value)
+
+
+def of_drive(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is one of the drive."""
+    return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
+
+
+def of_heat(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is about expansion."""
+    return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None

@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
-from flexfem.analytic.drive import LinkParts, link_parts
-from flexfem.analytic.dynamics import ON_BODIES, elastic_bodies
-from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.fatigue import KEY, required_law
+from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
-from flexfem.analytic.notch import Compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.designs import Designs
-from flexfem.stage.driven_designs import drives_of
-from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
-from flexfem.stage.inertia import Payload, body_moments, hub_moments
 from flexfem.stage.keys import keys
+from flexfem.stage.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.stage.schema import Stage
+from flexfem.study import drawn
 from flexfem.study.columns import Rows, row_of, values_of
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.plan import Study
 from flexfem.study.sampling import sample
-from flexfem.verify.drive_ranges import DriveAnswers
-from flexfem.verify.modes import payload_of
-from flexfem.verify.questions import Clock, Moments, ask_drives, ask_elements, ask_formulas, ask_frequencies, ask_solid
+from flexfem.verify import warning
+from flexfem.verify.questions import Clock, ask_drift, ask_elements, ask_formulas, ask_solid
+from flexfem.verify.strained import Repeated, of_preloads, scaled
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
@@ -61,17 +56,24 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     with np.errstate(all="ignore"):  # an impossible design computes nonsense, and is refused
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
-        refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges)]
+        refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges), *_units(study, designs)]
         reason = _first([*_off_limits(loaded, values), *refused])
         reason = np.where(reason == "", refusals_of(loaded, values), reason)
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
-        bodies = _drawn(loaded, values, reason) if study.draws or study.links else None
-        found = ask_formulas(designs, hinges, freedoms, bodies if study.links else None)
+        bodies = drawn.elastic_parts(loaded, values, reason)
+        found = ask_formulas(
+            designs, hinges, freedoms, None if bodies is None else bodies.compliance, _repeated(loaded)
+        )
         if study.driven:
-            found = found._replace(drives=_driven(loaded, values, reason, designs, hinges, freedoms))
+            found = found._replace(drives=drawn.driven(loaded, values, reason, designs, hinges, freedoms))
         if study.frequencies is not None:
-            found = found._replace(frequencies=_vibrating(loaded, values, reason, designs, hinges, freedoms))
-        reason[np.isnan(found.stiffness[:, 0, 0]) & (reason == "")] = "chain: singular configuration at rest"
+            found = found._replace(frequencies=drawn.vibrating(loaded, values, reason, designs, hinges, freedoms))
+        if study.drift is not None:
+            found = found._replace(drift=ask_drift(designs, hinges, freedoms, bodies))
+        lost = np.isnan(found.stiffness[:, 0, 0])
+        if found.drift is not None:
+            lost |= np.isnan(found.drift.uniform).any(axis=1)
+        reason[lost & (reason == "")] = "chain: singular configuration at rest"
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.rotation)
@@ -79,56 +81,20 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     return _doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
 
 
-def _driven(
-    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> DriveAnswers:
-    """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
-    stages = cache(lambda index: stage_of(loaded, values[index]))
-    drive = drives_of(loaded.stage, designs, reason, stages)
-    elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
-    drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
-    return ask_drives(designs, hinges, freedoms, drive, elastic)
+def _units(study: Study, designs: Designs) -> list[Broken]:
+    """Fatigue constants and yield strengths, where lives are asked for, that no material has together."""
+    if study.life is None:
+        return []
+    text = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
+    return [Broken(text, unlikely(designs.fatigue[:, 0], designs.yield_strength))]
 
 
-def _vibrating(
-    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> Array:
-    """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
-    n, links = len(values), loaded.study.links
-    moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
-    shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
-    elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
-    for index in np.flatnonzero(reason == ""):
-        try:
-            stage = stage_of(loaded, values[index])
-            moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
-            for all_of, one in zip(elastic or (), elastic_bodies(stage) if elastic else (), strict=True):
-                all_of[index] = one
-        except BadInput as refusal:
-            reason[index] = str(refusal)
-    return ask_frequencies(designs, hinges, freedoms, moments, _payload(loaded) or Payload(), elastic)
-
-
-def _payload(loaded: LoadedStudy) -> Payload | None:
-    """What the platform carries where natural frequencies are asked for, else None."""
-    of = loaded.study.frequencies
-    return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
-
-
-def _link_parts(stages: Callable[[int], Stage], reason: AnyArray, drive: StageDrive) -> LinkParts:
-    """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
-    n, stacks = len(reason), len(drive.stacks)
-    shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
-    found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
-    for index in np.flatnonzero(reason == ""):
-        try:
-            own = link_parts(stages(int(index)), drive_of(stages(int(index))).stacks)
-        except BadInput as refusal:
-            reason[index] = str(refusal)
-            continue
-        for all_of, one in zip(found, own, strict=True):
-            all_of[index] = one
-    return found
+def _repeated(loaded: LoadedStudy) -> Repeated | None:
+    """What the platform repeats where lives are asked for, else None."""
+    of = loaded.study.life
+    if of is None:
+        return None
+    return Repeated(scaled(np.array(of.amplitude), None, of.ratio), of.cycles, of.notch_sensitivity)
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
@@ -138,7 +104,9 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     if study.model == "three_dimensional":
         found = ask_solid(stage, study.resolution, study.layers, clock)
     else:
-        found = ask_elements(stage, study.resolution, clock, predicted, study.bands, _payload(loaded))
+        found = ask_elements(
+            stage, study.resolution, clock, predicted, study.bands, drawn.payload(loaded), _repeated(loaded)
+        )
     return np.asarray(values_of(found, study.rotation)[0])
 
 
@@ -164,14 +132,35 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
 
 
 def _doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
-    """The rows of designs (n, columns), with a reason where an answer is from a formula outside its range."""
-    if loaded.study.model in ("fe", "three_dimensional"):
-        return rows
-    with np.errstate(all="ignore"):
-        inside = in_range(designs_of(loaded, values), loaded.study.formula).all(axis=(1, 2))
-    where = (rows.status == "ok") & ~inside
-    text = f"hinge formula {loaded.study.formula} outside its range of t/R"
-    return rows._replace(reason=np.where(where, text, rows.reason).astype(object))
+    """The rows of designs (n, columns), with a reason where an answer is from a formula, or a life, out of range."""
+    doubts = list[Broken]()
+    if loaded.study.model not in ("fe", "three_dimensional"):
+        with np.errstate(all="ignore"):
+            inside = in_range(designs_of(loaded, values), loaded.study.formula).all(axis=(1, 2))
+        doubts.append(Broken(f"hinge formula {loaded.study.formula} outside its range of t/R", np.asarray(~inside)))
+    doubts += _lives_in_doubt(loaded, rows)
+    if loaded.study.drift is not None:
+        everywhere = np.ones(len(values), dtype=bool)
+        doubts += [Broken(f"drift: {text}", everywhere) for text in warning.of_stacks(loaded.stage)]
+    reason = rows.reason.astype(object)
+    for text, where in doubts:
+        here = where & (rows.status == "ok")
+        reason[here] = [f"{said}; {text}" if said else text for said in reason[here]]
+    return rows._replace(reason=reason)
+
+
+def _lives_in_doubt(loaded: LoadedStudy, rows: Rows) -> list[Broken]:
+    """Where a life is not what Basquin's law is for: beyond yield, or beyond the cycles it was fitted to."""
+    if loaded.study.life is None:
+        return []
+    cycles, safety = (rows.values[:, loaded.outputs.index(name)] for name in ("life_cycles", "safety_factor"))
+    (low, high), everywhere = required_law(loaded.stage.material).range, np.ones(len(cycles), dtype=bool)
+    beyond, outside = safety < 1, (cycles < low) | (cycles > high)
+    return [
+        Broken("life by elastic stress, beyond yield", np.asarray(beyond)),
+        Broken("life extrapolated, outside the cycles of Basquin's law", np.asarray(~beyond & outside)),
+        *(Broken(text, everywhere) for text in of_preloads(loaded.stage)),
+    ]
 
 
 def _first(refused: list[Broken]) -> AnyArray:
@@ -189,18 +178,3 @@ def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
         for index, column in enumerate(loaded.columns)
         for path in column.keys
     ]
-
-
-def _drawn(loaded: LoadedStudy, values: Array, reason: AnyArray) -> Array:
-    """Draw the designs not refused so far, one by one: reasons go to `reason`, bodies' compliances (n, 9, 9) back."""
-    bodies = np.zeros((len(values), 9, 9))
-    for index in np.flatnonzero(reason == ""):
-        try:
-            stage = stage_of(loaded, values[index])
-            if loaded.study.draws:
-                check_feasible(stage)
-            if loaded.study.links:
-                bodies[index] = body_compliance(stage)
-        except BadInput as refusal:
-            reason[index] = str(refusal)
-    return bodies

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import compress
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,7 +14,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import one_line, refusal
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys, meant, starred
+from flexfem.stage.keys import LASTING, keys, meant, starred
 from flexfem.stage.schema import Label, Stage
 from flexfem.units import unit_of
 
@@ -41,7 +42,9 @@ TRAVELS = ("travel_x_um", "travel_y_um", "travel_theta_mrad")
 DRIVE_RANGES = ("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad")
 ENGAGED = ("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad")
 FREQUENCIES = ("frequency_1_hz", "frequency_2_hz", "frequency_3_hz")
-DENSITY = "material.density_kg_m3"
+DRIFTS = ("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k")
+GRADIENTS = ("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm")
+LIFE_AMPLITUDES = ("life_amplitude_x_um", "life_amplitude_y_um", "life_amplitude_theta_mrad")
 ERRORS = ("error_x_percent", "error_y_percent", "error_theta_percent")
 CROSSES = ("cross_x_percent", "cross_y_percent", "cross_theta_percent")
 BANDS = ("band_x_percent", "band_y_percent", "band_theta_percent")
@@ -177,20 +180,26 @@ def with_mean(column: Column, stage: Stage) -> Column:
     return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
 
 
-def acting(column: Column, stage: Stage, vibrating: bool = False) -> Column:
+def acting(column: Column, stage: Stage, unasked: frozenset[str] = frozenset()) -> Column:
     """The column itself. Raises BadInput when nothing of the stage follows its keys.
 
-    vibrating : natural frequencies are asked for, which alone depend on the density.
+    unasked : key paths that no answer which is asked for depends on.
     """
     for path in column.keys:
         if keys()[path].of_drive and not keys()[path].places_in(stage):
             raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
-    if not any(keys()[path].places_in(stage) for path in column.keys if vibrating or path != DENSITY):
+    if not any(keys()[path].places_in(stage) for path in column.keys if path not in unasked):
         raise BadInput(
             f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
-            "or no model asks for it"
+            "or nothing asked for needs it"
         )
     return column
+
+
+def unasked(frequencies: bool = False, life: bool = False, drift: bool = False) -> frozenset[str]:
+    """Key paths that only natural frequencies, lives and drift depend on, where these are not asked."""
+    asked = {"density": frequencies, "expansion": drift} | dict.fromkeys(LASTING, life)
+    return frozenset(path for path, key in keys().items() if not asked.get(key.attribute, True))
 
 
 def _of_actuators(stage: Stage) -> str:
@@ -212,12 +221,29 @@ def _check_key(key: str, *at: str | int) -> None:
         raise refusal(f"a number of the stage format{meant(key, keys()) or ', see geometry/README.md'}", *at)
 
 
-def outputs_of(travels: bool, verify: bool, bands: bool, driven: bool, vibrating: bool = False) -> tuple[str, ...]:
-    """Names of the output columns: travels, those of the drive, and natural frequencies where asked, errors of a
-    verification and bands."""
+def outputs_of(
+    travels: bool,
+    verify: bool,
+    bands: bool,
+    driven: bool,
+    vibrating: bool = False,
+    moved: Sequence[bool] | None = None,
+    drifting: bool = False,
+) -> tuple[str, ...]:
+    """Names of the output columns: travels, those of the drive, natural frequencies, lives and drift where asked,
+    errors of a verification and bands.
+
+    moved : whether the amplitude of which lives are asked has each of the directions, None where none are.
+    """
     travel = (*(TRAVELS if travels else ()), *((*DRIVE_RANGES, *ENGAGED) if driven else ()))
     errors = (*ERRORS, *CROSSES, *(BANDS if bands else ())) if verify else ()
-    return (*COMMON, *travel, *(FREQUENCIES if vibrating else ()), *errors)
+    others = (*(FREQUENCIES if vibrating else ()), *(() if moved is None else lasting(moved)))
+    return (*COMMON, *travel, *others, *((*DRIFTS, *GRADIENTS) if drifting else ()), *errors)
+
+
+def lasting(moved: Sequence[bool]) -> tuple[str, ...]:
+    """Names of the columns on lives at an amplitude that has some of the directions."""
+    return ("life_cycles", *compress(LIFE_AMPLITUDES, moved), "safety_factor")
 
 
 def values_of(answers: Answers, rotation: float | None) -> Array:
@@ -231,6 +257,13 @@ def values_of(answers: Answers, rotation: float | None) -> Array:
         asked.append(np.diagonal(answers.drives.engaged, axis1=1, axis2=2) * _factors(ENGAGED))
     if answers.frequencies is not None:
         asked.append(answers.frequencies * _factors(FREQUENCIES))
+    if answers.lives is not None:
+        of = answers.lives
+        largest = (of.largest * _factors(LIFE_AMPLITUDES))[:, of.moved]
+        asked.append(np.column_stack([of.cycles, largest, of.safety]))
+    if answers.drift is not None:
+        asked.append(answers.drift.uniform * _factors(DRIFTS))
+        asked.append(answers.drift.gradient * _factors(GRADIENTS))
     asked += [each for each in answers.errors or () if each is not None]
     return np.concatenate(asked, axis=1)
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
+from flexfem.analytic.fatigue import required_law
+from flexfem.analytic.heat import require_expansion
+from flexfem.files.digest import digest
 from flexfem.files.keypath import key_path
-from flexfem.files.provenance import is_assumed
-from flexfem.files.refusals import place_of, shown
-from flexfem.files.toml import read_toml, validate
+from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.refusals import shown
+from flexfem.files.toml import bad_key, validate
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage, load_feasible
@@ -19,9 +22,7 @@ from flexfem.study.columns import Column, acting, columns_of, with_mean
 from flexfem.study.expression import names_in
 from flexfem.study.given import Given, given_of
 from flexfem.study.plan import Study
-from flexfem.study.tables import (
-    EXTENSIBLE,
-)
+from flexfem.study.tables import EXTENSIBLE
 
 
 @dataclass(frozen=True)
@@ -52,15 +53,22 @@ class LoadedStudy:
     def assumed(self) -> tuple[str, ...]:
         """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
         own = (key for key, source in self.study.provenance.items() if is_assumed(source))
-        stage = self.stage.drive_doubts.assumed if self.study.driven else self.stage.assumed
-        return (*(f"stage: {key}" for key in stage), *(f"study: {key}" for key in own))
+        return (*(f"stage: {key}" for key in self._doubts.assumed), *(f"study: {key}" for key in own))
 
     @property
     def not_stated(self) -> tuple[str, ...]:
         """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
-        found = self.stage.drive_doubts.not_stated if self.study.driven else self.stage.not_stated
-        stage = (f"stage: {key}" for key in found)
+        stage = (f"stage: {key}" for key in self._doubts.not_stated)
         return (*stage, *(f"study: {key}" for key in self.study.not_stated))
+
+    @property
+    def _doubts(self) -> Doubts:
+        """Those of the stage, its drive and expansions included where they are asked."""
+        stage = self.stage
+        asked = [stage.drive_doubts] if self.study.driven else []
+        asked += [stage.heat_doubts] if self.study.drift is not None else []
+        asked = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
+        return Doubts(*(list(dict.fromkeys(chain(*each))) for each in zip(*asked, strict=True)))
 
     @property
     def hash(self) -> str:
@@ -74,12 +82,15 @@ class LoadedStudy:
         content |= {"stage": self.stage.hash, "draws": self.study.draws}
         if content["drive"] is not None and not content["drive"]["actuators"]:  # hashes older than the key stay
             del content["drive"]["actuators"]
-        if content["frequencies"] is None:
-            del content["frequencies"]
+        for key in ("frequencies", "life", "drift"):
+            if content[key] is None:
+                del content[key]
         if self.study.model != "three_dimensional":
             del content["layers"]
         if self.study.driven:
             content["stage"] = self.stage.drive_hash
+        if self.study.drift is not None:
+            content["drift"] = self.stage.heat_hash
         if self.given is not None:
             content["sampling"] = content["sampling"] | {"file": self.given.digest}
         if self.study.sampling.method in EXTENSIBLE:
@@ -96,8 +107,7 @@ class LoadedStudy:
             for each in self.study.constraint
             if self.study.is_given(each.value)
         ]
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return digest(content)
 
 
 def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
@@ -112,36 +122,39 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     try:
         stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
-        line = read_toml(path).lines.line(("stage",))
-        raise BadInput(f"{place_of(path, line)}: stage = {shown(study.stage)}: {error}") from None
-    if study.model in ("fe", "verify") and stage.model == "corrected":
-        line = read_toml(path).lines.line(("model",))
-        raise BadInput(
-            f'{place_of(path, line)}: model = {shown(study.model)} on a stage with model = "corrected", expected '
-            '"analytic": the finite elements are plane'
-        )
-    if study.model == "three_dimensional" and stage.model != "plane_stress":
-        line = read_toml(path).lines.line(("model",))
-        raise BadInput(
-            f'{place_of(path, line)}: model = "three_dimensional" on a stage with model = {shown(stage.model)}, '
-            "expected a stage without one: it says how a stage is made plane, and here its faces are free"
-        )
-    if study.driven and not stage.actuator:
-        line = read_toml(path).lines.line(("drive", "actuators"))
-        raise BadInput(f"{place_of(path, line)}: drive.actuators = true, expected a base stage with [[actuator]]")
+        raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
+    _require_model(path, study, stage)
     columns: list[Column] = []
     for index, factor in enumerate(study.factor):
         try:
-            columns += [
-                acting(with_mean(column, stage), stage, study.frequencies is not None)
-                for column in columns_of([factor])
-            ]
+            columns += [acting(with_mean(column, stage), stage, study.unasked) for column in columns_of([factor])]
         except BadInput as error:
-            line = read_toml(path).lines.line(("factor", index))
-            raise BadInput(f"{place_of(path, line)}: {key_path(('factor', index))}.{error}") from None
+            raise bad_key(path, ("factor", index), f"{key_path(('factor', index))}.{error}") from None
     loaded = LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem, _given(path, study, columns))
     _require_key_values(loaded)
     return loaded
+
+
+def _require_model(path: str | os.PathLike[str], study: Study, stage: Stage) -> None:
+    """Raise BadInput where the base stage is none for the model of the study, or has no drive that it asks for."""
+    said = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
+    if study.model in ("fe", "verify") and stage.model == "corrected":
+        raise bad_key(path, ("model",), f'{said} "analytic": the finite elements are plane')
+    if study.model == "three_dimensional" and stage.model != "plane_stress":
+        why = "it says how a stage is made plane, and here its faces are free"
+        raise bad_key(path, ("model",), f"{said} a stage without one: {why}")
+    if study.driven and not stage.actuator:
+        raise bad_key(path, ("drive", "actuators"), "drive.actuators = true, expected a base stage with [[actuator]]")
+    needs: dict[str, Callable[[], object]] = {
+        "life": lambda: required_law(stage.material),
+        "drift": lambda: require_expansion(stage, frame=True),
+    }
+    for key, require in needs.items():
+        try:
+            if getattr(study, key) is not None:
+                require()
+        except BadInput as error:
+            raise bad_key(path, (key,), f"{key}, on the base stage: {error}") from None
 
 
 def _given(path: str | os.PathLike[str], study: Study, columns: list[Column]) -> Given | None:
@@ -151,8 +164,7 @@ def _given(path: str | os.PathLike[str], study: Study, columns: list[Column]) ->
     try:
         return given_of(Path(path).parent / study.sampling.file, columns)
     except BadInput as error:
-        line = read_toml(path).lines.line(("sampling", "file"))
-        raise BadInput(f"{place_of(path, line)}: sampling.file: {error}") from None
+        raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
 
 
 def _require_key_values(loaded: LoadedStudy) -> None:
@@ -164,5 +176,4 @@ def _require_key_values(loaded: LoadedStudy) -> None:
     for expression, place in places:
         for name in names_in(expression):
             if name not in named and keys()[name].value_in(loaded.stage) is None:
-                line = read_toml(loaded.path).lines.line(place)
-                raise BadInput(f"{place_of(loaded.path, line)}: {key_path(place)}: the stage has no {name} of its own")
+                raise bad_key(loaded.path, place, f"{key_path(place)}: the stage has no {name} of its own")

@@ -15,20 +15,23 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown, suggestion
 from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label
-from flexfem.study.columns import WAYS, Factor, columns_of, outputs_of
+from flexfem.study.columns import WAYS, Factor, columns_of, outputs_of, unasked
 from flexfem.study.expression import names_in
 from flexfem.study.tables import (
     MOST,
     Constraint,
     Correlation,
+    Drifting,
     Drive,
     Figure,
     Frequencies,
+    Lasting,
     Method,
     Output,
     Sampling,
     normal_correlation,
 )
+from flexfem.verify import warning
 from flexfem.verify.case import known_formula
 
 UNCORRELATED: dict[Method, str] = {
@@ -48,6 +51,8 @@ _APPLIES = {  # keys that not every model takes
     "time_limit_s": ("fe", "verify", "three_dimensional"),
     "bands": ("verify",),
     "frequencies": ("analytic", "fe", "verify"),  # in the plane
+    "life": ("analytic", "fe", "verify"),
+    "drift": ("analytic",),
 }
 
 
@@ -72,6 +77,8 @@ class Study(Sourced):
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     drive: Drive | None = None
     frequencies: Frequencies | None = None
+    life: Lasting | None = None
+    drift: Drifting | None = None
     output: tuple[Output, ...] = Field(default=(), max_length=50)
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
@@ -219,9 +226,26 @@ class Study(Sourced):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the output columns, in their order."""
-        return outputs_of(
-            self.rotation is not None, self.model == "verify", self.bands, self.driven, self.frequencies is not None
-        )
+        asked = self.rotation is not None, self.model == "verify", self.bands, self.driven
+        moved = None if self.life is None else self.life.moved
+        return outputs_of(*asked, self.frequencies is not None, moved, self.drift is not None)
+
+    @property
+    def unasked(self) -> frozenset[str]:
+        """Key paths of material and frame that none of its answers depends on."""
+        return unasked(self.frequencies is not None, self.life is not None, self.drift is not None)
+
+    @property
+    def stress_accuracy(self) -> str:
+        """How far the highest neck stress, and what is found from it, may be off, in words."""
+        if self.model == "analytic":
+            return warning.stress_accuracy(self.formula, self.links)
+        return f"neck stress by finite elements of resolution {self.resolution} is {self.stress_below}"
+
+    @property
+    def stress_below(self) -> str:
+        """By how much, at most, the highest neck stress is low by the mesh, in words; "" without one."""
+        return "" if self.model == "analytic" else warning.stress_below(self.resolution)
 
     @property
     def every_output(self) -> tuple[str, ...]:

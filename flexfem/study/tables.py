@@ -15,6 +15,7 @@ from flexfem.study.expression import names_in
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; a design and 100 columns are a kilobyte
+FARTHEST = 1e5  # um, mrad: as of `flexfem life`
 MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
 HELD: tuple[Method, ...] = ("latin_hypercube",)
 EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
@@ -98,6 +99,41 @@ class Frequencies(Table):
 
     payload_kg: float = Field(default=0.0, ge=0, le=1e4)
     payload_kg_mm2: float = Field(default=0.0, ge=0, le=1e10)
+
+
+class Drifting(Table):
+    """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
+
+
+class Lasting(Table):
+    """Fatigue lives are asked for, at an amplitude of the platform, and the amplitude for a wanted life.
+
+    amplitude_... : of the pose about its mean, in units of the file.   ratio : least over greatest displacement.
+    cycles : the wanted life.   notch_sensitivity : see `fatigue.counted`.
+    """
+
+    amplitude_x_um: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
+    amplitude_y_um: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
+    amplitude_theta_mrad: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
+    ratio: float = Field(default=-1.0, ge=-1, le=0.99)
+    cycles: float = Field(default=1e6, gt=0, le=1e12)
+    notch_sensitivity: float = Field(default=1.0, ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _moves(self) -> Lasting:
+        if not any(self.moved):
+            raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
+        return self
+
+    @property
+    def amplitude(self) -> tuple[float, float, float]:
+        """Amplitude of the pose, mm, mm, rad."""
+        return 1e-3 * self.amplitude_x_um, 1e-3 * self.amplitude_y_um, 1e-3 * self.amplitude_theta_mrad
+
+    @property
+    def moved(self) -> tuple[bool, ...]:
+        """Which directions the amplitude has."""
+        return tuple(each != 0 for each in self.amplitude)
 
 
 def _expression(text: str) -> str:

@@ -68,19 +68,10 @@ def macneal_harder() -> list[Finding]:
     for kind in SLANTS:
         for load, (axis, target, uncertainty) in DEFLECTIONS.items():
             coarse, fine = tip(slanted(kind, 1), axis), slanted(kind, REFINED)
-            rows.append(
-                Finding(
-                    "MacNeal-Harder straight beam",
-                    MACNEAL_HARDER,
-                    f"{load} of the tip, {kind}",
-                    target,
-                    tip(fine, axis),
-                    0.005 * target,
-                    target_uncertainty=uncertainty,
-                    unknowns=2 * len(fine.nodes),
-                    note=f"6 x 1 cells: {coarse / target:.3f} of the target" + CLAMPED[load],
-                )
-            )
+            row = (f"{load} of the tip, {kind}", target, tip(fine, axis), 0.005 * target, uncertainty)
+            note = f"6 x 1 cells: {coarse / target:.3f} of the target" + CLAMPED[load]
+            name = "MacNeal-Harder straight beam"
+            rows.append(Finding(name, MACNEAL_HARDER, *row, unknowns=2 * len(fine.nodes), note=note))
     return rows
 
 

@@ -19,7 +19,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
 from flexfem.fem.problem import mapped
-from flexfem.fem.tangent import Model, State, green_lagrange, held_by, hub_at, model_of, tangent
+from flexfem.fem.tangent import State, Undeformed, green_lagrange, held_by, hub_at, model_of, tangent
 from flexfem.validate.records import Finding, order
 
 ELASTICA = "elastica"
@@ -113,18 +113,9 @@ def elastica() -> list[Finding]:
             printed,
             strict=True,
         ):
-            rows.append(
-                Finding(
-                    ELASTICA,
-                    BISSHOPP_DRUCKER,
-                    f"tip {what}, at P L^2/EI = {load:g}",
-                    target,
-                    ours,
-                    ELASTICA_ALLOWED * load,
-                    unknowns=found.unknowns,
-                    note=f"tabulated as {shown:.5f}",
-                )
-            )
+            row = (f"tip {what}, at P L^2/EI = {load:g}", target, ours, ELASTICA_ALLOWED * load)
+            note = f"tabulated as {shown:.5f}"
+            rows.append(Finding(ELASTICA, BISSHOPP_DRUCKER, *row, unknowns=found.unknowns, note=note))
     return rows
 
 
@@ -167,7 +158,7 @@ def bar() -> StageMesh:
     return mesh._replace(edges={"ground": mesh.edges["left"], "hub": mesh.edges["right"]})
 
 
-def compatible(model: Model, pose: Array, field: Array) -> State:
+def compatible(model: Undeformed, pose: Array, field: Array) -> State:
     """The state with its hub at the pose and the stress of its displacements."""
     field = field.copy()
     field[model.tied.hub] = hub_at(model.arms, pose).motion
@@ -175,7 +166,7 @@ def compatible(model: Model, pose: Array, field: Array) -> State:
     return State(pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
 
-def moved(model: Model, state: State, change: Array) -> State:
+def moved(model: Undeformed, state: State, change: Array) -> State:
     """The state after a change (2f + 3,) of the unknowns."""
     field = state.field.copy()
     field[model.tied.free] += change[:-3].reshape(-1, 2)
@@ -214,16 +205,5 @@ def tangent_order() -> list[Finding]:
         f"without its geometric part {found.slope(found.material, SMALL):.2f} at small steps; the smallest remainder is"
         f" {found.ours.min():.0e} of the first-order change at the largest step"
     )
-    order_found = found.slope(found.ours)
-    return [
-        Finding(
-            TANGENT,
-            TAYLOR,
-            "order of the remainder",
-            2.0,
-            order_found,
-            ORDER_ALLOWED,
-            unknowns=found.unknowns,
-            note=note,
-        )
-    ]
+    row = ("order of the remainder", 2.0, found.slope(found.ours), ORDER_ALLOWED)
+    return [Finding(TANGENT, TAYLOR, *row, unknowns=found.unknowns, note=note)]

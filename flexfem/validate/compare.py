@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,36 +12,20 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import Response, neck_maxima, plate_of, platform_response
-from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
-from flexfem.fem.solid import layers_of, sheet_of
-from flexfem.fem.solid_response import solid_response
+from flexfem.fem.sectors import build_mesh
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
-from flexfem.validate import calculix, ngsolve, solids
-from flexfem.validate.records import Answer
+from flexfem.validate import calculix, frequencies, ngsolve
+from flexfem.validate.calculix import DIGITS
+from flexfem.validate.frequencies import FULL
+from flexfem.validate.records import Answer, Check
 
-FULL = 8  # degree of our quadrature; measured with two triangles across a neck: 4 leaves 7e-7 of the pose, 8 2e-12
 NGSOLVE = 1e-8  # measured with two triangles across a neck: pose 1e-12, displacement 6e-12, stress 2e-10
-DIGITS = 1e-6  # of displacement; half the last of CalculiX's seven digits is up to 5e-7
 STRESS_DIGITS = 2e-5  # half the last of its six is up to 5e-6 of each component; measured 1.1e-5
 DIFFERENCED = 1e-3  # stress of printed displacements, whose digits cancel within a triangle; measured 5e-4
 THIN_PARTS = 50.0  # of the narrowest neck make the thickness of the thin sheet
 THIN = 2e-5  # of its pose, on the default mesh; measured 1.4e-5
 THIN_STRESS = 1e-3  # its necks feel the thickness more than the stage does; measured 3e-4
-
-
-class Check(NamedTuple):
-    """One comparison: the largest relative difference, and the most allowed, None where it is only stated."""
-
-    quantity: str
-    difference: float
-    allowed: float | None
-
-    @property
-    def passed(self) -> bool:
-        """Not too far apart; not a number is too far."""
-        return self.allowed is None or self.difference <= self.allowed
 
 
 class CrossCheck(NamedTuple):
@@ -51,6 +35,8 @@ class CrossCheck(NamedTuple):
     triangles, unknowns : of the mesh and of our equations.
     compliance, their_compliance : (3, 3), of the platform, mm and rad per N and N mm; CalculiX's of the thin sheet,
         scaled.
+    frequencies, their_frequencies : (k,), Hz, the lowest six in the plane, and in three dimensions the lowest six out
+        of it, as `kinds` say; ours with their quadrature and their hub.
     seconds : assembly, solution and balances as `flexfem solve` does them.
     their_seconds : from the mesh to their fields, all of their runs.
     """
@@ -64,6 +50,9 @@ class CrossCheck(NamedTuple):
     unknowns: int
     compliance: Array
     their_compliance: Array
+    kinds: tuple[str, ...]
+    frequencies: Array
+    their_frequencies: Array
     checks: tuple[Check, ...]
     seconds: float
     their_seconds: float
@@ -94,6 +83,19 @@ class Compared(NamedTuple):
     seconds: float
 
 
+def of_stage(stage: Stage, solver: str) -> dict[str, Any]:
+    """What every comparison says of its stage."""
+    return {
+        "file": str(stage.origin),
+        "name": stage.name,
+        "units": "N, mm, rad; order x, y, theta; Hz",
+        "solver": solver,
+        "warnings": [],
+        "assumed": list(stage.assumed),
+        "not_stated": list(stage.not_stated),
+    }
+
+
 def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsolve") -> CrossCheck:
     """Solve a feasible stage here and by another solver of `SOLVERS`, on one mesh, and compare.
 
@@ -108,75 +110,20 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
     started = time.perf_counter()
     shipped = platform_response(problem.mesh, plate)
     seconds = time.perf_counter() - started
-    found = compare(problem, shipped)
+    found, (both, checks) = compare(problem, shipped), frequencies.compared(stage, problem.mesh, solver)
     return CrossCheck(
-        file=str(stage.origin),
-        name=stage.name,
-        units="N, mm, rad; order x, y, theta",
-        solver=solver,
+        **of_stage(stage, solver),
         version=found.theirs.version,
         triangles=len(problem.mesh.triangles),
         unknowns=shipped.unknowns,
         compliance=found.ours.compliance,
         their_compliance=found.theirs.compliance,
-        checks=found.checks,
+        kinds=("in plane",) * frequencies.COUNT,
+        frequencies=both.ours,
+        their_frequencies=both.theirs,
+        checks=(*found.checks, *checks),
         seconds=seconds,
-        their_seconds=found.seconds,
-        warnings=[],
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
-    )
-
-
-SOLID_RESOLUTION, SOLID_LAYERS = 2, 2  # the algebra does not care, and other solvers take a minute for more
-SOLID_NGSOLVE = 1e-8  # measured with one layer: 9e-11 with our quadrature of degree 8, 1.3e-7 with that of degree 4
-
-
-def cross_check_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, solver: str = "ngsolve") -> CrossCheck:
-    """As `cross_check`, in three dimensions: by NGSolve's quadratic prisms or CalculiX's wedges of 15 nodes.
-
-    Notes
-    -----
-    NGSolve's prisms are our wedges; CalculiX's are the part of ours that `solids.serendipity_compliance` takes.
-    """
-    if solver not in SOLVERS:
-        raise BadInput(f"solver {solver!r}, expected one of {', '.join(SOLVERS)}")
-    SOLVERS[solver][0]()
-    check_feasible(stage)
-    sectors, plate, layers = mesh_sectors(stage, resolution), sheet_of(stage), layers_of(stage, SOLID_LAYERS)
-    mesh, started = welded(sectors)[0], time.perf_counter()
-    shipped = solid_response(sectors, plate, layers)
-    seconds, lever = time.perf_counter() - started, stage.chain.link_lengths[2]
-    started = time.perf_counter()
-    if solver == "ngsolve":
-        theirs, version = solids.ngsolve_compliance(mesh, plate, layers), str(ngsolve.import_ngsolve().__version__)
-        their_seconds = time.perf_counter() - started
-        ours, allowed = solid_response(sectors, plate, layers, FULL).compliance, SOLID_NGSOLVE
-        what = "pose, ours by default quadrature"
-    else:
-        theirs, version = solids.calculix_compliance(mesh, plate, layers), calculix.version()
-        their_seconds = time.perf_counter() - started
-        ours, allowed = solids.serendipity_compliance(mesh, plate, layers), DIGITS
-        what = "pose, ours by wedges of 18 nodes"
-    return CrossCheck(
-        file=str(stage.origin),
-        name=stage.name,
-        units="N, mm, rad; order x, y, theta",
-        solver=solver,
-        version=version,
-        triangles=len(mesh.triangles),
-        unknowns=shipped.unknowns,
-        compliance=ours,
-        their_compliance=theirs,
-        checks=(
-            Check("pose", pose_difference(ours, theirs, lever), allowed),
-            Check(what, pose_difference(theirs, shipped.compliance, lever), None),
-        ),
-        seconds=seconds,
-        their_seconds=their_seconds,
-        warnings=[],
-        assumed=list(stage.assumed),
-        not_stated=list(stage.not_stated),
+        their_seconds=found.seconds + both.seconds,
     )
 
 

@@ -147,20 +147,13 @@ def manufactured() -> list[Finding]:
     meshes = [plate_mesh(size) for size in MESH_SIZES]
     found = np.array([field_errors(mesh) for mesh in meshes])
     straight = np.array([field_errors(on_chords(mesh)) for mesh in meshes])
-    sizes = [size_of(mesh) for mesh in meshes]
-    return [
-        Finding(
-            MANUFACTURED,
-            ROACHE,
-            f"order of {what}",
-            target,
-            order(sizes, found[:, k]),
-            ORDER_ALLOWED,
-            unknowns=2 * len(meshes[-1].nodes),
-            note=f"straight triangles on the same corners: {order(sizes, straight[:, k]):.2f}",
-        )
-        for k, (what, target) in enumerate(ORDERS.items())
-    ]
+    sizes, unknowns = [size_of(mesh) for mesh in meshes], 2 * len(meshes[-1].nodes)
+    rows = []
+    for k, (what, target) in enumerate(ORDERS.items()):
+        note = f"straight triangles on the same corners: {order(sizes, straight[:, k]):.2f}"
+        row = (f"order of {what}", target, order(sizes, found[:, k]), ORDER_ALLOWED)
+        rows.append(Finding(MANUFACTURED, ROACHE, *row, unknowns=unknowns, note=note))
+    return rows
 
 
 SLOPES = np.array([[1.3e-3, -0.4e-3], [2.1e-3, 0.7e-3]])  # d_b u_a: strain, shear and rotation
@@ -191,37 +184,19 @@ def patch() -> list[Finding]:
         "displacement": np.abs(field - exact)[inside].max() / np.abs(exact).max(),
         "stress": np.abs(stress - wanted).max() / np.abs(wanted).max(),
     }
-    return [
-        Finding(
-            "patch test",
-            IRONS,
-            f"largest relative error of the {what}",
-            0.0,
-            value,
-            ROUND_OFF,
-            unknowns=2 * len(inside),
-            note="24 triangles without one straight side",
-        )
-        for what, value in worst.items()
-    ]
+    note = "24 triangles without one straight side"
+    rows = [(f"largest relative error of the {what}", 0.0, value, ROUND_OFF) for what, value in worst.items()]
+    return [Finding("patch test", IRONS, *row, unknowns=2 * len(inside), note=note) for row in rows]
 
 
 def rigid_motions() -> list[Finding]:
     """The free stiffness matrix has three motions without energy, and no fourth."""
     mesh = distorted()
     values = np.linalg.eigvalsh(stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes)).toarray())
-    return [
-        Finding(
-            "rigid-body motions",
-            "two translations and one rotation of the plane",
-            "eigenvalues that are zero",
-            3.0,
-            float(np.sum(np.abs(values) < ROUND_OFF * values[-1])),
-            0.0,
-            unknowns=len(values),
-            note=f"the fourth is {values[3] / values[-1]:.1g} of the largest",
-        )
-    ]
+    zero = float(np.sum(np.abs(values) < ROUND_OFF * values[-1]))
+    row = ("two translations and one rotation of the plane", "eigenvalues that are zero", 3.0, zero, 0.0)
+    note = f"the fourth is {values[3] / values[-1]:.1g} of the largest"
+    return [Finding("rigid-body motions", *row, unknowns=len(values), note=note)]
 
 
 def loaded(mesh: StageMesh, label: str, traction: tuple[float, float]) -> tuple[Solution, Array]:
@@ -235,17 +210,8 @@ def reciprocity() -> list[Finding]:
     mesh = plate_mesh(SIZE)
     (one, first), (other, second) = loaded(mesh, "notch", (3.1, -1.7)), loaded(mesh, "left", (-0.6, 2.3))
     works = np.sum(first * other.field), np.sum(second * one.field)
-    return [
-        Finding(
-            "reciprocity",
-            BETTI,
-            "relative difference of the two works",
-            0.0,
-            (works[0] - works[1]) / np.abs(works[0]),
-            ROUND_OFF,
-            unknowns=one.unknowns,
-        )
-    ]
+    row = ("relative difference of the two works", 0.0, (works[0] - works[1]) / np.abs(works[0]), ROUND_OFF)
+    return [Finding("reciprocity", BETTI, *row, unknowns=one.unknowns)]
 
 
 def balances() -> list[Finding]:

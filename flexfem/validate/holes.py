@@ -134,19 +134,9 @@ def howland() -> list[Finding]:
         solution = solve(mesh, PLATE, force, axes)
         at = nearest_node(mesh, 0.0, ratio / 2)
         factor = float(nodal_stress(mesh, PLATE, solution.field)[at, 0]) / TENSION
-        rows.append(
-            Finding(
-                "Howland's strips",
-                HOWLAND,
-                f"gross stress concentration, d/W = {ratio:g}",
-                target,
-                factor,
-                0.01 * target,
-                target_uncertainty=ROUNDED,
-                unknowns=solution.unknowns,
-                note="refined further, ours are 0.2 to 0.6 % above the table of 1930, the more the wider the hole",
-            )
-        )
+        note = "refined further, ours are 0.2 to 0.6 % above the table of 1930, the more the wider the hole"
+        row = (f"gross stress concentration, d/W = {ratio:g}", target, factor, 0.01 * target, ROUNDED)
+        rows.append(Finding("Howland's strips", HOWLAND, *row, unknowns=solution.unknowns, note=note))
     return rows
 
 

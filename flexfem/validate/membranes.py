@@ -67,19 +67,10 @@ def nafems_le1() -> list[Finding]:
         ("", at[-1], 0.005 * LE1_STRESS, f"{listed[0]} on {LE1_CELLS} cells across"),
         (", extrapolated", limit, LE1_ROUNDED, f"{listed[1]} on {LE1_LIMIT} cells; seen elsewhere: 92.657"),
     )
+    about = [(f"stress yy at D (MPa){what}", LE1_STRESS, ours, allowed, LE1_ROUNDED) for what, ours, allowed, _ in rows]
     return [
-        Finding(
-            "NAFEMS LE1",
-            NAFEMS,
-            f"stress yy at D (MPa){what}",
-            LE1_STRESS,
-            ours,
-            allowed,
-            target_uncertainty=LE1_ROUNDED,
-            unknowns=found[-1][1].unknowns,
-            note=note,
-        )
-        for (what, ours, allowed, note), found in zip(rows, made, strict=True)
+        Finding("NAFEMS LE1", NAFEMS, *row, unknowns=found[-1][1].unknowns, note=note)
+        for row, (*_, note), found in zip(about, rows, made, strict=True)
     ]
 
 
@@ -101,17 +92,6 @@ def cook() -> list[Finding]:
     values, unknowns = [value for value, _ in found], found[-1][1].unknowns
     limit = extrapolated([1 / cells for cells in COOK_CELLS], values)
     note = ", ".join(f"{value:.4f}" for value in values) + f" on {COOK_CELLS} cells"
-    return [
-        Finding(
-            "Cook's membrane",
-            COOK,
-            quantity,
-            COOK_DISPLACEMENT,
-            value,
-            0.001 * COOK_DISPLACEMENT,
-            target_uncertainty=COOK_SPREAD,
-            unknowns=unknowns,
-            note=note,
-        )
-        for quantity, value in (("displacement at (48, 52)", values[-1]), ("the same, extrapolated", limit))
-    ]
+    rows = (("displacement at (48, 52)", values[-1]), ("the same, extrapolated", limit))
+    target, allowed = COOK_DISPLACEMENT, (0.001 * COOK_DISPLACEMENT, COOK_SPREAD)
+    return [Finding("Cook's membrane", COOK, what, target, ours, *allowed, unknowns, note) for what, ours in rows]

@@ -83,7 +83,7 @@ def solve(mesh: StageMesh, plate: Plate, more_orders: int = MORE_ORDERS) -> Answ
     started = time.perf_counter()
     with ng.TaskManager():
         curved = curved_mesh(ng, mesh)
-        motions, stiffness = rigid_motions(ng, curved, mesh, plate, more_orders)
+        motions, stiffness, *_ = rigid_motions(ng, curved, mesh, plate, more_orders)
         stress = np.array([_nodal_stress(ng, motion, plate, mesh) for motion in motions])
     fields = np.array([curved.values(motion.vec.FV().NumPy()) for motion in motions])
     compliance = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
@@ -150,8 +150,20 @@ def _stress(ng: Any, u: Any, plate: Plate) -> Any:
     return E / (1 - nu**2) * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))  # not by our Lame constants
 
 
-def rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_orders: int) -> tuple[list[Any], Array]:
-    """The stage's answers to the three unit motions of the hub, and the energies (3, 3) between them."""
+class RigidMotions(NamedTuple):
+    """The stage's answers to the three unit motions of the hub, in its `space`, and the energies (3, 3) between them.
+
+    inverse : of the stiffness with ground and hub clamped.
+    """
+
+    motions: list[Any]
+    stiffness: Array
+    space: Any
+    inverse: Any
+
+
+def rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_orders: int) -> RigidMotions:
+    """Solve for the three unit motions of the hub with the ground clamped."""
     space = ng.VectorH1(curved.mesh, order=2, dirichlet="ground|hub")
     u, v = space.TnT()
     dx = ng.dx(bonus_intorder=more_orders)
@@ -167,12 +179,14 @@ def rigid_motions(ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, more_o
         forces.data = energy.mat * motion.vec
         motion.vec.data -= inverse * forces
         motions.append(motion)
-    stresses = [_stress(ng, motion, plate) for motion in motions]
-    strains = [_strain(ng, motion) for motion in motions]
-    work = [
-        [ng.Integrate(plate.thickness * ng.InnerProduct(s, e) * dx, curved.mesh) for e in strains] for s in stresses
-    ]
-    return motions, np.array(work)
+    work = [[energy_of(ng, a, b, plate, more_orders) for b in motions] for a in motions]
+    return RigidMotions(motions, np.array(work), space, inverse)
+
+
+def energy_of(ng: Any, one: Any, other: Any, plate: Plate, more_orders: int) -> float:
+    """`b int sigma(one) : eps(other) dA`, N mm: from strains, so that rigid-body motion leaves no round-off."""
+    density = plate.thickness * ng.InnerProduct(_stress(ng, one, plate), _strain(ng, other))
+    return float(ng.Integrate(density * ng.dx(bonus_intorder=more_orders), one.space.mesh))
 
 
 def _prescribed(curved: Curved, mesh: StageMesh) -> list[Array]:

@@ -58,6 +58,19 @@ def extrapolated(sizes: Sequence[float], values: Sequence[float]) -> float:
     return third + (third - second) / (change - 1) if change > 1 else third
 
 
+class Check(NamedTuple):
+    """One comparison: the largest relative difference, and the most allowed, None where it is only stated."""
+
+    quantity: str
+    difference: float
+    allowed: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Not too far apart; not a number is too far."""
+        return self.allowed is None or self.difference <= self.allowed
+
+
 class Answer(NamedTuple):
     """Another solver's answer to a unit force in x, in y and a unit moment on the platform, order x, y, theta.
 

@@ -10,7 +10,18 @@ from typing import NamedTuple
 
 from flexfem.files.writing import markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.validate import beams, bending, exact, holes, membranes, vibrating
+from flexfem.validate import (
+    beams,
+    bending,
+    exact,
+    fatigue_constants,
+    holes,
+    membranes,
+    vibrating,
+    vibrating_solids,
+    warm,
+    wedges,
+)
 from flexfem.validate.records import Finding
 
 FILE = "benchmarks.md"
@@ -34,6 +45,17 @@ BENCHMARKS: Mapping[str, Callable[[], list[Finding]]] = MappingProxyType(
         "nafems-fv32": vibrating.nafems_fv32,
         "vibrating-rods": vibrating.rods,
         "free-body": vibrating.free_motions,
+        "dowling-fit": fatigue_constants.dowling_fit,
+        "dowling-table": fatigue_constants.dowling_table,
+        "warm-free-body": warm.free_bodies,
+        "hot-spot": warm.hot_spot,
+        "wedge-patch-test": wedges.patch,
+        "wedge-rigid-motions": wedges.rigid_motions,
+        "thickness-limits": wedges.thickness_limits,
+        "zettl-bounds": wedges.zettl,
+        "bent-beam": vibrating_solids.bent_beam,
+        "annular-plate": vibrating_solids.annular_plate,
+        "free-solid": vibrating_solids.free_halves,
     }
 )
 

@@ -13,11 +13,11 @@ from pydantic import AfterValidator, Field, model_validator
 from flexfem.arrays import Array
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import place_of, refusal, suggestion
-from flexfem.files.toml import Table, read_toml, validate
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Table, bad_key, validate
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Label, Stage, load_feasible
-from flexfem.study.columns import WAYS, Column, Factor, acting, columns_of, with_mean
+from flexfem.study.columns import WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
 
 Side: TypeAlias = Literal["three", "six"]
@@ -172,12 +172,12 @@ def load_claims(path: str | os.PathLike[str]) -> LoadedClaims:
         stages = [{"three": three, "six": six}[side] for side in factor.sides]
         try:
             for column in columns_of([factor]):
-                (same, *others) = [acting(with_mean(column, stage), stage) for stage in stages]
+                (same, *others) = [acting(with_mean(column, stage), stage, unasked()) for stage in stages]
                 if any(other.factor.mean != same.factor.mean for other in others):
                     raise BadInput(f"mean is missing, and the two stages differ in {column.name}")
                 said = column.name + ("" if factor.stage is None else f" of stage {factor.stage}")
                 found.append(Varying(said, factor.sides, same))
         except BadInput as error:
             at = ("ensemble", "factor", index)
-            raise BadInput(f"{place_of(path, read_toml(path).lines.line(at))}: {key_path(at)}.{error}") from None
+            raise bad_key(path, at, f"{key_path(at)}.{error}") from None
     return LoadedClaims(claims, three, six, Path(path), tuple(found))

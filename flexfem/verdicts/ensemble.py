@@ -12,8 +12,7 @@ from flexfem.analytic.links import bars_compliance, body_compliance
 from flexfem.analytic.model import CALIBRATED, at_rest, hinge_compliances, in_range, unanswered
 from flexfem.analytic.platform import platform_compliance
 from flexfem.arrays import AnyArray, Array, inverse
-from flexfem.files.refusals import place_of
-from flexfem.files.toml import read_toml
+from flexfem.files.toml import bad_key
 from flexfem.refused import BadInput
 from flexfem.stage.designs import Designs, elastic, lower
 from flexfem.stage.feasibility import check_feasible
@@ -89,10 +88,11 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
             continue
         kept.append(index)
     if not kept:
-        line = read_toml(loaded.path).lines.line(("ensemble",))
-        raise BadInput(
-            f"{place_of(loaded.path, line)}: ensemble.designs = {len(values)}: none of these pairs of stages can be "
-            "made and judged, expected ranges that some can be made in"
+        raise bad_key(
+            loaded.path,
+            ("ensemble",),
+            f"ensemble.designs = {len(values)}: none of these pairs of stages can be "
+            "made and judged, expected ranges that some can be made in",
         )
     three, six = (
         metal_of(designs_of(varied, values[kept][:, places]), np.array([pair[k] for pair in bodies]))

@@ -27,6 +27,7 @@ from flexfem.verify.other_stages import (
 )
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import Record, Triple
+from flexfem.verify.solid_budget import other_thickness
 
 STUBBY = (3.0, 1.0)  # R/t of all nine hinges
 INFERENCE = (
@@ -72,7 +73,8 @@ def _of_stage(stage: Stage, mobility: int, solve: Solve) -> list[Alternative]:
     """The alternatives that take one of the two stages."""
     K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
     metal = solve(stage, RESOLUTION).response.compliance
-    percent = {name: error_matrix(K, C, lever) for name, C in other_elements(stage, solve).items()}
+    metals = other_elements(stage, solve) | other_thickness(stage, metal)
+    percent = {name: error_matrix(K, C, lever) for name, C in metals.items()}
     percent |= other_formulas(stage, mobility, metal) | other_necks(stage, mobility, solve)
     percent |= off_centre(stage, mobility, metal) | loaded(stage, mobility, metal) | driven_joints(stage, mobility)
     return [_row(name, mobility, each) for name, each in percent.items()]

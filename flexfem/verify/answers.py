@@ -15,11 +15,7 @@ from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
-from flexfem.files.provenance import key_paths, provenance_of
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.drives import contacts
-from flexfem.stage.overrides import actuators_of
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage, of_drive, of_heat
+from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 
 if TYPE_CHECKING:
@@ -27,74 +23,16 @@ if TYPE_CHECKING:
     from flexfem.fem.response import LoadCase
     from flexfem.verify.protocol import OnMesh, Solved
 
-RIGID = (
-    "with rigid links the stress is too high, by 14 to 34 % with paros-weisbord where it was compared with finite "
-    "elements; `summary` takes calibrated hinges and elastic links"
-)
 UNITS = "N, mm, rad; order x, y, theta"
 
 
-class PlacedHinge(NamedTuple):
-    """One of the nine hinges: chain 1 to 3, name, centre (x, y), direction of the neck, radius and neck."""
+class BandedStress(NamedTuple):
+    """Finite elements of a resolution: stress (3 chains, 3 hinges, 3 directions) per displacement, MPa per mm and
+    rad, and half-widths (3,) by meshes of the highest."""
 
-    chain: int
-    hinge: str
-    centre_mm: tuple[float, float]
-    axis_deg: float
-    radius_mm: float
-    neck_mm: float
-    prismatic: bool
-
-
-class PlacedActuator(NamedTuple):
-    """An actuator, and what each of its stacks can do.
-
-    chains : 1 to 3, those where it is the same.   contacts_mm, directions_deg : x, y, in the frame of chain 1.
-    stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
-    """
-
-    name: str
-    chains: list[int]
-    between: tuple[str, str]
-    stack: str | None
-    contacts_mm: list[tuple[float, float]]
-    directions_deg: list[float]
-    stroke: float
-    stiffness: float
-    blocking_force: float
-    stiffness_with_contact: float
-    preload: float
-
-
-class DriveReport(NamedTuple):
-    """The drive of a stage: its hash is that of stage and drive; doubts and sources of all numbers of both."""
-
-    actuators: list[PlacedActuator]
-    hash: str
-    provenance: dict[str, str]
-    assumed: list[str]
-    not_stated: list[str]
-
-
-class StageReport(NamedTuple):
-    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file.
-
-    drive : None without actuators; nothing else says anything of it.
-    """
-
-    file: str
-    name: str
-    mobility: int
-    model: str
-    chains_alike: bool
-    hash: str
-    dimensions: dict[str, Any]
-    hinges: list[PlacedHinge]
-    provenance: dict[str, str]
-    warnings: list[str]
-    assumed: list[str]
-    not_stated: list[str]
-    drive: DriveReport | None = None
+    resolution: int
+    stress: Array
+    band: Array
 
 
 class StiffnessReport(NamedTuple):
@@ -102,6 +40,7 @@ class StiffnessReport(NamedTuple):
 
     neck_stress : (3 chains, 3 hinges, 3 directions), largest von Mises stress per displacement, the others held: MPa
         per mm, mm, rad.   stress_accuracy : how far that is from finite elements, in words.
+    elements : the stress by finite elements, with bands, None where they were not asked.
     """
 
     file: str
@@ -117,6 +56,7 @@ class StiffnessReport(NamedTuple):
     hinge_compliance: Compliance
     neck_stress: Array
     stress_accuracy: str
+    elements: BandedStress | None
     warnings: list[str]
     assumed: list[str]
     not_stated: list[str]
@@ -162,74 +102,8 @@ class LoadReport(NamedTuple):
     not_stated: list[str]
 
 
-def report_stage(stage: Stage) -> StageReport:
-    """What a file says of a stage, and where its numbers come from."""
-    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if not (of_drive(key) or of_heat(key))}
-    return StageReport(
-        **of_stage(stage),
-        mobility=stage.mobility,
-        model=stage.model,
-        chains_alike=stage.chains_alike,
-        hash=stage.hash,
-        dimensions=_dimensions(stage),
-        hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
-        provenance={key: source for key, source in sources.items() if source},
-        warnings=warning.of_stage(stage),
-        drive=_drive(stage) if stage.actuator else None,
-    )
-
-
-def _dimensions(stage: Stage) -> dict[str, Any]:
-    """What a file says, less hinges, drive and expansion, of which other answers are made, and what it leaves open."""
-    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}
-    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
-    return stage.model_dump(mode="json", exclude=left_out, exclude_none=True)
-
-
-def _drive(stage: Stage) -> DriveReport:
-    sources = {key: provenance_of(stage, key) for key in key_paths(stage) if of_drive(key)}
-    return DriveReport(
-        actuators=[each for index in range(len(stage.actuator)) for each in _actuators(stage, index)],
-        hash=stage.drive_hash,
-        provenance={key: source for key, source in sources.items() if source},
-        **stage.drive_doubts._asdict(),
-    )
-
-
-def _actuators(stage: Stage, index: int) -> list[PlacedActuator]:
-    """An actuator of the file, once for all chains on which it is the same."""
-    found = list[PlacedActuator]()
-    for one in (_actuator(stage, chain, index) for chain in CHAINS):
-        alike = next((each for each in found if one._replace(chains=each.chains) == each), None)
-        if alike is None:
-            found.append(one)
-        else:
-            alike.chains.extend(one.chains)
-    return found
-
-
-def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
-    one, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
-    return PlacedActuator(
-        name=one.name,
-        chains=[chain],
-        between=one.between,
-        stack=one.stack,
-        contacts_mm=[(_rounded(each.point.real), _rounded(each.point.imag)) for each in placed],
-        directions_deg=[_rounded(np.rad2deg(each.direction)) % 360.0 for each in placed],
-        **one.rating._asdict(),
-        stiffness_with_contact=one.stiffness_with(stage.material),
-        preload=one.preload,
-    )
-
-
-def _rounded(value: float) -> float:
-    """Without what chains that are alike differ by in round-off."""
-    return round(float(value), 9) + 0.0
-
-
-def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:
-    """The analytic model of a stage with what is to be known of it."""
+def report_stiffness(stage: Stage, result: AnalyticResult, elements: BandedStress | None = None) -> StiffnessReport:
+    """The analytic model of a stage with what is to be known of it, and the neck stress by finite elements."""
     return StiffnessReport(
         **of_stage(stage),
         units=UNITS,
@@ -242,7 +116,8 @@ def report_stiffness(stage: Stage, result: AnalyticResult) -> StiffnessReport:
         compliance=result.compliance,
         hinge_compliance=result.hinges,
         neck_stress=result.stress,
-        stress_accuracy=warning.stress_accuracy(result.formula) if result.links else RIGID,
+        stress_accuracy=warning.stress_accuracy(result.formula, result.links),
+        elements=elements,
         warnings=[*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
     )
 
@@ -285,11 +160,3 @@ def of_stage(stage: Stage) -> dict[str, Any]:
     """Which stage it is, and which of its numbers are in doubt."""
     doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
     return {"file": str(stage.origin), "name": stage.name, **doubts}
-
-
-def _hinge(stage: Stage, chain: int, position: int) -> PlacedHinge:
-    name, placed = HINGE_NAMES[position], stage_frames(stage)
-    hinge = stage.hinge(chain + 1, name)
-    x, y = placed.centres[chain, position].tolist()
-    axis = float(np.rad2deg(placed.axes[chain, position]) % 360.0)
-    return PlacedHinge(chain + 1, name, (x, y), axis, hinge.radius, hinge.neck, hinge.prismatic)

@@ -183,7 +183,7 @@ def as_built(
     return AsBuilt(
         **about(stage) | doubts([("", stage), ("necks: ", necks)])._asdict(),
         name=stage.name,
-        model=f"{formula}, elastic links" if links else f"{formula}, mobility {found.mobility}",
+        model=found.name,
         necks=measured.tolist(),
         sd=sd.tolist(),
         drawn=drawn.stiffness.tolist(),

@@ -66,7 +66,7 @@ class Split(Record):
 
 
 class ThreeDimensional(Record):
-    """What three dimensions change, measured on the stage (`solid.measured`), in percentage points.
+    """What three dimensions change, measured on the stage (`solid_budget.measured`), in percentage points.
 
     points : by commanded direction, against the stage's own plane model.   band : of these in that direction.
     """

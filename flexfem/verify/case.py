@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -12,7 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 from flexfem.analytic.formulas import formula
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
-from flexfem.fem.mesh import RESOLUTION
+from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table, validate
@@ -23,6 +24,7 @@ from flexfem.units import Direction as Direction
 
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
 Drive: TypeAlias = Literal["force", "joints", "strokes"]
+Elements: TypeAlias = Literal["fe", "three_dimensional"]
 
 
 def known_formula(name: str) -> str:
@@ -61,7 +63,8 @@ class Case(Sourced):
         the displacement from geometrically nonlinear finite elements.
     drive : what the finite elements are given: the `force` of (18) on the platform, or, of the pose commanded, the
         rotations of the hinges that the model calls independent (`joints`), or the `strokes` of the stage's stacks.
-    resolution : triangles across every neck.
+    model : the finite elements: in the stage's own plane problem (`fe`), or of the stage extruded.
+    resolution : triangles across every neck.   layers : in half the thickness, in three dimensions.
     """
 
     kind: ClassVar[str] = "case file"
@@ -73,8 +76,16 @@ class Case(Sourced):
     points: int = Field(ge=3, le=10_001)
     analysis: Analysis = "linear"
     drive: Drive = "force"
+    model: Elements = "fe"
     resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
+    layers: int = Field(default=LAYERS, ge=3, le=16)  # as do two smaller numbers
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_mesh(cls, given: Any) -> Any:
+        solid = isinstance(given, dict) and given.get("model") == "three_dimensional"
+        return {"resolution": SOLID_RESOLUTION} | given if solid else given
 
     @model_validator(mode="after")
     def _one_amplitude_of_the_right_unit(self) -> Case:
@@ -107,6 +118,18 @@ class Case(Sourced):
             raise refusal('"force" with analysis = "nonlinear", whose loads are on the platform', "drive")
         return self
 
+    @model_validator(mode="after")
+    def _three_dimensions_are_linear(self) -> Case:
+        if self.model == "fe":
+            if "layers" in self.model_fields_set:
+                raise refusal('no layers with model = "fe"', "layers")
+            return self
+        if self.analysis == "nonlinear":
+            raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
+        if self.drive != "force":
+            raise refusal('"force" with model = "three_dimensional": stacks push the plane stage alone', "drive")
+        return self
+
     @property
     def commanded(self) -> Array:
         """Commanded displacements (points,), mm or rad."""
@@ -128,8 +151,9 @@ class LoadedCase:
         self.stem = self.path.stem
         self.case = validate(Case, path)
         self.stages: dict[str, Stage] = {}
+        load = cache(load_feasible)  # one stage of several curves is solved once
         for curve in self.case.curve:
-            stage = load_feasible(self.stage_path(curve))
+            stage = load(self.stage_path(curve))
             if self.case.drive == "strokes" and not stage.actuator:
                 raise BadInput(
                     f'{path}: drive = "strokes", expected "force" or "joints": the stage of curve {curve.label!r}, '

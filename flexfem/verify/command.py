@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.analytic.preload import Serial
 from flexfem.arrays import Array
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Follows
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
@@ -37,6 +36,7 @@ from flexfem.verify.driven_models import (
     rotations,
     stresses,
 )
+from flexfem.verify.open_loop import OpenLoop, calibration, open_loop
 from flexfem.verify.result import Matrix, OfStage, Record, about
 from flexfem.verify.stack_places import StackPlace, stack_places
 
@@ -71,14 +71,6 @@ class Strokes(Record):
     element_friction: list[float] | None
 
 
-class OpenLoop(Record):
-    """Pose (3,) that finite elements take with the strokes of a model, and its error: mm, mm, rad."""
-
-    model: str
-    pose: list[float]
-    error: list[float]
-
-
 class Command(OfStage):
     """What `flexfem command` answers; pose and load as asked, N, mm, rad.
 
@@ -86,6 +78,7 @@ class Command(OfStage):
     stiffness : (3,) of the platform, the diagonal, `engaged` with the stacks holding their strokes, else `disengaged`.
     preloaded : (3,), the same, engaged, with the second-order terms of the preloads alone in (16), by what a push goes
         with: see `analytic.preload`; None where the preloads leave no stable stage.
+    resolution : of the finite elements, None without them.
     open_loop : errors by model, of strokes of least energy; empty without finite elements.
     calibration : (3, 3), which command of the pose makes finite elements take a unit pose, without load.
     """
@@ -101,6 +94,7 @@ class Command(OfStage):
     disengaged: list[float]
     preloaded: dict[Follows, list[float] | None]
     criteria: dict[Criterion, Strokes]
+    resolution: int | None
     open_loop: list[OpenLoop]
     calibration: Matrix | None
 
@@ -152,6 +146,7 @@ def command(
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
         preloaded=at_rest,
         criteria=criteria,
+        resolution=resolution,
         open_loop=[] if metal is None else open_loop(stage, metal, first, pose, load),
         calibration=None if metal is None else calibration(metal.of, first.of, drive, lever).tolist(),
         warnings=list(dict.fromkeys(warnings)),
@@ -175,37 +170,6 @@ def _by_criterion(
     if which is not None and used[which] > 1 + ROUND_OFF:
         warnings.append(f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}")
     return found
-
-
-def open_loop(stage: Stage, metal: DrivenMetal, first: Commanding, pose: Array, load: Array) -> list[OpenLoop]:
-    """Poses of the metal under the strokes of several models, then of the first after calibration."""
-    models = {first.name: first}
-    for choice in ((None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)):
-        try:
-            one = commanding(stage, *choice)
-        except BadInput:  # off the chart
-            continue
-        models.setdefault(one.name, one)
-    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
-    asked = [(name, model, pose) for name, model in models.items()]
-    full = calibration(metal.of, first.of, drive, lever)
-    gains = 1 / np.diag(np.linalg.inv(full))
-    asked.append((f"{first.name}, three gains", first, gains * pose))
-    asked.append((f"{first.name}, calibration matrix", first, full @ pose))
-    found = []
-    for name, model, wanted in asked:
-        x = commands_for(model.of, drive, wanted, load, lever, "least energy")
-        reached = moved(metal.of, drive, x, load).pose
-        found.append(OpenLoop(model=name, pose=reached.tolist(), error=(reached - pose).tolist()))
-    return found
-
-
-def calibration(metal: Driven, model: Driven, drive: StageDrive, lever: float) -> Array:
-    """Matrix (3, 3) of the pose to command of the model so that the metal takes a pose, both without load."""
-    none, units = np.zeros(3), np.diag([1e-3, 1e-3, 1e-3 / lever])
-    strokes = [commands_for(model, drive, unit, none, lever, "least energy") for unit in units]
-    reached = np.array([moved(metal, drive, x, none).pose for x in strokes]).T
-    return np.asarray(units @ np.linalg.inv(reached))
 
 
 def _strokes(

@@ -13,31 +13,38 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.analytic.chains import von_mises_along
+from flexfem.analytic.heat import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.heat import drift as analytic_drift
 from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import hinge_compliance
 from flexfem.analytic.notch import Compliance
-from flexfem.arrays import Array
+from flexfem.analytic.warm_pad import edge_motions
+from flexfem.arrays import Array, Index
 from flexfem.fem.heat import HeatResponse, heat_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
-from flexfem.files.provenance import key_paths, provenance_of
 from flexfem.refused import BadInput
 from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.origin import located
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.driven_models import best_model
-from flexfem.verify.errors import CAUTIOUS, ORDER, ROUND_OFF, levels
-from flexfem.verify.result import Matrix, OfStage, Record, about
+from flexfem.verify.errors import CAUTIOUS, ROUND_OFF, levels
+from flexfem.verify.result import Fields, Matrix, OfStage, Record, about
 
 Case: TypeAlias = Literal["uniform", "gradient in x", "gradient in y"]
 CASES: tuple[Case, ...] = get_args(Case)
-UNLIKE = 10.0  # per cent by which the necks of chain 1 are wider, and narrower, where chains are made unlike
-MISSING = "expected um/(m K), the coefficient of linear thermal expansion (aluminium 23.6)"
+CORNER_ORDER = 1.4  # twice the exponent of stress at a clamped edge's corner, 0.69 at nu = 0.33, 0.71 at 0.3 (Williams)
+UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
+_MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
+UNLIKE_CHAINS = {  # factors on the necks of each chain; stated before anything was measured with them
+    "wider in one chain": (_MORE, 1.0, 1.0),
+    "narrower in one": (_LESS, 1.0, 1.0),
+    "wider in one and narrower in another": (_MORE, _LESS, 1.0),
+}
 
 
 class Expansion(NamedTuple):
@@ -64,7 +71,7 @@ class DriftCase(Record):
     """Both models under one change of temperature: per kelvin, per K/mm.
 
     analytic, elements : see `WarmStage`; elements None without them.   band : (3,), half-widths of the pose by meshes.
-    unlike : (3,), pose with the necks of chain 1 wider or narrower by `UNLIKE` per cent, that which moves further in X
+    unlike : (3,), pose with necks of some chains wider or narrower, that of `UNLIKE_CHAINS` which moves furthest in X
         and Y, by the analytic model; None where chains are not alike as they are.
     """
 
@@ -91,7 +98,21 @@ class Drift(OfStage):
     cases: dict[Case, DriftCase]
 
 
-def drift(stage: Stage, model: tuple[int | None, str, bool] | None = None, resolution: int | None = None) -> Drift:
+class DriftFields(NamedTuple):
+    """The record, and by case the fields of the finest mesh per kelvin or per K/mm; none without finite elements.
+
+    ground : (k, 3), edges of the mesh that the frame carries.   hub_radius : mm, of the disc that grows freely.
+    """
+
+    record: Drift
+    fields: dict[Case, Fields]
+    ground: Index
+    hub_radius: float
+
+
+def drift(
+    stage: Stage, model: tuple[int | None, str, bool] | None = None, resolution: int | None = None
+) -> DriftFields:
     """What changes of temperature do to a stage, per kelvin and per K/mm.
 
     Parameters
@@ -102,7 +123,7 @@ def drift(stage: Stage, model: tuple[int | None, str, bool] | None = None, resol
     Raises BadInput for a stage without a coefficient of expansion.
     """
     alpha = expansion_of(stage)
-    warnings = list(warning.of_numbers(stage))
+    warnings = warnings_of(stage)
     mobility, formula, links = model or best_model(stage, warnings)
     metal = None if resolution is None else _elements(stage, alpha, resolution)
     found = analytic(stage, alpha, mobility, formula, links)
@@ -110,29 +131,36 @@ def drift(stage: Stage, model: tuple[int | None, str, bool] | None = None, resol
     cases = {
         name: DriftCase(
             analytic=found[k],
-            elements=None if metal is None else metal[k][0],
-            band=None if metal is None else metal[k][1].tolist(),
+            elements=None if metal is None else metal[k].found,
+            band=None if metal is None else metal[k].band.tolist(),
             unlike=None if unlike is None else unlike[k],
         )
         for k, name in enumerate(CASES)
     }
-    if stage.frame.expansion is None:
-        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
-    if stage.actuator:
-        warnings.append("the stacks, their preloads and their own expansion are left out")
     freedom = f"mobility {stage.mobility if mobility is None else mobility}"
-    return Drift(
+    record = Drift(
         **about(stage) | {"hash": stage.heat_hash} | stage.heat_doubts._asdict(),
         name=stage.name,
         model=f"{formula}, {'elastic links' if links else freedom}",
         expansion=float(stage.material.expansion or 0.0),
         frame_expansion=frame_expansion_of(stage),
-        sources=_sources(stage),
+        sources=sources_of(stage),
         lever=stage.chain.link_lengths[2],
         resolution=resolution,
         cases=cases,
         warnings=warnings,
     )
+    fields = {} if metal is None else {name: metal[k].fields for k, name in enumerate(CASES)}
+    ground = np.empty((0, 3), dtype=np.int64) if metal is None else metal[0].ground
+    return DriftFields(record, fields, ground, stage.platform.hub_radius)
+
+
+def warnings_of(stage: Stage) -> list[str]:
+    """What is assumed, and left out."""
+    warnings = list(warning.of_numbers(stage))
+    if stage.frame.expansion is None:
+        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
+    return warnings + warning.of_stacks(stage)
 
 
 def frame_expansion_of(stage: Stage) -> float:
@@ -143,14 +171,12 @@ def frame_expansion_of(stage: Stage) -> float:
 
 def expansion_of(stage: Stage) -> Expansion:
     """What the plane problem of a stage sees of its expansion. Raises BadInput when it is not stated."""
-    if stage.material.expansion is None:
-        with located(stage):
-            raise BadInput(f"material.expansion_um_per_m_k is missing, {MISSING}")
-    metal, frame = float(stage.material.expansion), frame_expansion_of(stage)
-    if stage.model != "plane_strain":
-        return Expansion(metal, frame, 0.0)
-    E, nu = stage.material.youngs_modulus, stage.material.poissons_ratio
-    return Expansion(metal + nu * (metal - frame), frame, E * (frame - metal))  # held at the frame's strain across
+    with located(stage):
+        require_expansion(stage)
+    (plane,), (frame,) = in_plane(lower(stage))
+    free = frame - float(stage.material.expansion or 0.0)
+    across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
+    return Expansion(float(plane), float(frame), across)
 
 
 def analytic(stage: Stage, alpha: Expansion, mobility: int | None, formula: str, links: bool) -> list[WarmStage]:
@@ -162,7 +188,8 @@ def analytic(stage: Stage, alpha: Expansion, mobility: int | None, formula: str,
     freedoms = stage_freedoms(design.prismatic) if own else freedoms_of(21 if mobility is None else mobility)
     hinges = Compliance(*(np.asarray(part)[None] for part in hinge_compliance(stage, formula)))
     rates = (np.array([alpha.stage]), np.array([alpha.frame]))
-    found = analytic_drift(design, hinges, freedoms, *rates, body_compliance(stage)[None] if links else None)
+    bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if links else None
+    found = analytic_drift(design, hinges, freedoms, *rates, bodies)
     pose, reaction, stress = (part[0] for part in found)
     along = stress / von_mises_along(design.out_of_plane)[0]
     centres, pull = stage_frames(stage).centres, float(design.out_of_plane[0])
@@ -174,8 +201,17 @@ def analytic(stage: Stage, alpha: Expansion, mobility: int | None, formula: str,
     ]
 
 
-def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[tuple[WarmStage, Array]]:
-    """The three cases by finite elements, with the bands (3,) of their poses."""
+class _Warm(NamedTuple):
+    """One case by finite elements: its answer, the band (3,) of the pose, fields and clamped edges (k, 3)."""
+
+    found: WarmStage
+    band: Array
+    fields: Fields
+    ground: Index
+
+
+def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[_Warm]:
+    """The three cases by finite elements on three meshes."""
     steps, plate = levels(resolution), plate_of(stage)
     made: list[tuple[StageMesh, HeatResponse]] = []
     for level in steps:
@@ -192,7 +228,9 @@ def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[tuple[War
             stress=neck_maxima(stage, mesh, stress).tolist(),
             reaction=finest.reactions[k].tolist(),
         )
-        found.append((one, bands[:, k]))
+        drawn = (mesh.nodes, mesh.triangles, mesh.bodies, finest.fields[k], stress)
+        fields = Fields(**dict(zip(Fields.model_fields, drawn, strict=True)))
+        found.append(_Warm(one, bands[:, k], fields, mesh.edges["ground"]))
     return found
 
 
@@ -201,12 +239,12 @@ def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
 
     Notes
     -----
-    Both differences between the meshes are taken to the finest by the theoretical order; the larger, with the safety
-    factor of that order, bounds every component, rotations with the lever. One that is round-off on every mesh has the
+    Both differences between the meshes are taken to the finest by the order of the clamped edges' corners; the larger,
+    with a safety factor, bounds every component, rotations with the lever. One that is round-off on every mesh has the
     largest of its values.
     """
     scale = np.array([1.0, 1.0, lever])[:, None]
-    scaled, (n3, n2, n1) = poses * scale, resolutions**ORDER
+    scaled, (n3, n2, n1) = poses * scale, resolutions**CORNER_ORDER
     errors = (scaled[2] - scaled[1]) / (n1 / n2 - 1), (scaled[1] - scaled[0]) / (n1 / n3 - n1 / n2)
     common = CAUTIOUS * np.max(np.abs(errors), axis=(0, 1))
     largest = np.max(np.abs(scaled), axis=0)
@@ -215,12 +253,16 @@ def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
 
 
 def _unlike(stage: Stage, mobility: int | None, formula: str, links: bool) -> list[list[float]] | None:
-    """Poses (3,) of the three cases with the necks of chain 1 changed, those further off; None where chains differ."""
+    """Poses (3,) of the three cases with chains made unlike, those furthest off; None where chains differ."""
     if not stage.chains_alike:
         return None
     found = []
-    for change in (1 + UNLIKE / 100, 1 - UNLIKE / 100):
-        necks = {(1, name): {"neck": change * stage.hinge(1, name).neck} for name in HINGE_NAMES}
+    for factors in UNLIKE_CHAINS.values():
+        necks = {
+            (chain, name): {"neck": factor * stage.hinge(chain, name).neck}
+            for chain, factor in zip(CHAINS, factors, strict=True)
+            for name in HINGE_NAMES
+        }
         try:
             other = stage.replace(override=necks)
             found.append(analytic(other, expansion_of(other), mobility, formula, links))
@@ -231,7 +273,7 @@ def _unlike(stage: Stage, mobility: int | None, formula: str, links: bool) -> li
     return [max((one[k].pose for one in found), key=lambda pose: float(np.hypot(pose[0], pose[1]))) for k in range(3)]
 
 
-def _sources(stage: Stage) -> dict[str, str | None]:
+def sources_of(stage: Stage) -> dict[str, str | None]:
     """Where both coefficients come from."""
-    keys, stated = ("material.expansion_um_per_m_k", "frame.expansion_um_per_m_k"), key_paths(stage)
-    return {key: provenance_of(stage, key) if key in stated else None for key in keys}
+    sources = stage.sources
+    return {key: sources.get(key) for key in ("material.expansion_um_per_m_k", "frame.expansion_um_per_m_k")}

@@ -58,8 +58,7 @@ def commanding(stage: Stage, mobility: int | None, formula: str, links: bool) ->
     """An analytic model of a driven stage. Raises BadInput as `model.analyse`, or without actuators."""
     result = analyse(stage, mobility, formula, links)
     model = driven_model(stage, result)
-    name = f"{formula}, elastic links" if links else f"{formula}, mobility {result.mobility}"
-    return Commanding(name, result, model, driven(model.compliance, drive_of(stage)))
+    return Commanding(result.name, result, model, driven(model.compliance, drive_of(stage)))
 
 
 def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:

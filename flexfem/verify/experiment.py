@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import Wrench, neck_stress
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
 from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify import warning
@@ -132,7 +130,7 @@ def experiment(
         **about(stage) | said._asdict(),
         name=stage.name,
         fixture=fixture.name,
-        model=model_name(found),
+        model=found.name,
         metal=metal,
         model_stiffness=found.stiffness.tolist(),
         metal_stiffness=inverse(C).tolist(),
@@ -148,17 +146,12 @@ def experiment(
     )
 
 
-def model_name(of: AnalyticResult) -> str:
-    """Formula and mobility of an analytic model, in words."""
-    return f"{of.formula}, elastic links" if of.links else f"{of.formula}, mobility {of.mobility}"
-
-
 def metal_of(stage: Stage, solved: Solved | None, warnings: list[str]) -> tuple[str, Array]:
     """What stands for the metal, and its compliance (3, 3); without finite elements the best model there is."""
     if solved is not None:
         return "finite elements", solved.response.compliance
     found = analyse(stage, *best_model(stage, warnings))
-    return model_name(found), found.compliance
+    return found.name, found.compliance
 
 
 def simulated(of: Pushes, C: Array, fixture: Fixture) -> Readings:
@@ -213,6 +206,7 @@ def _row(model: float, metal: float, simulated: float, measured: Slopes, k: int)
 def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> warning.Warnings:
     """Readings that say little, and pushes that the stage does not bear."""
     found, loads = [], of.load * force_of(of, C, fixture.run.strokes[-1:])
+    best = analyse(stage, *best_model(stage, []))
     for what, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
         if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
             found.append(
@@ -224,16 +218,10 @@ def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> warning.War
     for axis, load in zip(DIRECTIONS, loads, strict=True):
         where = f"the largest push in {axis}"
         found += warning.of_motion(stage, C @ load, where)
-        found += warning.of_yield(_stress(stage, C @ load), stage.material.yield_strength, where)
+        found += warning.of_yield(
+            float(np.max(best.neck_stress(stage, C @ load))), stage.material.yield_strength, where
+        )
     return found
-
-
-def _stress(stage: Stage, pose: Array) -> float:
-    """Highest von Mises stress at the necks, MPa, at a pose (3,), by the best model."""
-    found, design = analyse(stage, *best_model(stage, [])), lower(stage)
-    carried = Wrench(*(np.einsum("cnd,d->cn", part, pose)[..., None] for part in found.wrench))
-    sizes = design.radius[0], design.neck[0], design.thickness[0]
-    return float(np.max(neck_stress(carried, *sizes, design.out_of_plane[0])))
 
 
 def _of_coupling(of: Pushes, C: Array) -> warning.Warnings:

@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chart import thickness_factors
+from flexfem import arguments
+from flexfem.analytic.chart import thickness_chart, thickness_factors
 from flexfem.analytic.formulas import FORMULAS, over_calibrated
 from flexfem.arrays import Array
 
 POINTS = 121  # of a curve
+HIGHEST = 1e6  # H/h that is asked for; the chart has no largest
 THICKNESSES, RATIOS = (0.5, 50.0), (0.02, 0.1, 0.3, 1.0)  # b/t from and to, and t/R, of the review of the thickness
 
 
@@ -73,12 +75,24 @@ class ThicknessReview(NamedTuple):
 
 
 def known_formulas() -> dict[str, KnownFormula]:
-    """What is known of every hinge formula, by name; the user's own are among them."""
+    """What is known of every hinge formula, by name: freedoms, range of t/R, source; the user's own are among them."""
     return {name: KnownFormula(f.freedoms, f.valid, f.source, f.status) for name, f in FORMULAS.items()}
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
-    """Every formula over the calibrated hinge, for blocks `height` times as high as the notch."""
+    """Every formula over the calibrated hinge, the hinge chart: plane-stress finite elements.
+
+    Parameters
+    ----------
+    height : H/h, of the blocks over the notch, from 1 to 1e6.   poissons_ratio : from 0 to 0.5, acts on shear alone.
+
+    Raises
+    ------
+    BadInput
+        An argument is not in its range.
+    """
+    height = arguments.between("height", height, 1.0, HIGHEST)
+    poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, 0.0, 0.5)
     ratio = np.geomspace(*FORMULAS["calibrated"].valid, POINTS)
     found = over_calibrated(ratio, height, poissons_ratio)
 
@@ -92,7 +106,18 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
 
 
 def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
-    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout."""
+    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout.
+
+    Parameters
+    ----------
+    poissons_ratio : on the thickness chart, from 0.1 to 0.45.
+
+    Raises
+    ------
+    BadInput
+        It is not on the chart.
+    """
+    poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().poissons)
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
     found = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
     source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"

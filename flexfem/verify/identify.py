@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
@@ -55,47 +57,47 @@ def identify(
     """
     warnings = list(warning.of_stage(stage))
     problem, nominal, columns, model = _problem(stage, measured, unknown, warnings)
-    which: Unknown = "pole" if "pole" in columns else "springs"
-    level = confidence / 100
-    best = fit(problem, {})
-    estimates = [interval(problem, best, k, level) for k in range(len(problem.ends))]
-    alone = [
-        _alone(problem, best, fixed, level)
-        for fixed in (range(len(problem.ends)), range(1, len(problem.ends)), range(1))
-    ]
-    condition, correlation = sensitivity(problem, best.x)
-    rank = len(problem.ends) if condition is not None else rank_of(problem, best.x)
-    dof = len(problem.axes) - rank
-    either = alone[1].allowed and alone[2].allowed
-    told = condition is not None and not either and not unexplained(best.chi_square, dof)
-    of, soft = [DIRECTIONS[k] for k in problem.axes], problem.fixture @ best.x[1:]
+    of, best = [DIRECTIONS[k] for k in problem.axes], fit(problem, {})
+    soft = problem.fixture @ best.x[1:]
+    told = _told(problem, best, columns, confidence / 100)
     found = Identification(
         **about(stage) | doubts([("", stage), ("measured: ", measured)])._asdict(),
         name=stage.name,
         source=measured.name,
         model=model,
         confidence=confidence,
-        unknown=which,
+        unknown="pole" if "pole" in columns else "springs",
         measured=dict(zip(of, problem.slope.tolist(), strict=True)),
         sd=dict(zip(of, problem.sd.tolist(), strict=True)),
         nominal=dict(zip(of, nominal.tolist(), strict=True)),
         fitted=dict(zip(of, problem.slopes(best.x).tolist(), strict=True)),
-        offset=estimates[0],
-        fixture=dict(zip(columns, estimates[1:], strict=True)),
         stiffness={axis: 1 / c if c > RIGID / k else None for axis, c, k in zip(of, soft, nominal, strict=True)},
-        chi_square=best.chi_square,
-        dof=dof,
-        condition=condition,
-        correlation=correlation,
-        neither=alone[0],
-        necks_alone=alone[1],
-        fixture_alone=alone[2],
-        told_apart=told,
+        **told,
         finding="",
-        region=_region(problem, _marks(best, estimates, alone), best.chi_square, level),
-        warnings=[*warnings, *_of_dependence(correlation)],
+        warnings=[*warnings, *_of_dependence(told["correlation"])],
     )
     return found.model_copy(update={"finding": finding(found)})
+
+
+def _told(of: SlopeProblem, best: Fit, columns: list[str], level: float) -> dict[str, Any]:
+    """What the data tell of each number and of causes alone: fields of `Identification`."""
+    count = len(of.ends)
+    estimates = [interval(of, best, k, level) for k in range(count)]
+    alone = [_alone(of, best, dropped, level) for dropped in (range(count), range(1, count), range(1))]
+    condition, correlation = sensitivity(of, best.x)
+    dof = len(of.axes) - (count if condition is not None else rank_of(of, best.x))
+    either = alone[1].allowed and alone[2].allowed
+    return {
+        "offset": estimates[0],
+        "fixture": dict(zip(columns, estimates[1:], strict=True)),
+        "chi_square": best.chi_square,
+        "dof": dof,
+        "condition": condition,
+        "correlation": correlation,
+        **dict(zip(("neither", "necks_alone", "fixture_alone"), alone, strict=True)),
+        "told_apart": condition is not None and not either and not unexplained(best.chi_square, dof),
+        "region": _region(of, _marks(best, estimates, alone), best.chi_square, level),
+    }
 
 
 def _problem(

@@ -7,6 +7,7 @@ seen is what else the metal does while its joints are held. `couples` says what 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -28,7 +29,15 @@ from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Drive
 from flexfem.verify.command import of_limits
 from flexfem.verify.driven import Driven, commands_for, driven, held
-from flexfem.verify.errors import Comparison, Convergence, command_convergence, compare, error_matrix, levels
+from flexfem.verify.errors import (
+    Comparison,
+    Convergence,
+    command_convergence,
+    compare,
+    error_matrix,
+    grid_convergence,
+    levels,
+)
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 KEPT = 12  # answers of finite elements: three levels of two stages for two kinds of drive
@@ -64,12 +73,18 @@ class FullCommand(NamedTuple):
     stress: Array
     neck_stress: Array
 
+    def per_displacement(self, axis: int) -> Array:
+        """Highest stress at each neck (3, 3) over the displacement reached in a direction, MPa per mm or rad."""
+        return np.asarray(self.neck_stress / abs(self.pose[axis]))
+
 
 class CurveAnswer(NamedTuple):
     """What finite elements did of one curve.
 
     imposed : (points, m), rotations or strokes that they were given, by `joints`; neither under a force.
     bands : of the three percentages.   compliance : (3, 3), of the platform, without drive.
+    peak_band : half-width by meshes of the highest neck stress per displacement reached; None of one mesh.
+    layers, of_layers : in three dimensions their number, and their share (3,) of the bands, percentage points.
     """
 
     found: Comparison
@@ -81,6 +96,9 @@ class CurveAnswer(NamedTuple):
     joints: tuple[str, ...] = ()
     imposed: Array = np.zeros((0, 0))
     warnings: tuple[str, ...] = ()
+    peak_band: float | None = None
+    layers: int = 0
+    of_layers: Array = np.zeros(3)
 
 
 class ImposedElements(NamedTuple):
@@ -141,9 +159,10 @@ def answer_to_joints(stage: Stage, analytic: AnalyticResult, case: Case) -> Curv
     meshes = [elements(stage, n, case.drive, analytic.mobility) for n in levels(case.resolution)]
     finest = meshes[-1]
     commands = np.outer(case.commanded, given.given[:, axis])
+    full = [_full(stage, given, each, commands[-1]) for each in meshes]
     return CurveAnswer(
         found=compared(given, finest.response.compliance, case, lever),
-        full=_full(stage, given, finest, commands[-1]),
+        full=full[-1],
         bands=_bands(given, np.array([each.response.compliance for each in meshes]), case, lever),
         compliance=finest.response.compliance[:3, :3],
         mesh=finest.mesh,
@@ -151,7 +170,13 @@ def answer_to_joints(stage: Stage, analytic: AnalyticResult, case: Case) -> Curv
         joints=given.names,
         imposed=commands,
         warnings=tuple(_of_strokes(given, commands)),
+        peak_band=peak_band(levels(case.resolution), [each.per_displacement(axis) for each in full]),
     )
+
+
+def peak_band(steps: Sequence[int], stresses: Sequence[Array]) -> float:
+    """Half-width by meshes, coarse to fine, of the highest of neck stresses (3, 3) per displacement."""
+    return float(grid_convergence(np.array(steps), np.array([np.max(each) for each in stresses])).band)
 
 
 def compared(given: Imposed, compliance: Array, case: Case, lever: float) -> Comparison:

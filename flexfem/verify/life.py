@@ -6,11 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.fatigue import Basquin
-from flexfem.analytic.model import analyse
-from flexfem.arrays import Array
-from flexfem.files.provenance import provenance_of
-from flexfem.stage.drives import contacts
+from flexfem.analytic.fatigue import KEY, Basquin
+from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import STRESS
 from flexfem.verify import warning
@@ -18,13 +15,12 @@ from flexfem.verify.driven_models import best_model
 from flexfem.verify.errors import grid_convergence, levels
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import OfStage, Record, Triple, about
-from flexfem.verify.strained import Oscillation, Strained, by_elements, by_model, factor_at
+from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads
 
 LEFT_OUT = (
     "a median of polished specimens: scatter, surface, size, residual stress, corrosion and stress across the plane "
-    "are not in it; notch sensitivity 1 on the stress at the notch"
+    "are not in it"
 )
-KEY = "material.fatigue_strength_coefficient_mpa"
 
 
 class Law(Record):
@@ -41,8 +37,9 @@ class Law(Record):
 class NeckLife(Record):
     """One neck, at the point of its surface that fails first.
 
-    amplitude, mean : von Mises stress, the mean with its sign.   equivalent : fully reversed one of the same life.
-    peak : largest magnitude at the neck.   cycles : None where no surface is ever pulled.
+    amplitude, mean : von Mises stress, the mean with its sign.   equivalent : fully reversed one of the same life, by
+        the notch sensitivity.
+    peak : largest magnitude at the neck.   cycles : None without end.
     """
 
     chain: int
@@ -81,6 +78,7 @@ class Life(OfStage):
     """What `flexfem life` says; amplitude, mean (3,), mm, mm, rad; `wanted` in cycles.
 
     proportional : whether the mean grows with the amplitude for the wanted life.   left_out : of any life here.
+    notch_sensitivity : q, by which `(1 + q (K - 1)) / K` of the stress at the notch counts for fatigue.
     elements : None where finite elements were not asked.
     """
 
@@ -93,23 +91,23 @@ class Life(OfStage):
     mean: Triple
     proportional: bool
     wanted: float
+    notch_sensitivity: float
     analytic: Witness
     elements: Witness | None
     left_out: str
 
 
 class Asked(NamedTuple):
-    """A motion, the law of its material and where that comes from, and the life that is wanted, cycles."""
+    """What is asked of a motion, and the law of its material and where that comes from."""
 
-    motion: Oscillation
+    of: Repeated
     law: Basquin
     source: str
-    wanted: float
 
 
 def source_in(stage: Stage) -> str:
     """Where a stage's own fatigue constants come from."""
-    return provenance_of(stage, KEY) or "not stated"
+    return stage.sources[KEY] or "not stated"
 
 
 def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Life:
@@ -117,16 +115,18 @@ def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Li
 
     Raises BadInput, ComputationFailed as `model.analyse` and `solve`.
     """
-    warnings = list(warning.of_numbers(stage))
+    recalled = (key for key in stage.assumed if key.startswith("material."))
+    warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     mobility, formula, links = best_model(stage, warnings)
     result = analyse(stage, mobility, formula, links)
-    above = warning.STRESS_ABOVE.get(formula)
+    above = warning.STRESS_ABOVE[formula] if formula == CALIBRATED else None  # off its chart nothing was compared
     error = None if above is None else (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1)
-    analytic = _witness(stage, f"{formula}, elastic links", by_model(stage, result, asked.motion), asked, error)
+    analytic = _witness(stage, f"{formula}, elastic links", by_model(stage, result, asked.of), asked, error)
     elements = None if resolution is None else _by_elements(stage, asked, resolution, solve)
     for said in (analytic, elements):
         warnings += [] if said is None else _warnings(stage, asked, said)
-    end = np.abs(asked.motion.mean) + np.abs(asked.motion.amplitude)
+    motion = asked.of.motion
+    end = np.abs(motion.mean) + np.abs(motion.amplitude)
     return Life(
         **about(stage),
         name=stage.name,
@@ -134,33 +134,34 @@ def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Li
         model=stage.model,
         yield_strength=stage.material.yield_strength,
         law=Law(**asked.law._asdict(), source=asked.source),
-        amplitude=Triple.of(asked.motion.amplitude),
-        mean=Triple.of(asked.motion.mean),
-        proportional=asked.motion.proportional,
-        wanted=asked.wanted,
+        amplitude=Triple.of(motion.amplitude),
+        mean=Triple.of(motion.mean),
+        proportional=motion.proportional,
+        wanted=asked.of.wanted,
+        notch_sensitivity=asked.of.sensitivity,
         analytic=analytic,
         elements=elements,
         left_out=LEFT_OUT,
-        warnings=list(dict.fromkeys([*warnings, *warning.of_motion(stage, end, "farthest pose"), *_preloads(stage)])),
+        warnings=list(dict.fromkeys([*warnings, *warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)])),
     )
 
 
 def _by_elements(stage: Stage, asked: Asked, resolution: int, solve: Solve) -> Witness:
     """On three meshes; the band of the stress is that of the highest equivalent one."""
     steps = levels(resolution)
-    found = [by_elements(stage, solve(stage, step), asked.motion) for step in steps]
-    highest = np.array([float(np.max(each.equivalent(asked.law))) for each in found])
+    found = [by_elements(stage, solve(stage, step).response, asked.of) for step in steps]
+    highest = np.array([float(np.max(each.equivalent(asked.law.walker))) for each in found])
     band = grid_convergence(np.array(steps), highest).band / highest[-1] if highest[-1] > 0 else 0.0
     return _witness(stage, f"finite elements, resolution {resolution}", found[-1], asked, (-float(band), float(band)))
 
 
 def _witness(stage: Stage, model: str, of: Strained, asked: Asked, error: tuple[float, float] | None) -> Witness:
-    law, motion = asked.law, asked.motion
+    law, motion = asked.law, asked.of.motion
     necks = [_neck(of, law, k) for k in range(9)]
     first = int(np.argmax([each.equivalent for each in necks]))
     stress, cycles = necks[first].equivalent, necks[first].cycles
     bounds = (None, None) if error is None or cycles is None else tuple(_cycles(law, (1 + e) * stress) for e in error)
-    factor = factor_at(of, law, asked.wanted, motion.proportional)
+    factor = factor_at(of, law, asked.of.wanted, motion.proportional)
     endless = not np.isfinite(factor)
     return Witness(
         model=model,
@@ -179,7 +180,7 @@ def _witness(stage: Stage, model: str, of: Strained, asked: Asked, error: tuple[
 
 def _neck(of: Strained, law: Basquin, k: int) -> NeckLife:
     here = np.flatnonzero(of.neck == k)
-    equivalent = of.equivalent(law)[here]
+    equivalent = of.equivalent(law.walker)[here]
     worst = here[int(np.argmax(equivalent))]
     highest = float(np.max(equivalent))
     return NeckLife(
@@ -212,24 +213,10 @@ def _warnings(stage: Stage, asked: Asked, said: Witness) -> list[str]:
     largest = said.peak_at_largest
     if largest is not None and largest > stage.material.yield_strength:
         found.append(
-            f"{said.model}: at the amplitude for {asked.wanted:g} cycles the largest stress is {largest:.4g} {STRESS}, "
-            f"beyond the yield strength of {stage.material.yield_strength:.4g} {STRESS}: yield limits it"
+            f"{said.model}: at the amplitude for {asked.of.wanted:g} cycles the largest stress is {largest:.4g} "
+            f"{STRESS}, beyond the yield strength of {stage.material.yield_strength:.4g} {STRESS}: yield limits it"
         )
-    for what, cycles in ((f"{said.model}: the life", said.cycles), ("the wanted life", asked.wanted)):
+    for what, cycles in ((f"{said.model}: the life", said.cycles), ("the wanted life", asked.of.wanted)):
         if cycles is not None and not low <= cycles <= high:
             found.append(f"{what} of {cycles:.3g} cycles is extrapolated: the law is for {low:g} to {high:g}")
     return found
-
-
-def _preloads(stage: Stage) -> list[str]:
-    """Preloads that stress the necks, which those of pairs do not."""
-    if all(len(contacts(stage, 1, k)) == 2 or not one.preload for k, one in enumerate(stage.actuator)):
-        return []
-    return ["the mean stress by preloads of single stacks is not in this life"]
-
-
-def scaled(motion: Array, mean: Array | None, ratio: float) -> Oscillation:
-    """A motion of an amplitude (3,) about a mean (3,), or with a ratio of its least to its greatest displacement."""
-    if mean is None:
-        return Oscillation(motion, motion * (1.0 + ratio) / (1.0 - ratio), True)
-    return Oscillation(motion, mean, not mean.any())

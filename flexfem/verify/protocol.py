@@ -27,8 +27,9 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
 from flexfem.verify.errors import Comparison, Convergence, command_errors, compare, levels, percentages
-from flexfem.verify.imposed import CurveAnswer, FullCommand, answer_to_joints
-from flexfem.verify.result import Fields, Model, Result, Series, Triple, Uncertainty, stamp, versions
+from flexfem.verify.imposed import CurveAnswer, FullCommand, answer_to_joints, peak_band
+from flexfem.verify.result import CurveModels, Fields, Result, Series, Triple, Uncertainty, stamp, versions
+from flexfem.verify.solid_case import answer_of_solid
 from flexfem.verify.stored import fields_record, model_record
 
 
@@ -105,7 +106,7 @@ class CurveRun(NamedTuple):
     series: Series
     percent: Triple
     uncertainty: dict[Direction, Uncertainty]
-    model: Model
+    model: CurveModels
     fields: Fields
     warnings: list[str]
 
@@ -125,6 +126,7 @@ def run_case(loaded: LoadedCase, solve: Solve = solve_stage) -> tuple[Result, di
         direction=case.direction,
         analysis=case.analysis,
         drive=case.drive,
+        elements=case.model,
         commanded=case.commanded.tolist(),
         curves={label: run.series for label, run in runs.items()},
         error_percent={label: run.percent for label, run in runs.items()},
@@ -152,9 +154,7 @@ def _doubts(loaded: LoadedCase) -> Doubts:
 def _run_curve(loaded: LoadedCase, curve: Curve, solve: Solve) -> CurveRun:
     case, stage = loaded.case, loaded.stages[curve.label]
     analytic = analyse(stage, curve.mobility, curve.formula, curve.links)
-    plate_of(stage)
-    driven = case.drive != "force"
-    of = answer_to_joints(stage, analytic, case) if driven else _answer_to_force(loaded, curve, analytic, solve)
+    of = _answer(loaded, curve, analytic, solve)
     percent = Triple.of(of.found.percent)
     uncertainty = _by_direction(of.bands)
     return CurveRun(
@@ -168,16 +168,31 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Solve) -> CurveRun:
     )
 
 
+def _answer(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solve: Solve) -> CurveAnswer:
+    """Finite elements of a curve, as its case wants them."""
+    case, stage = loaded.case, loaded.stages[curve.label]
+    if case.model == "three_dimensional":
+        return answer_of_solid(stage, analytic, case)
+    plate_of(stage)
+    return (
+        _answer_to_force(loaded, curve, analytic, solve)
+        if case.drive == "force"
+        else answer_to_joints(stage, analytic, case)
+    )
+
+
 def _answer_to_force(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solve: Solve) -> CurveAnswer:
     """Finite elements under the force of a model, on three meshes."""
     case, stage = loaded.case, loaded.stages[curve.label]
     meshes = [solve(stage, resolution) for resolution in levels(case.resolution)]
-    solved = meshes[-1]
+    solved, axis = meshes[-1], DIRECTIONS.index(case.direction)
     found = _compared(loaded, curve, analytic, solved)
-    full = load_case(stage, solved.mesh, solved.response, found.force[-1])
+    loads = [load_case(stage, each.mesh, each.response, found.force[-1]) for each in meshes]
+    full = [FullCommand(each.pose, each.field, each.stress, each.neck_stress) for each in loads]
     return CurveAnswer(
         found=found,
-        full=FullCommand(full.pose, full.field, full.stress, full.neck_stress),
+        full=full[-1],
+        peak_band=peak_band(levels(case.resolution), [each.per_displacement(axis) for each in full]),
         bands=_bands(case, analytic.stiffness, np.array([each.response.compliance for each in meshes]), _lever(stage)),
         compliance=solved.response.compliance,
         mesh=solved.mesh,

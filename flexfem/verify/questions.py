@@ -10,20 +10,23 @@ from flexfem.analytic.chains import travel
 from flexfem.analytic.drive import LinkParts
 from flexfem.analytic.drive import driven as driven_compliance
 from flexfem.analytic.dynamics import many, mass_matrix
+from flexfem.analytic.heat import DriftRates, WarmBodies, in_plane, rates_of
+from flexfem.analytic.heat import drift as analytic_drift
 from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import at_rest
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import Designs, envelope
+from flexfem.stage.designs import Designs, envelope, lower
 from flexfem.stage.drives import StageDrive
 from flexfem.stage.inertia import Payload
 from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY
 from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
 from flexfem.verify.driven import driven
-from flexfem.verify.errors import CAUTIOUS, ORDER, error_matrix, grid_convergence, levels
+from flexfem.verify.errors import error_matrix, levels, mesh_band
+from flexfem.verify.strained import Lives, Repeated, by_elements, by_wrenches, lives
 
 if TYPE_CHECKING:
     from flexfem.fem.cyclic import CyclicResponse
@@ -65,6 +68,8 @@ class Answers(NamedTuple):
     yield_strength : (n,), MPa.   envelope : (n,), diameter, mm.   errors : of the analytic model, where asked.
     drives : what the stages' own drives do, where asked.
     frequencies : (n, 3), rad/s, the lowest natural ones in the plane, where asked.
+    lives : fatigue lives, where asked.
+    drift : with temperature, where asked.
     """
 
     stiffness: Array
@@ -75,6 +80,8 @@ class Answers(NamedTuple):
     errors: ErrorPercentages | None = None
     drives: DriveAnswers | None = None
     frequencies: Array | None = None
+    lives: Lives | None = None
+    drift: DriftRates | None = None
 
     @property
     def coupling(self) -> Array:
@@ -93,11 +100,24 @@ class Answers(NamedTuple):
         return travel(self.turning, rotation)
 
 
-def ask_formulas(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> Answers:
-    """The analytic model of n designs, with arguments as `analytic.model.at_rest`; nan where it is singular."""
+def ask_formulas(
+    designs: Designs,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    bodies: Array | None = None,
+    repeated: Repeated | None = None,
+) -> Answers:
+    """The analytic model of n designs, with arguments as `analytic.model.at_rest`; nan where it is singular.
+
+    repeated : what is repeated, to ask for lives.
+    """
     found = at_rest(designs, hinges, freedoms, bodies)
     highest = np.max(found.stress, axis=(1, 2))
-    return Answers(found.stiffness, highest, found.turning, designs.yield_strength, envelope(designs))
+    answers = Answers(found.stiffness, highest, found.turning, designs.yield_strength, envelope(designs))
+    if repeated is None:
+        return answers
+    strained = by_wrenches(designs, found.wrench, repeated)
+    return answers._replace(lives=lives(strained, designs.fatigue, designs.yield_strength, repeated))
 
 
 def ask_frequencies(
@@ -119,6 +139,11 @@ def ask_frequencies(
     return np.asarray(of.frequencies[:, :LOWEST])
 
 
+def ask_drift(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: WarmBodies | None = None) -> DriftRates:
+    """Drift of n designs by the analytic model, with elastic `bodies` or rigid ones; nan where it is singular."""
+    return rates_of(analytic_drift(designs, hinges, freedoms, *in_plane(designs), bodies).pose)
+
+
 def ask_drives(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
 ) -> DriveAnswers:
@@ -134,6 +159,7 @@ def ask_elements(
     predicted: Array | None = None,
     bands: bool = True,
     payload: Payload | None = None,
+    repeated: Repeated | None = None,
 ) -> Answers:
     """Finite elements of one feasible design, n = 1.
 
@@ -141,7 +167,7 @@ def ask_elements(
     ----------
     predicted : (3, 3), the stiffness by which (18) predicts the loads, to ask for its errors.
     bands : ask for the mesh bands of these too, from coarser meshes.
-    payload : on the platform, to ask for natural frequencies; None does not.
+    payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `ask_formulas`.
 
     Raises
     ------
@@ -163,6 +189,9 @@ def ask_elements(
     if payload is not None:
         structure = vibration(stage, response.mesh, payload, "disengaged")
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
+    if repeated is not None:
+        strained = by_elements(stage, response, repeated)
+        found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
     if predicted is None:
         return found
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))
@@ -175,8 +204,9 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
     """
     from flexfem.fem.cyclic_fields import base_rotations
     from flexfem.fem.cyclic_fields import envelope as meshed
+    from flexfem.fem.layers import layers_of
     from flexfem.fem.sectors import mesh_sectors
-    from flexfem.fem.solid import layers_of, sheet_of
+    from flexfem.fem.solid import sheet_of
     from flexfem.fem.solid_fields import in_mid_plane, solid_neck_stresses
     from flexfem.fem.solid_response import solid_response
 
@@ -231,18 +261,3 @@ def _coarser(stage: Stage, finest: int, clock: Clock) -> dict[int, Array]:
     if not found:
         raise failures[0]
     return found
-
-
-def mesh_band(resolutions: Array, values: Array) -> float:
-    """Half-width of the mesh uncertainty about the finest of two or three values, coarse to fine.
-
-    Notes
-    -----
-    The larger, where there are three, of `grid_convergence` and of Roache's index for two meshes, with the theoretical
-    order and the safety factor 3: on meshes as coarse as these the observed order often exceeds the theoretical one,
-    and the first alone left out the extrapolated value of 6 in 36 compliances of a dozen stages at resolution 4, the
-    larger of none.
-    """
-    e21, r21 = values[-1] - values[-2], resolutions[-1] / resolutions[-2]
-    of_two = float(CAUTIOUS * abs(e21) / (r21**ORDER - 1))
-    return of_two if len(values) == 2 else max(grid_convergence(resolutions, values).band, of_two)

@@ -14,32 +14,15 @@ from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
-from flexfem.units import DIRECTIONS, STRESS, Direction
+from flexfem.units import STRESS, Direction
 from flexfem.verify import warning
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress
-from flexfem.verify.driven import SINGULAR, Driven
+from flexfem.verify.driven import SINGULAR
 from flexfem.verify.driven_models import Commanding, best_model, commanding, driven_metal
 from flexfem.verify.limits import KINDS
-from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope, Programs, image
+from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope
+from flexfem.verify.pose_set import ROUND_OFF, PoseEdge, Range, poses, programs, ranges, section
 from flexfem.verify.result import Matrix, OfStage, Record, about
-
-ROUND_OFF = 1e-9  # of how far strokes alone go in a direction, and of the size of the poses
-
-
-class Extent(Record):
-    """How far the platform goes in one direction, mm or rad, and by name the limits that stop it at either end."""
-
-    low: float
-    high: float
-    low_by: list[str]
-    high_by: list[str]
-
-
-class Range(Record):
-    """One direction: with the other two held at zero, None where no such pose is reached, and with them free."""
-
-    held: Extent | None
-    free: Extent
 
 
 class PoseFace(Record):
@@ -48,14 +31,6 @@ class PoseFace(Record):
     normal: list[float]
     support: float
     vertices: list[int]
-    by: list[str]
-
-
-class PoseEdge(Record):
-    """An edge of the section at theta = 0, from (x, y) to (x, y), mm, and the limits that bound it."""
-
-    start: tuple[float, float]
-    end: tuple[float, float]
     by: list[str]
 
 
@@ -136,81 +111,6 @@ def reach(
     )
 
 
-def poses(of: Driven, drive: StageDrive, limits: LinearLimits, load: Array, lever: float) -> Polytope:
-    """The poses (x, y, theta) that limits of the commands allow under a load (3,). Raises NothingAllowed.
-
-    Normals and supports are those of (x, y, lever theta), the volume is in mm^2 rad.
-    """
-    scale, rest = np.array([1.0, 1.0, lever]), of.engaged @ load
-    size = _size(of, drive, lever)
-    found = image(_programs(limits, drive), scale[:, None] * of.poses / size)
-    return found._replace(
-        vertices=found.vertices * size / scale + rest,
-        supports=found.supports * size + found.normals @ (scale * rest),
-        volume=found.volume * size**3 / lever,
-    )
-
-
-def ranges(of: Driven, drive: StageDrive, limits: LinearLimits, load: Array) -> dict[Direction, Range]:
-    """How far the platform goes in every direction, the others held at zero, and free. Raises NothingAllowed."""
-    return {direction: _range(of, drive, limits, of.engaged @ load, axis) for axis, direction in enumerate(DIRECTIONS)}
-
-
-def _range(of: Driven, drive: StageDrive, limits: LinearLimits, rest: Array, axis: int) -> Range:
-    others = [k for k in range(3) if k != axis]
-    size = np.abs(of.poses) @ _unit(drive)
-    size[size == 0] = 1.0
-    along = of.poses[axis] / size[axis]
-    held, at = of.poses[others] / size[others, None], -rest[others] / size[others]
-    free = _extent(_programs(limits, drive), along, size[axis], rest[axis])
-    try:
-        return Range(held=_extent(_programs(limits, drive, held, at), along, size[axis], rest[axis]), free=free)
-    except NothingAllowed:
-        return Range(held=None, free=free)
-
-
-def _extent(programs: Programs, along: Array, size: float, rest: float) -> Extent:
-    low, high = (programs.farthest(sign * along) for sign in (-1.0, 1.0))
-    ends = [rest + size * float(found_along) for found_along in (along @ low.x, along @ high.x)]
-    ends = [0.0 if abs(end) < ROUND_OFF * size else end for end in ends]
-    return Extent(low=ends[0], high=ends[1], low_by=list(low.by), high_by=list(high.by))
-
-
-def section(of: Driven, drive: StageDrive, limits: LinearLimits, load: Array) -> list[PoseEdge]:
-    """Edges of the poses at theta = 0, counter-clockwise; none where they have no area."""
-    size, rest = _size(of, drive, 1.0), of.engaged @ load
-    turning = float(np.abs(of.poses[2]) @ _unit(drive)) or 1.0
-    held = _programs(limits, drive, of.poses[2:] / turning, -rest[2:] / turning)
-    try:
-        found = image(held, of.poses[:2] / size)
-    except NothingAllowed:
-        return []
-    if found.dimension < 2:
-        return []
-    corners = found.vertices * size + rest[:2]
-    edges = []
-    for face, normal, by in zip(found.faces, found.normals, found.by, strict=True):
-        along = np.array([-normal[1], normal[0]])
-        start, end = sorted(face, key=lambda k: float(corners[k] @ along))
-        edges.append(PoseEdge(start=tuple(corners[start]), end=tuple(corners[end]), by=list(by)))
-    return sorted(edges, key=lambda edge: float(np.arctan2(edge.end[1] - edge.start[1], edge.end[0] - edge.start[0])))
-
-
-def _programs(limits: LinearLimits, drive: StageDrive, fixed: Array | None = None, at: Array | None = None) -> Programs:
-    return Programs(limits, _unit(drive), fixed, at)
-
-
-def _unit(drive: StageDrive) -> Array:
-    """Size (m,) of the commands, mm."""
-    return np.maximum(drive.highest, -drive.lowest)
-
-
-def _size(of: Driven, drive: StageDrive, lever: float) -> float:
-    """Size of the poses, rotations times the lever, mm."""
-    scale = np.array([1.0, 1.0, lever])
-    return float(np.max(scale * (np.abs(of.poses) @ _unit(drive)))) or 1.0
-
-
 def _faces(of: Polytope) -> list[PoseFace]:
     return [
         PoseFace(normal=normal.tolist(), support=float(support), vertices=list(vertices), by=list(by))
@@ -248,7 +148,7 @@ def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: S
         chosen = np.array([limits.names[k].startswith((KINDS[0], kind)) for k in limits.owner])
         part = LinearLimits(limits.rows[chosen], limits.bounds[chosen], limits.owner[chosen], limits.names)
         try:
-            _programs(part, drive).farthest(np.ones(len(drive.names)))
+            programs(part, drive).farthest(np.ones(len(drive.names)))
         except NothingAllowed:
             alone.append(kind)
     which = " and those of ".join(alone) if alone else "stroke, contact, blocking force and yield together"

@@ -1,25 +1,19 @@
-"""What a verification found, as it is stored: numbers as JSON, fields beside it as .npz. N, mm, rad throughout."""
+"""What a verification found, as it is stored, and what every stored answer says. N, mm, rad throughout."""
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import place_of
-from flexfem.files.toml import kind_of, read_toml
-from flexfem.files.writing import read_arrays, write_atomically
-from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
-from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive
+from flexfem.files.writing import write_atomically
+from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
 from flexfem.verify.errors import Convergence, Verdict
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
@@ -105,16 +99,34 @@ class HingeDrawing(Record):
     freedoms: list[str]
 
 
-class Model(Record):
+class NeckPeak(Record):
+    """The neck with the highest von Mises stress, and that per displacement of the platform: MPa per mm or rad."""
+
+    chain: int
+    hinge: str
+    stress: float
+
+    @classmethod
+    def of(cls, stress: Array) -> NeckPeak:
+        """Of stresses (3 chains, 3 hinges) per displacement."""
+        chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
+        return cls(chain=int(chain) + 1, hinge=HINGE_NAMES[int(position)], stress=float(np.max(stress)))
+
+
+class CurveModels(Record):
     """The two models behind a curve.
 
-    plane : the stage's own choice of plane problem.
+    plane : the stage's own choice of plane problem.   layers : of finite elements in three dimensions, in half the
+        thickness, 0 in the plane.   band_layers : their share of the bands of the percentages.
     stiffness : (3, 3) analytic, order x, y, theta; compliance : (3, 3) of the finite elements.
     force : (points, 3) loads on the platform, N, N, N mm: by (18), or in a nonlinear case by the exact equilibrium;
         zero where joints are commanded.
     joints, imposed : hinges or pairs of stacks (m,), and (points, m) what they were given: rotations, rad, or strokes,
         mm; empty under a force.
     lever : l3, mm.  neck_stress : (3 chains, 3 hinges) MPa at full command.
+    model_peak : of the model, the others held, None where joints are commanded; element_peak : of the finite elements
+        with what they were given, by the displacement that they reached.   peak_band : half-width of the latter by
+        meshes, None where there is one mesh.
     """
 
     stage: str
@@ -133,12 +145,17 @@ class Model(Record):
     joints: list[str] = []
     imposed: Matrix = []
     neck_stress: Matrix
+    model_peak: NeckPeak | None = None
+    element_peak: NeckPeak | None = None
+    peak_band: float | None = None
     lever: float
     link_width: float
     platform_radius: float
     hub_radius: float
     hinges: list[HingeDrawing]
     resolution: int
+    layers: int = 0
+    band_layers: Triple | None = None
     triangles: int
     unknowns: int
 
@@ -146,7 +163,7 @@ class Model(Record):
 class Result(Record):
     """A verification: `curves` holds finite-element minus commanded displacement; percentages as in CONVENTIONS.md.
 
-    drive : what the finite elements were given, see `case.Case`.
+    drive : what the finite elements were given, and elements : which they are, `drive` and `model` of `case.Case`.
     commanded : mm for x and y, rad for theta.  `error_percent`: the commanded direction relative to the command; cross
     directions with translations relative to a commanded translation, rotations times `lever` (mixed ones likewise).
     uncertainty : for each percentage the band of the mesh, in percentage points.
@@ -159,11 +176,12 @@ class Result(Record):
     direction: Direction
     analysis: Analysis = "linear"
     drive: Drive = "force"
+    elements: Elements = "fe"
     commanded: list[float]
     curves: dict[str, Series]
     error_percent: dict[str, Triple]
     uncertainty: dict[str, dict[Direction, Uncertainty]]
-    models: dict[str, Model]
+    models: dict[str, CurveModels]
     assumed: list[str]
     not_stated: list[str]
     warnings: list[str]
@@ -174,7 +192,8 @@ class Result(Record):
 
 class Fields(Record):
     """Finite-element fields of one curve at full command: nodes (n, 2) mm, triangles (m, 6), bodies (m,),
-    displacement (n, 2) mm, von Mises stress (n,) MPa."""
+    displacement (n, 2) mm, von Mises stress (n,) MPa; in three dimensions the displacement of the mid-plane, and the
+    highest stress through the thickness."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
@@ -201,58 +220,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def write_result(result: Result, fields: dict[str, Fields], folder: Path) -> Path:
-    """Store a result as `<case>.json`, its fields as `<case>.npz`; returns the path of the former."""
-    arrays = {
-        f"{index}.{key}": value
-        for index, label in enumerate(result.curves)
-        for key, value in fields[label].model_dump().items()
-    }
-    write_atomically(
-        folder / f"{result.case}.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
-    )
-    return write_record(result, folder / f"{result.case}.json")
-
-
 def write_record(record: Record, path: Path) -> Path:
     """Store a record as JSON; returns the path. Raises BadInput when the folder does not take it."""
     write_atomically(path, lambda file: file.write((record.model_dump_json(indent=1) + "\n").encode()))
     return path
-
-
-def read_result(path: str | os.PathLike[str]) -> Result:
-    """Read a stored result. Raises BadInput when it is none."""
-    try:
-        return Result.model_validate_json(Path(path).read_bytes())
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    except ValidationError as error:
-        raise BadInput(f"{place_of(path)}: {_no_result(path, error)}") from None
-
-
-def _no_result(path: str | os.PathLike[str], error: ValidationError) -> str:
-    """What a file is that is no result: of another kind, of another version, or damaged."""
-    first = error.errors(include_url=False)[0]
-    if first["type"] == "json_invalid":
-        with contextlib.suppress(BadInput):
-            found = kind_of(read_toml(path).data)
-            return f"this is a {found or 'TOML file'}, expected a result of flexfem verify, <case>.json"
-        return "not a result of flexfem verify: no JSON"
-    keys = json.loads(Path(path).read_bytes())
-    if not isinstance(keys, dict) or not {"case", "curves"} <= set(keys):
-        return "this is JSON, but not a result of flexfem verify, <case>.json"
-    where = ".".join(map(str, first["loc"]))
-    return f"not a result of this version of flexfem verify, which would make it again: {where}: {first['msg']}"
-
-
-def read_fields(path: str | os.PathLike[str], result: Result) -> dict[str, Fields]:
-    """Read the fields stored beside a result. Raises BadInput when they are missing or of another result."""
-    beside = Path(path).with_suffix(".npz")
-    arrays = read_arrays(beside, f"the fields of {path}")
-    try:
-        return {
-            label: Fields(**{key: arrays[f"{index}.{key}"] for key in Fields.model_fields})
-            for index, label in enumerate(result.curves)
-        }
-    except KeyError as error:
-        raise BadInput(f"{beside}: expected the fields of {path}: it has no {error}") from None

@@ -8,16 +8,17 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.files.provenance import Doubts
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.verify.case import Curve, LoadedCase
+from flexfem.verify.case import DIRECTIONS, Curve, LoadedCase
 from flexfem.verify.imposed import CurveAnswer
-from flexfem.verify.result import Fields, HingeDrawing, Model
+from flexfem.verify.result import CurveModels, Fields, HingeDrawing, NeckPeak, Triple
 
 
-def model_record(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, of: CurveAnswer) -> Model:
+def model_record(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, of: CurveAnswer) -> CurveModels:
     """Both models behind a curve."""
     stage, strokes = loaded.stages[curve.label], loaded.case.drive == "strokes"
+    axis = DIRECTIONS.index(loaded.case.direction)
     doubts = stage.drive_doubts if strokes else Doubts(list(stage.assumed), list(stage.not_stated))
-    return Model(
+    return CurveModels(
         stage=stage.name,
         file=curve.stage,
         hash=stage.drive_hash if strokes else stage.hash,
@@ -33,12 +34,17 @@ def model_record(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, of:
         joints=list(of.joints),
         imposed=of.imposed.tolist(),
         neck_stress=of.full.neck_stress.tolist(),
+        model_peak=None if of.joints else NeckPeak.of(analytic.stress[..., axis]),
+        element_peak=NeckPeak.of(of.full.per_displacement(axis)),
+        peak_band=of.peak_band,
         lever=stage.chain.link_lengths[2],
         link_width=stage.chain.link_width,
         platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
         hinges=_hinges(stage, analytic),
         resolution=loaded.case.resolution,
+        layers=of.layers,
+        band_layers=Triple.of(of.of_layers) if of.layers else None,
         triangles=len(of.mesh.triangles),
         unknowns=of.unknowns,
     )

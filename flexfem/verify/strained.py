@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
-from flexfem.analytic.chains import surface_stress
-from flexfem.analytic.fatigue import Basquin, equivalent
+from flexfem.analytic.chains import Wrench, surface_stress
+from flexfem.analytic.fatigue import Basquin, amplitude_at, counted, cycles_at, equivalent
 from flexfem.analytic.model import AnalyticResult
 from flexfem.arrays import Array, Index
-from flexfem.fem.cyclic_fields import notch_fields
-from flexfem.fem.plane_stress import von_mises
-from flexfem.fem.response import out_of_plane_ratio_of
-from flexfem.stage.designs import lower
+from flexfem.stage.designs import Designs, lower
+from flexfem.stage.drives import contacts
 from flexfem.stage.schema import Stage
-from flexfem.verify.protocol import Solved
+
+if TYPE_CHECKING:
+    from flexfem.fem.cyclic import CyclicResponse
 
 LARGEST_FACTOR = 1e9  # by which an amplitude is multiplied in search of a life
 
@@ -29,9 +29,25 @@ class Oscillation(NamedTuple):
     proportional: bool
 
 
-class Strained(NamedTuple):
-    """Points at the necks: neck (p,), from 0 to 8, chain by chain; amplitude and mean (p,) of the stress, MPa.
+def scaled(motion: Array, mean: Array | None, ratio: float) -> Oscillation:
+    """A motion of an amplitude (3,) about a mean (3,), or with a ratio of its least to its greatest displacement."""
+    if mean is None:
+        return Oscillation(motion, motion * (1.0 + ratio) / (1.0 - ratio), True)
+    return Oscillation(motion, mean, not mean.any())
 
+
+class Repeated(NamedTuple):
+    """What is asked of a motion: the wanted life, cycles, with a notch sensitivity from 0 to 1."""
+
+    motion: Oscillation
+    wanted: float
+    sensitivity: float = 1.0
+
+
+class Strained(NamedTuple):
+    """Points at the necks: neck (p,), from 0 to 8, chain by chain; amplitude and mean (..., p) of the stress, MPa.
+
+    counted : (..., p), part of the stress that counts for fatigue.   Leading axes are designs.
     Stress is von Mises', the mean with the sign of the stress along the surface. The surface of a notch is free, so
     that the stress there is uniaxial, and the highest principal stress in plane stress.
     """
@@ -39,47 +55,92 @@ class Strained(NamedTuple):
     neck: Index
     amplitude: Array
     mean: Array
+    counted: Array
 
-    def equivalent(self, law: Basquin, factor: float = 1.0, proportional: bool = True) -> Array:
-        """Fully reversed amplitude (p,) of the same life, with the amplitude multiplied, the mean too or not."""
+    def equivalent(self, walker: float | Array, factor: float = 1.0, proportional: bool = True) -> Array:
+        """Fully reversed amplitude (..., p) of the same life by Walker's exponent, or one a design (..., 1).
+
+        factor : of the amplitude, and of the mean too where it is proportional.
+        """
         mean = self.mean * factor if proportional else self.mean
-        return equivalent(factor * self.amplitude, mean, law.walker)
+        return self.counted * equivalent(factor * self.amplitude, mean, walker)
 
     def peak(self, factor: float = 1.0, proportional: bool = True) -> Array:
-        """Largest magnitude of the stress (p,), with the amplitude multiplied, the mean too or not."""
+        """Largest magnitude of the stress (..., p), with the amplitude multiplied, the mean too or not."""
         return np.asarray(np.abs(self.mean) * (factor if proportional else 1.0) + factor * self.amplitude)
 
 
-def by_model(stage: Stage, result: AnalyticResult, motion: Oscillation) -> Strained:
+def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
+    """Both sides of every neck of n designs, by what the necks carry (n, 3, 3, 3)."""
+    bending, along = surface_stress(wrench, designs.radius, designs.neck, designs.thickness, designs.out_of_plane)
+    sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
+    part = np.repeat(counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
+    return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.motion.amplitude), sides @ of.motion.mean, part)
+
+
+def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
     """Both sides of every neck, by the analytic model."""
-    design = lower(stage)
-    sizes = design.radius[0], design.neck[0], design.thickness[0], design.out_of_plane[0]
-    bending, along = surface_stress(result.wrench, *sizes)
-    sides = np.stack([along + bending, along - bending], axis=2).reshape(18, 3)
-    return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ motion.amplitude), sides @ motion.mean)
+    found = by_wrenches(lower(stage), Wrench(*(part[None] for part in result.wrench)), of)
+    return Strained(found.neck, *(part[0] for part in found[1:]))
 
 
-def by_elements(stage: Stage, solved: Solved, motion: Oscillation) -> Strained:
+def by_elements(stage: Stage, response: CyclicResponse, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
-    pull, stiffness = out_of_plane_ratio_of(stage), np.linalg.inv(solved.response.compliance)
-    loads = np.array([motion.amplitude, motion.mean]) @ stiffness.T
+    from flexfem.fem.cyclic_fields import notch_fields
+    from flexfem.fem.plane_stress import von_mises
+    from flexfem.fem.response import out_of_plane_ratio_of
+
+    pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
+    part = counted(design.neck[0] / design.radius[0], of.sensitivity)
+    loads = np.array([of.motion.amplitude, of.motion.mean]) @ stiffness.T
     parts = []
-    for (chain, hinge), stress in notch_fields(stage, solved.response, loads):
+    for (chain, hinge), stress in notch_fields(stage, response, loads):
         amplitude, mean = von_mises(stress, pull)
         sign = np.sign(stress[1, :, 0] + stress[1, :, 1])
-        parts.append(Strained(np.full(len(mean), 3 * chain + hinge), amplitude, sign * mean))
+        place = np.full(len(mean), 3 * chain + hinge)
+        parts.append(Strained(place, amplitude, sign * mean, np.full(len(mean), part[chain, hinge])))
     return Strained(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+class Lives(NamedTuple):
+    """Of n designs: cycles (n,) at the amplitude, the size (n, 3) of that for the wanted life, mm, mm, rad, and safety
+    (n,), yield strength over the largest stress at a neck. moved : (3,), whether the amplitude has that direction."""
+
+    cycles: Array
+    largest: Array
+    safety: Array
+    moved: tuple[bool, ...]
+
+
+def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
+    """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
+    coefficient, exponent, walker = fatigue.T
+    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = amplitude_at(asked.wanted, coefficient, exponent) / highest
+    return Lives(
+        cycles_at(highest, coefficient, exponent),
+        factor[:, None] * np.abs(asked.motion.amplitude),
+        yield_strength / np.max(of.peak(), axis=-1),
+        tuple((asked.motion.amplitude != 0).tolist()),
+    )
+
+
+def of_preloads(stage: Stage) -> list[str]:
+    """Of preloads that stress the necks, which those of pairs do not: that no life counts them."""
+    if all(len(contacts(stage, 1, k)) == 2 or not one.preload for k, one in enumerate(stage.actuator)):
+        return []
+    return ["the mean stress by preloads of single stacks is not in this life"]
 
 
 def factor_at(of: Strained, law: Basquin, cycles: float, proportional: bool) -> float:
     """By what the amplitude may be multiplied for a life of `cycles` at the first neck; inf where none is pulled."""
     wanted = float(law.amplitude(cycles))
     if proportional:
-        highest = float(np.max(of.equivalent(law)))
+        highest = float(np.max(of.equivalent(law.walker)))
         return wanted / highest if highest > 0 else float("inf")
 
     def beyond(factor: float) -> float:
-        return float(np.max(of.equivalent(law, factor, False))) - wanted
+        return float(np.max(of.equivalent(law.walker, factor, False))) - wanted
 
     end = 1.0
     while beyond(end) < 0 and end < LARGEST_FACTOR:

@@ -9,13 +9,15 @@ import numpy as np
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, hinge_compliance
 from flexfem.arrays import Array
 from flexfem.fem.response import load_case
-from flexfem.files.provenance import provenance_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
+from flexfem.verify.answers import BandedStress
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.protocol import Solved
-from flexfem.verify.reach import Range, reach
+from flexfem.verify.errors import grid_convergence, levels
+from flexfem.verify.pose_set import Range
+from flexfem.verify.protocol import Solve, Solved
+from flexfem.verify.reach import reach
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 
 
@@ -94,16 +96,14 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         end = limit.range_at_yield * np.eye(3)[axis]
         warnings += warning.of_motion(stage, end, f"end of the safe range in {direction}")
-    drive = _drive(stage, formula, warnings)
+    drive, sources = _drive(stage, formula, warnings), stage.sources
     return Summary(
         **about(stage),
         name=stage.name,
         model=stage.model,
         mobility=stage.mobility,
         yield_strength=stage.material.yield_strength,
-        material={
-            key: provenance_of(stage, key) or "not stated" for key in stage.numbers if key.startswith("material")
-        },
+        material={key: sources[key] or "not stated" for key in stage.numbers if key.startswith("material")},
         analytic=analytic,
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(formula),
@@ -145,6 +145,15 @@ def element_limits(stage: Stage, solved: Solved) -> Limits:
     stiffness = np.linalg.inv(solved.response.compliance)
     cases = [load_case(stage, solved.mesh, solved.response, force) for force in stiffness.T]
     return Limits(np.asarray(stiffness), np.stack([case.neck_stress for case in cases], axis=-1))
+
+
+def banded_stress(stage: Stage, resolution: int, solve: Solve) -> BandedStress:
+    """The neck stress per displacement by finite elements on three meshes."""
+    steps = levels(resolution)
+    found = np.array([element_limits(stage, solve(stage, step)).stress for step in steps])
+    highest = np.max(found, axis=(1, 2))
+    band = [grid_convergence(np.array(steps), each).band for each in highest.T]
+    return BandedStress(resolution, found[-1], np.array(band))
 
 
 def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:

@@ -11,7 +11,7 @@ from flexfem.analytic.chart import beam_integrals, hinge_chart, read_patch
 from flexfem.analytic.formulas import FORMULAS, formula, over_calibrated
 from flexfem.analytic.model import analyse
 from flexfem.fem.chart import LOW, RATIOS, chart_path
-from flexfem.fem.hinge import Hinge, sample
+from flexfem.fem.hinge import PlaneHinge, sample
 from flexfem.refused import BadInput
 from flexfem.stage.schema import load_stage
 
@@ -21,13 +21,13 @@ INTERPOLATION = 1e-4  # a tenth of what is promised; measured at random points: 
 CALIBRATED = formula("calibrated")
 
 
-def random_hinges(number: int, seed: int) -> list[Hinge]:
+def random_hinges(number: int, seed: int) -> list[PlaneHinge]:
     rng = np.random.default_rng(seed)
     ratios = np.exp(rng.uniform(*np.log(RATIOS), number))
-    return [Hinge(float(t), float(1 / s)) for t, s in zip(ratios, rng.uniform(0.02, 1.0, number), strict=True)]
+    return [PlaneHinge(float(t), float(1 / s)) for t, s in zip(ratios, rng.uniform(0.02, 1.0, number), strict=True)]
 
 
-def worst_against_finite_elements(hinges: list[Hinge], levels: tuple[int, ...], nu: float) -> float:
+def worst_against_finite_elements(hinges: list[PlaneHinge], levels: tuple[int, ...], nu: float) -> float:
     """Largest relative difference of the formula from direct finite elements, in physical units."""
     direct = np.array([sample(hinge, levels, nu).values for hinge in hinges]).T
     direct /= [[E * B * R**2], [E * B], [E * B]]
@@ -53,7 +53,7 @@ def test_calibrated_hinges_are_those_of_direct_finite_elements() -> None:
 
 
 def test_calibrated_hinges_are_those_of_direct_finite_elements_at_the_corners_of_the_chart() -> None:
-    corners = [Hinge(ratio, height) for ratio in RATIOS for height in (1.0, 3.0, 3.01, 12.0)]
+    corners = [PlaneHinge(ratio, height) for ratio in RATIOS for height in (1.0, 3.0, 3.01, 12.0)]
     assert worst_against_finite_elements(corners, (2, 3, 4), NU) < INTERPOLATION
 
 
@@ -64,7 +64,7 @@ def test_calibrated_hinges_are_those_of_fine_finite_elements_everywhere() -> Non
 
 def test_the_chart_goes_through_its_samples() -> None:
     chart = hinge_chart()
-    made = sample(Hinge(0.48032431, 1.2765077), (4, 6, 8)).values  # the sixth and the third of its points
+    made = sample(PlaneHinge(0.48032431, 1.2765077), (4, 6, 8)).values  # the sixth and the third of its points
     found = np.array(chart.factors(0.48032431, 1.2765077)) * beam_integrals(np.array(0.48032431))
     np.testing.assert_allclose(found, made, rtol=1e-7)  # digits kept in the file, and round-off
     assert chart.ratios == RATIOS == (0.02, 1.2) and chart.least_height == 1.0

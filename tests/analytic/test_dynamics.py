@@ -52,6 +52,20 @@ def test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once
     np.testing.assert_allclose(together, expected, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_freedom_that_hinges_do_not_have_has_no_frequency_of_round_off(seed):
+    """Of mobility three also where round-off leaves 1e-12 of the softest eigenvalue, and with 1000 tonnes on it."""
+    rng = np.random.default_rng(seed)
+    stage = with_changes(
+        {"hinges.elbow.neck_mm": float(rng.uniform(0.1, 0.6)), "thickness_mm": float(rng.uniform(4, 20))}
+    )
+    of = dynamics(stage, analyse(stage, 3), payload_of(1e6, 1e9))
+    noisy = of._replace(compliance=of.compliance + 1e-11 * np.max(of.compliance) * np.eye(21))
+    assert np.isfinite(of.frequencies[:3]).all() and np.isinf(noisy.frequencies[3:]).all()
+    full = dynamics(stage, analyse(stage, 21, "calibrated"), payload_of(1e6, 1e9)).frequencies
+    assert np.isfinite(full).all()
+
+
 @pytest.mark.parametrize("links", [False, True])
 def test_a_heavy_payload_vibrates_on_the_static_stiffness(links):
     """Also in rotation, where only its moment of inertia counts."""

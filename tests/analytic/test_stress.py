@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.chains import Wrench, concentration, neck_stress, neck_wrenches
-from flexfem.fem.hinge import Hinge, hinge_mesh
+from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import Support, edge_force, nearest_node, nodes_on, solve
 from flexfem.stage.designs import Frames
@@ -24,7 +24,7 @@ def single(moment: float, normal: float) -> Wrench:
 
 def surface_stress(ratio: float) -> tuple[float, float]:
     """Stress at the root of a notch with R = E = b = 1 under a unit moment and a unit pull, by finite elements."""
-    hinge, plate = Hinge(ratio, 1.0), Plate(1.0, 0.29, 1.0)
+    hinge, plate = PlaneHinge(ratio, 1.0), Plate(1.0, 0.29, 1.0)
     mesh, high = hinge_mesh(hinge, 4), 2 + ratio
     neck, axis, root = nodes_on(mesh, "left"), nodes_on(mesh, "bottom"), nearest_node(mesh, 0.0, ratio / 2)
     loads = (

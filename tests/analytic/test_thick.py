@@ -9,7 +9,7 @@ import pytest
 
 from flexfem.analytic.chart import on_thickness_chart, read_thickness_chart, thickness_chart
 from flexfem.analytic.chart import thickness_factors as factors
-from flexfem.fem.hinge import Hinge
+from flexfem.fem.hinge import PlaneHinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.thick import ThickHinge, sample
 from flexfem.fem.thick_chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
@@ -90,7 +90,7 @@ def test_only_ratios_of_lengths_matter() -> None:
 @pytest.mark.parametrize("ratio", [0.07, 0.8])
 def test_shear_at_the_position_of_plane_strain_is_that_of_plane_strain_finite_elements(ratio: float) -> None:
     """Plane strain is plane stress with E/(1 - nu^2) and nu/(1 - nu)."""
-    stress, strain = (plane_sample(Hinge(ratio, 1.0), (2, 3, 4), nu).values[2] for nu in (NU, NU / (1 - NU)))
+    stress, strain = (plane_sample(PlaneHinge(ratio, 1.0), (2, 3, 4), nu).values[2] for nu in (NU, NU / (1 - NU)))
     exact = 1 - (1 - NU**2) * strain / stress
     found = factors(R, ratio * R, 15 * ratio * R, NU)
     CHARTS = 1e-4  # relative, of what plane strain takes away: the interpolation of the hinge chart

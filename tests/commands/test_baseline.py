@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import flexfem as public
 from flexfem.commands.baseline import moves as gates
-from flexfem.commands.baseline import store
-from flexfem.commands.baseline.inputs import changes, committed_mesh, inputs_of, read_mesh, write_mesh
+from flexfem.commands.baseline import regression, store
+from flexfem.commands.baseline.committed import committed_mesh, read_mesh, write_mesh
+from flexfem.commands.baseline.inputs import changes, inputs_of
 from flexfem.commands.baseline.moves import at, leaves
 from flexfem.commands.baseline.records import meshes, plain, sections
 from flexfem.commands.baseline.rules import rule_of
@@ -41,12 +43,12 @@ def nothing_is_solved(stage, resolution):
 
 def found(path):
     """Lines of one baseline of a project, without solving anything."""
-    return [str(each) for each in store.checked(path, nothing_is_solved).findings]
+    return [str(each) for each in regression.checked(path, nothing_is_solved).findings]
 
 
 def test_every_shipped_input_has_a_baseline_and_every_baseline_an_input():
     assert [path.stem for path in ACCEPTED] == sorted(path.stem for path in INPUTS)
-    assert list(store.unaccepted(ROOT / "tests/baselines")) == []
+    assert list(regression.unaccepted(ROOT / "tests/baselines")) == []
 
 
 CHEAP = ("check", "stiffness", "mesh", "committed", "formulas", "hinges", "middle", "thickness")
@@ -332,7 +334,7 @@ def test_a_case_beside_the_others_without_a_baseline_is_said(project, flexfem):
     folder = project.path("tests/baselines")
     (folder / "fig7.json").unlink()
     case = project.path("cases/fig7.toml")
-    (line,) = (line for line in store.unaccepted(folder) if "fig7" in line)
+    (line,) = (line for line in regression.unaccepted(folder) if "fig7" in line)
     assert line == f"{case}: no baseline in {folder}; flexfem baseline {case} --baselines {folder} --reason TEXT"
     project.path("cases/fig6.toml").unlink()
     code, out, _ = flexfem("regression", folder / "fig6.json")
@@ -377,9 +379,33 @@ def test_a_baseline_is_accepted_beside_its_case_or_where_told_and_keeps_its_reas
 
 def test_every_acceptance_keeps_its_reason(tmp_path):
     """A chart is accepted without a mesh; the reasons of before stay, in their order."""
+    chart = ROOT / "flexfem/data/thickness_chart.json"
     for reason in (" first ", "second"):
-        path = store.accept(ROOT / "flexfem/data/thickness_chart.json", tmp_path, reason, nothing_is_solved)
-    assert [each.reason for each in store.read_baseline(path).history] == ["first", "second"]
+        written = public.baseline(chart, reason=reason, baselines=tmp_path)
+        assert written == [tmp_path / "thickness_chart.json"]
+    assert [each.reason for each in store.read_baseline(written[0]).history] == ["first", "second"]
+    (checked,) = public.regression(*written)
+    assert (checked.name, checked.findings) == ("thickness_chart", [])
+
+
+def test_files_that_cannot_all_be_accepted_are_refused_from_python_too(tmp_path):
+    """All are looked at before the first is accepted."""
+    stage = tmp_path / "geometry.toml"
+    other = stage.with_suffix(".json")
+    for path in (stage, other):
+        path.write_text((ROOT / "geometry/mobility3.toml").read_text())
+    for wrong, files, reason in (
+        ("reason is empty", [stage], " "),
+        ("reason is empty", [stage], None),
+        ("3, expected the path", [stage, 3], "x"),
+        ("no such file", [stage, tmp_path / "none.toml"], "x"),
+        ("is the baseline of another file", [stage, other], "x"),
+    ):
+        with pytest.raises(BadInput, match=wrong):
+            public.baseline(*files, reason=reason)
+    with pytest.raises(BadInput, match="3, expected the path"):
+        public.regression(3)
+    assert not list(tmp_path.rglob("baselines"))
 
 
 def test_patterns_name_places_by_keys_beginnings_and_numbers():

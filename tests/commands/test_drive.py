@@ -151,6 +151,12 @@ def test_a_stage_without_a_drive_is_refused(flexfem, project):
     assert "no [[actuator]]" in err and str(path) in err
 
 
+def highest(stress):
+    """The cell of a highest neck stress (3, 3), with hinge and chain."""
+    chain, hinge = np.argwhere(stress == np.max(stress))[0]
+    return f"{np.max(stress):.4g} ({('base', 'elbow', 'platform')[hinge]}, chain {chain + 1})"
+
+
 def test_rows_are_what_they_say_and_the_metal_bears_the_load(project, capsys):
     """Rotations in mrad, bands of the model and of finite elements each in its row; errors with the load on both."""
     stage = package.load(project.path("geometry/mobility6.toml"))
@@ -161,8 +167,8 @@ def test_rows_are_what_they_say_and_the_metal_bears_the_load(project, capsys):
     said = {row[0]: [cell.strip() for cell in row[1:] if cell.strip()] for row in rows}
     criteria = list(found.criteria.values())
     assert said["largest hinge rotation (mrad)"] == [f"{1e3 * np.max(np.abs(each.rotation)):.4g}" for each in criteria]
-    assert said["highest neck stress (MPa)"] == [f"{np.max(each.stress):.4g}" for each in criteria]
-    assert said["by finite elements"] == [f"{np.max(each.element_stress or 0):.4g}" for each in criteria]
+    assert said["highest neck stress (MPa)"] == [highest(each.stress) for each in criteria]
+    assert said["by finite elements, up to 4 % low"] == [highest(each.element_stress) for each in criteria]
     for row, bands in (
         ("left open by friction, at most (+-)", [each.friction for each in criteria]),
         ("the same by finite elements", [each.element_friction for each in criteria]),

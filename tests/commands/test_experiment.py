@@ -24,6 +24,7 @@ def slopes(tmp_path):
     return tmp_path / "slopes.toml"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_experiment_prints_table_ii_and_writes_figure_11(flexfem, slopes, tmp_path):
     asked = ("experiment", STAGE, FIXTURE, "--measured", slopes, "--resolution", 3)
     code, out, err = flexfem(*asked, "--output", tmp_path / "out")
@@ -48,6 +49,7 @@ def test_without_measured_slopes_the_papers_deviations_are_explained(flexfem):
     assert "after the paper's text" in out and "measured" not in out.split("deviation")[0]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_identify_prints_what_it_stores(flexfem, slopes, tmp_path):
     code, out, err = flexfem("identify", STAGE, slopes, "--output", tmp_path / "out")
     assert (code, err) == (0, "")

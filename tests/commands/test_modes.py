@@ -46,7 +46,9 @@ def test_modes_of_the_reference_stage(flexfem, project):
     assert OUT_OF_PLANE in found["warnings"]
 
 
-def test_modes_print_and_write(flexfem, project, tmp_path):
+@pytest.mark.usefixtures("unrendered")
+def test_modes_print_and_write(flexfem, project, tmp_path, monkeypatch):
+    monkeypatch.setattr("flexfem.plot.modes.FRAMES", 2)
     path = project.path("geometry/mobility3.toml")
     out_folder = tmp_path / "out"
     code, out, _ = flexfem("modes", path, "--resolution", 4, "--count", 1, "-o", out_folder, "--drives", "engaged")
@@ -56,6 +58,8 @@ def test_modes_print_and_write(flexfem, project, tmp_path):
         f"mobility3-modes{end}"
         for end in (*(".json", ".png", ".pdf", ".vtu", ".npz", ".mat"), *("-1.gif", "-response.png", "-response.pdf"))
     )
+    (one,) = json.loads((out_folder / "mobility3-modes.json").read_text())["modes"]
+    assert one["analytic"]["calibrated, elastic links"] == pytest.approx(one["frequency"], rel=5e-3), "stacks in both"
 
 
 def test_of_unlike_chains_the_shares_lie_in_all_directions():
@@ -71,6 +75,7 @@ def test_of_unlike_chains_the_shares_lie_in_all_directions():
         (("--payload", "nan", "0"), "payload nan 0, expected two numbers from 0"),
         (("--payload", "-1", "0"), "payload -1 0, expected two numbers from 0"),
         (("--count", "0"), "--count"),
+        (("--damping", "nan"), "damping nan, expected a number above 0, at most 99"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(flexfem, project, options, said):

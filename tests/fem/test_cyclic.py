@@ -11,13 +11,14 @@ import pytest
 
 import flexfem.fem.cyclic
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response, rotation, under_loads
+from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
 from flexfem.fem.sectors import mesh_sectors, welded
+from flexfem.fem.turns import under_loads
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import CHAIN_TURN, turned
+from flexfem.stage.designs import CHAIN_TURN, chain_rotation, turned
 from flexfem.stage.schema import HINGE_NAMES, Stage
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both
@@ -117,7 +118,7 @@ def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair:
     stage, response = pair["alike"].stage, pair["alike"].response
     turns = base_rotations(stage, response)
     load = np.array([1.3, -0.7, 5.0])
-    here, there = load @ turns, (rotation(1) @ load) @ turns
+    here, there = load @ turns, (chain_rotation(1) @ load) @ turns
     np.testing.assert_allclose(np.roll(here, 1), there, rtol=1e-6)
     assert not np.allclose(here, there, rtol=0.05)
 

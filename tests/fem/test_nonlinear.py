@@ -27,8 +27,8 @@ from flexfem.fem.plane_stress import (
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.fem.tangent import (
-    Model,
     State,
+    Undeformed,
     factoriser,
     first_piola,
     green_lagrange,
@@ -73,7 +73,7 @@ def eccentric(bar: Bar) -> StageMesh:
     return mesh._replace(nodes=mesh.nodes + OFFSET)
 
 
-def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> tuple[Model, State]:
+def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> tuple[Undeformed, State]:
     """Any large displacement, with the hub at a pose, and the stress that belongs to it."""
     model = model_of(mesh, plate)
     field = 0.03 * np.random.default_rng(seed).normal(size=mesh.nodes.shape)
@@ -81,7 +81,7 @@ def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> 
     return model, compatible(model, State(pose, field, []))
 
 
-def compatible(model: Model, state: State) -> State:
+def compatible(model: Undeformed, state: State) -> State:
     """The state with its hub at its pose and the stress of its displacements."""
     field = state.field.copy()
     field[model.tied.hub] = hub_at(model.arms, state.pose).motion
@@ -89,14 +89,14 @@ def compatible(model: Model, state: State) -> State:
     return State(state.pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
 
-def moved(model: Model, state: State, change: Array) -> State:
+def moved(model: Undeformed, state: State, change: Array) -> State:
     """The state after a change (2f + 3,) of the unknowns."""
     field = state.field.copy()
     field[model.tied.free] += change[:-3].reshape(-1, 2)
     return compatible(model, State(state.pose + change[-3:], field, []))
 
 
-def nodal_forces(model: Model, field: Array) -> Array:
+def nodal_forces(model: Undeformed, field: Array) -> Array:
     """Forces (n, 2) on all nodes."""
     forces = np.zeros((1, *field.shape))
     for batch in model.batches:

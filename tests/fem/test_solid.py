@@ -1,26 +1,24 @@
-"""Wedges of 18 nodes: patch test and rigid modes, limits that are plane problems, and symmetry against the whole."""
+"""Wedges of 18 nodes: rigid modes, limits that are plane problems, and symmetry against the whole."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-from scipy.sparse.linalg import spsolve
 
-from flexfem.arrays import Array
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.cyclic_fields import neck_stresses
+from flexfem.fem.layers import layered, layers_of, mirrored
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
-from flexfem.fem.problem import mapped
-from flexfem.fem.response import Tied, platform_response
+from flexfem.fem.response import platform_response
 from flexfem.fem.sectors import Sector, joined, mesh_sectors
-from flexfem.fem.solid import Layers, Solid, layered, layers_of, mirrored, solid
-from flexfem.fem.solid_fields import solid_neck_stresses
+from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress
 from flexfem.fem.solid_response import solid_response
 from flexfem.stage.schema import Stage
+from flexfem.validate.wedges import curved_cells, unsupported
 
 SAME = 1e-9  # relative; the same equations by another route, both refined until their balances hold
 E, NU, B = 68300.0, 0.29, 9.7
@@ -49,23 +47,9 @@ def unlike_mesh(unlike: Any) -> Meshed:
     return meshed(unlike.stage)
 
 
-def curved(u: Array, v: Array) -> Array:
-    """A square with bent sides and uneven cells."""
-    u, v = u + 0.15 * u * (1 - u) * (1 + v), v - 0.1 * v * (1 - v) * np.cos(2 * u)
-    return np.stack([3 * u + 0.4 * np.sin(2 * v), 2 * v + 0.3 * u**2], axis=-1)
-
-
-def unsupported(layers: Layers, nu: float = NU) -> tuple[Solid, StageMesh, sp.csr_array]:
-    """Nine curved cells that nothing holds, and their whole stiffness (3nm, 3nm)."""
-    mesh = mapped(3, 2, curved)
-    every = np.arange(len(mesh.nodes))
-    free = solid(mesh, Plate(E, nu, 1.0), layers, Tied(every, every, every[:0], np.empty((0, 3))), FULL)
-    lower = free.lower().tocsr()[:-3, :-3]
-    return free, mesh, (lower + sp.tril(lower, -1).T).tocsr()
-
-
 def test_an_unsupported_solid_has_six_rigid_motions_and_no_other_without_energy() -> None:
-    free, mesh, K = unsupported(layered(np.array([-0.4, 0.3, 1.1])))
+    mesh = curved_cells()
+    free, K = unsupported(mesh, np.array([-0.4, 0.3, 1.1]))
     energies = np.linalg.eigvalsh(K.toarray())
     assert np.all(np.abs(energies[:6]) < 1e-12 * energies[-1])
     assert energies[6] > 1e-6 * energies[-1]
@@ -75,29 +59,9 @@ def test_an_unsupported_solid_has_six_rigid_motions_and_no_other_without_energy(
     assert np.max(np.abs(free.forces(turns))) < 1e-15 * E * 3.0 * 10
 
 
-def test_a_linear_field_is_met_on_curved_uneven_wedges() -> None:
-    free, mesh, K = unsupported(layered(np.array([-0.4, -0.1, 0.3, 1.1])))
-    slope = np.array([[0.011, -0.023, 0.007], [0.005, 0.017, -0.013], [-0.019, 0.003, 0.029]])
-    at = np.concatenate(
-        [
-            np.repeat(mesh.nodes[:, None], 7, axis=1),
-            np.broadcast_to(free.layers.heights[:, None], (len(mesh.nodes), 7, 1)),
-        ],
-        axis=2,
-    )
-    wanted = free.loads((at @ slope.T)[None])[:-3, 0]  # numbered as the unknowns
-    outside = np.zeros((1, len(mesh.nodes), 7, 3))
-    outside[:, np.unique(np.concatenate(list(mesh.edges.values())))] = 1.0
-    outside[:, :, [0, -1]] = 1.0
-    held = free.loads(outside)[:-3, 0] > 0
-    inside = np.flatnonzero(~held)
-    assert len(inside) == 3 * 5 * 15  # five heights, fifteen nodes of the plane
-    found = spsolve(K[inside][:, inside].tocsc(), -K[inside][:, np.flatnonzero(held)] @ wanted[held])
-    np.testing.assert_allclose(found, wanted[inside], rtol=0, atol=1e-13)
-
-
 def test_the_stiffness_and_the_forces_are_of_the_same_energy() -> None:
-    free, mesh, K = unsupported(layered(np.array([-0.4, 0.3, 1.1])))
+    mesh = curved_cells()
+    free, K = unsupported(mesh, np.array([-0.4, 0.3, 1.1]))
     fields = np.random.default_rng(5).normal(size=(2, len(mesh.nodes), 5, 3))
     motion = free.loads(fields)[:-3]
     np.testing.assert_allclose(free.loads(free.forces(fields))[:-3], K @ motion, atol=1e-12 * E)
@@ -133,7 +97,7 @@ def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh: Meshed) -> 
 
 
 def test_plane_stress_and_plane_strain_bound_it(generic_mesh: Meshed) -> None:
-    """Zettl, Szyszkowski and Zhang, Precision Engineering 29 (2005): up to about 12 % apart."""
+    """Zettl, Szyszkowski and Zhang, J. Mech. Des. 127 (2005) 782: of hinges, up to about 12 % apart."""
     stress, strain = Plate(E, NU, B), Plate(E / (1 - NU**2), NU / (1 - NU), B)
     soft, hard = (platform_response(generic_mesh.whole, plate, FULL).compliance for plate in (stress, strain))
     found = solid_response(generic_mesh.sectors, stress, mirrored(B, 2, 0.47)).compliance
@@ -218,3 +182,26 @@ def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh
     stage = generic_mesh.stage.model_copy(update={"model": "plane_strain"})
     plane = neck_stresses(stage, cyclic_response(generic_mesh.sectors, strain), LOADS)
     np.testing.assert_allclose(found.highest, plane, rtol=2e-3)
+
+
+def test_the_stress_of_a_field_that_is_quadratic_through_the_thickness() -> None:
+    mesh, layers = curved_cells(), layered(np.array([-0.4, 0.3, 1.1]))
+    field = np.zeros((len(mesh.nodes), len(layers.heights), 3))
+    field[..., 0], field[..., 2] = 1e-3 * layers.heights, 1e-3 * layers.heights**2
+    stress = solid_nodal_stress(mesh, Plate(100e3, 0.25, 1.0), layers, field, np.arange(len(mesh.nodes)))
+    for height, found in zip(layers.heights, stress.swapaxes(0, 1), strict=True):  # lambda and mu are 40 GPa
+        z = 80.0 * height
+        wanted = np.array([[z, 0.0, 40.0], [0.0, z, 0.0], [40.0, 0.0, 3 * z]])
+        np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), atol=1e-9)
+
+
+@pytest.mark.parametrize(("rises", "height"), [(True, 4.85), (False, 0.0)])
+def test_the_highest_stress_of_a_neck_is_where_it_is(rises: bool, height: float, generic_mesh: Meshed) -> None:
+    stage, sectors, _ = generic_mesh
+    plate, layers = Plate(E, NU, B), mirrored(B, 1, 0.47)
+    solved, z = solid_response(sectors, plate, layers, FULL), layers.heights
+    fields = tuple(np.zeros_like(field) for field in solved.sector_fields)
+    for field in fields:
+        field[..., 2] = 1e-4 * (z**2 if rises else 2 * 4.85 * z - z**2)
+    found = solid_neck_stresses(stage, plate, replace(solved, sector_fields=fields), LOADS)
+    np.testing.assert_allclose(found.height, height, atol=1e-12)

@@ -11,7 +11,7 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.verify.budget import Budget, BudgetShare, Split, ThreeDimensional
 from flexfem.verify.converge import MeshStudy
-from flexfem.verify.result import Fields, HingeDrawing, Model, Result, Series, Triple, Uncertainty
+from flexfem.verify.result import CurveModels, Fields, HingeDrawing, Result, Series, Triple, Uncertainty
 from flexfem.verify.workspace import Box, Elements, Point, Travel, Workspace
 
 HINGES = ("base", "elbow", "platform")
@@ -38,7 +38,7 @@ def hinges(mobility: int = 6, neck: float = 0.4) -> list[HingeDrawing]:
     return made
 
 
-def model(**changes: Any) -> Model:
+def model(**changes: Any) -> CurveModels:
     given: dict[str, Any] = {
         "stage": "a stage $x_1$",
         "file": "../geometry/one.toml",
@@ -61,7 +61,7 @@ def model(**changes: Any) -> Model:
         "triangles": 12345,
         "unknowns": 54321,
     }
-    return Model(**(given | changes))
+    return CurveModels(**(given | changes))
 
 
 def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Result:
@@ -319,7 +319,7 @@ class Made(NamedTuple):
     """Makers of stored results, and readers of what was drawn."""
 
     hinges: Callable[..., list[HingeDrawing]]
-    model: Callable[..., Model]
+    model: Callable[..., CurveModels]
     result: Callable[..., Result]
     fields: Callable[..., Fields]
     budget: Callable[..., Budget]

@@ -17,10 +17,14 @@ from flexfem.plot.study_labels import Caption, Quantity
 from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
+from flexfem.reports.modes import reduced
 from flexfem.study.statistics import Indices, Percentile
 from flexfem.validate.bending import Elastica, Remainders
+from flexfem.verify.drift import DriftFields
 from flexfem.verify.fixture import MeasuredSlopes, Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
+
+from ..conftest import annular_vibration
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
@@ -48,10 +52,12 @@ def elastica() -> Elastica:
     return Elastica(LOADS, line, line / 2, shapes, LOADS, line, line / 2, 99)
 
 
+@cache
 def pushed() -> Any:
     return flexfem.experiment(flexfem.load(STAGE), FIXTURE, resolution=None)
 
 
+@cache
 def identified() -> Any:
     slopes = MeasuredSlopes(kxx=35.4, kxx_sd=0.2, ktt=33e3, ktt_sd=200.0)
     return flexfem.identify(flexfem.load(STAGE), Measurement(name="slopes", measured=slopes))
@@ -71,6 +77,11 @@ def driven() -> Any:
 
 
 @cache
+def reached() -> Any:
+    return flexfem.reach(flexfem.load(STAGE), resolution=None)
+
+
+@cache
 def vibrating() -> Any:
     return flexfem.vibration(flexfem.load(STAGE), 2, resolution=4)
 
@@ -80,9 +91,12 @@ def lived() -> Any:
     return flexfem.life(stage, [0.05, 0.02, 3e-4], ratio=0, resolution=4)
 
 
-@cache
 def responding() -> Any:
-    return flexfem.dynamic_model(flexfem.load(STAGE), 2, resolution=4)
+    return reduced(flexfem.load(STAGE), vibrating(), 1.0)
+
+
+def warm(fields: Any) -> Any:
+    return DriftFields(None, {"gradient in x": fields}, np.array([[0, 1, 3]]), 7.0)  # type: ignore[arg-type]
 
 
 DRAWN: dict[str, Any] = {
@@ -92,6 +106,10 @@ DRAWN: dict[str, Any] = {
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
     "plot_displacement": lambda made: (made.fields(),),
+    "plot_drift": lambda made: (
+        DriftFields(None, {"gradient in x": made.fields()}, np.array([[0, 1, 3]]), 7.0),
+        "gradient in x",
+    ),
     "plot_drive": lambda made: (driven(), flexfem.load(STAGE)),
     "plot_elastica": lambda made: (elastica(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
@@ -114,11 +132,13 @@ DRAWN: dict[str, Any] = {
     "plot_remains": lambda made: (pushed(), "y"),
     "plot_remainders": lambda made: (Remainders(STEPS, STEPS, STEPS, STEPS**2, 99),),
     "plot_response": lambda made: (responding(), "theta", "load", "phase"),
-    "plot_section": lambda made: (flexfem.reach(flexfem.load(STAGE), resolution=None),),
+    "plot_section": lambda made: (reached(),),
     "plot_shapes": lambda made: (elastica(),),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
-    "plot_solid": lambda made: (flexfem.reach(flexfem.load(STAGE), resolution=None),),
+    "plot_solid": lambda made: (reached(),),
+    "plot_solid_mode": lambda made: (annular_vibration(), 2),
     "plot_stage": lambda made: (flexfem.load(STAGE),),
+    "plot_dimensions": lambda made: (flexfem.load(STAGE),),
     "plot_strokes": lambda made: (driven(),),
     "plot_tangents": lambda made: (made.workspace(), "theta"),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),

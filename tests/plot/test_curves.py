@@ -9,7 +9,11 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from flexfem.plot.curves import HONEST, error_figure, normalisation, panel_of
+from flexfem.plot.displacement import deformed_figure
+from flexfem.plot.stage import mesh_size
+from flexfem.plot.text import markdown_report
 from flexfem.verify.case import DIRECTIONS
+from flexfem.verify.result import Triple
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
 BANDS = {"mobility three": (0.0173, 0.0273, 0.0373), "mobility six": (0.1173, 0.1273, 0.1373)}  # per cent
@@ -117,6 +121,20 @@ def test_the_caption_says_where_the_force_comes_from_and_how_percentages_are_nor
 def test_the_caption_says_that_joints_were_commanded(made, drive, said):
     text = " ".join(made.texts(error_figure(made.result(ERRORS, drive=drive))))
     assert said in text and "(18)" not in text
+
+
+def test_captions_say_that_the_stage_is_extruded(made):
+    solid = made.model(layers=5, band_layers=Triple(x=0.123, y=0.0457, theta=0.0891))
+    found = made.result({"one": (0.1, 0.2, 0.3)}, elements="three_dimensional", models={"one": solid})
+    text = " ".join(" ".join(made.texts(error_figure(found))).split())
+    assert "displacement in three dimensions minus commanded" in text and "band of mesh and layers" in text
+    text = " ".join(" ".join(made.texts(deformed_figure(found, {"one": made.fields()}))).split())
+    assert "Three dimensions. Displacement of the mid-plane; stress: the highest through the thickness." in text
+    assert "5 triangles across every neck, 5 layers in half the thickness." in mesh_size(solid)
+    page = markdown_report([found])
+    assert "the stage is extruded" in page and "50 µm, in three dimensions |" in page
+    assert "(converging; layers 0.12) |" in page and "; layers 0.046) |" in page and "; layers 0.089) |" in page
+    assert "| 5, 5 layers | 12345 | 54321 |" in page
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)

@@ -13,10 +13,11 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study import Source, distribution_of, front_of, map_of, named, sensitivity_of, write_study_figures
+from flexfem.plot.study import named, write_study_figures
 from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
 from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
+from flexfem.plot.study_records import Source, distribution_of, front_of, map_of, sensitivity_of
 from flexfem.plot.study_scatter import (
     Distribution,
     Scatter,
@@ -527,8 +528,13 @@ def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
         found_in(Source(loaded, table, {}))
 
 
-@pytest.mark.parametrize("text", [GRID, SCATTERED], ids=["grid", "scattered"])
-def test_the_same_table_gives_the_same_files_of_every_figure(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(
+    "text", [pytest.param(GRID, id="grid", marks=pytest.mark.slow), pytest.param(SCATTERED, id="scattered")]
+)
+def test_the_same_table_gives_the_same_files_of_every_figure(
+    tmp_path: Path, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexfem.plot.style.RESOLUTION", {"png": 50, "pdf": 50})
     loaded = study(tmp_path, text)
     source = source_of(loaded, answered(loaded))
     first, second = (write_study_figures(source, found_in(source), tmp_path / name) for name in ("a", "b"))
@@ -568,7 +574,7 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
 
 
 def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
-    assert set(OUTPUTS) == set(outputs_of(True, True, True, True, True))
+    assert set(OUTPUTS) == set(outputs_of(*[True] * 5, [True] * 3, True))
     letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
     kinds = {"stress": "peak neck stress per {}", "range": "range in {} at yield", "error": "error along {}"}
     kinds |= {"travel": "travel in {}, base hinges", "cross": "largest cross error under {}"}
@@ -583,6 +589,16 @@ def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
             assert (found.name, found.symbol) == (f"engaged stiffness {both}", "")
         elif kind == "frequency":
             assert (found.label, found.symbol) == (f"natural frequency {axis} in Hz", "")
+        elif kind == "drift":
+            said = {"gradient": "largest drift{} by a gradient"}.get(axis, "drift in {} per kelvin")
+            turn = " in θ" if name.startswith("drift_gradient_theta") else ""
+            assert (found.name, found.symbol) == (said.format(letters.get(axis, turn)), "")
+        elif kind == "life" and axis == "amplitude":
+            letter = letters[name.split("_")[2]]
+            assert (found.name, found.symbol) == (f"amplitude in {letter} for the wanted life", "")
+        elif kind in ("life", "safety"):
+            said = {"life": ("cycles at the amplitude", True), "safety": ("yield strength over neck stress", False)}
+            assert (found.label, found.log) == said[kind]
         elif kind in kinds:
             assert (found.name, found.symbol) == (kinds[kind].format(letters[axis]), ""), name
         elif re.fullmatch("k[xyt][xyt]", kind):

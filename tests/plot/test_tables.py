@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.commands import comparisons, tables
+from flexfem.commands import comparisons, stage_tables, tables
 from flexfem.commands.console import plain
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
-from flexfem.validate.compare import Check, CrossCheck
-from flexfem.validate.records import Finding
+from flexfem.validate.compare import CrossCheck
+from flexfem.validate.records import Check, Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page
 from flexfem.verdicts.page import markdown_claims
 from flexfem.verdicts.records import ClaimsReport, Verdict
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
-from flexfem.verify.answers import LoadReport, PlacedHinge, StageReport, StiffnessReport
+from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.hinges import KnownFormula
 from flexfem.verify.result import Triple
+from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 MATRIX = [[41.5, 2.3, 310.0], [2.1, 43.5, -290.0], [330.0, -270.0, 47000.0]]
@@ -50,7 +51,7 @@ def test_hinges_are_in_mm_and_degrees(cells):
     other = hinge._replace(chain=3, hinge="base", centre_mm=(1.5, 2.5), prismatic=False)
     found = {"model": "plane_strain", "chains_alike": False, "hash": "", "dimensions": {}, "hinges": [hinge, other]}
     sources = {"provenance": {"thickness_mm": "measured"}, "warnings": [], "assumed": ["a_mm"], "not_stated": []}
-    rows = cells(tables.print_stage, StageReport(file="", name="S", mobility=6, **found, **sources))
+    rows = cells(stage_tables.print_stage, StageReport(file="", name="S", mobility=6, **found, **sources))
     head = ["chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms"]
     assert ["S: mobility 6, chains differ, plane strain"] in rows
     at = rows.index(head)
@@ -65,6 +66,7 @@ STIFFNESS = StiffnessReport(
     hinge_compliance=None,
     neck_stress=np.arange(1.0, 28.0).reshape(3, 3, 3)[::-1, [1, 2, 0]] * [1.5, 2.5, 350.0],
     stress_accuracy="as far off as that",
+    elements=None,
     **DOUBTS,
 )
 LOADED = LoadReport(
@@ -128,9 +130,17 @@ def test_errors_have_their_own_bands(cells, made):
     assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
 
 
-@pytest.mark.parametrize(("drive", "said"), [("joints", "x, joints imposed"), ("strokes", "x, strokes commanded")])
-def test_errors_say_how_the_metal_was_driven(cells, made, drive, said):
-    rows = cells(comparisons.print_results, [made.result({"one": (0.1, 0.2, 0.3)}, drive=drive)], Path("there"))
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"drive": "joints"}, "x, joints imposed"),
+        ({"drive": "strokes"}, "x, strokes commanded"),
+        ({"elements": "three_dimensional"}, "x, in three dimensions"),
+    ],
+)
+def test_errors_say_how_the_metal_was_driven_and_which_it_was(cells, made, given, said):
+    rows = cells(comparisons.print_results, [made.result({"one": (0.1, 0.2, 0.3)}, **given)], Path("there"))
+    assert ("and the layers" in " ".join(rows[1])) == ("elements" in given)
     assert ["fig", said, "one"] in [row[:3] for row in rows]
 
 
@@ -213,7 +223,21 @@ def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypat
 def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
     checks = (Check("pose", 2.5e-9, 1e-8), Check("stress", 3.5e-3, 1e-6), Check("thickness", 4.5e-2, None))
     found = CrossCheck(
-        *("", "S", "", "ngsolve", "6.2", 21, 42, None, None, checks),
+        *(
+            "",
+            "S",
+            "",
+            "ngsolve",
+            "6.2",
+            21,
+            42,
+            None,
+            None,
+            ("in plane", "out of plane"),
+            np.array([131.5, 7214.25]),
+            np.array([131.5, 7214.2572]),
+            checks,
+        ),
         seconds=1.25,
         their_seconds=3.5,
         **DOUBTS,
@@ -227,6 +251,11 @@ def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
     ]
     assert rows[at + 4] == ["1.25 s here, 3.50 s there; passed: False"]
     assert rows[0] == ["S: 42 unknowns, flexfem against ngsolve 6.2"]
+    assert rows[1:4] == [
+        ["mode", "flexfem (Hz)", "ngsolve (Hz)", "relative difference"],
+        ["in plane", "131.5", "131.5", "0.0e+00"],
+        ["out of plane", "7214.25", "7214.2572", "1.0e-06"],
+    ]
 
 
 FINDINGS = [
@@ -282,17 +311,18 @@ def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
 
 def test_formulas_have_their_range_of_t_over_r(cells):
     known = KnownFormula(("rotation", "axial"), (0.05, 0.65), "A book", "As printed.")
-    rows = cells(tables.print_formulas, {"one": known})
+    rows = cells(stage_tables.print_formulas, {"one": known})
     assert rows == [["one: rotation, axial; t/R 0.05 to 0.65"], ["A book. As printed."]]
 
 
 def test_the_counts_of_a_study_are_in_their_places(cells):
     facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
     facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
-    rows = cells(print_status, facts | {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": []})
+    facts |= {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": [], "stress_accuracy": "off"}
+    rows = cells(print_status, facts)
     assert rows[0] == ["S: 12,345 designs, 11 open"]
     assert rows[1] == ["done 12,334: 12,311 ok, 7 refused, 16 failed"]
-    assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows
+    assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows and ["stress: off"] in rows
 
 
 def test_every_cell_of_the_page_is_its_own_number(made):

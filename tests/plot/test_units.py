@@ -43,6 +43,10 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
     "MPa/mrad": 1e3,
     "Hz": 6.283185307179586,  # rad/s
     "kg": 1e-3,  # tonne
+    "µm/K": 1e-3,
+    "µrad/K": 1e-6,
+    "µm/(K/mm)": 1e-3,  # mm per K/mm
+    "µrad/(K/mm)": 1e-6,
     "kg mm²": 1e-3,
     **dict.fromkeys(
         ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
@@ -56,6 +60,10 @@ OUTPUTS = {
     "drive": {"drive_range_x": "µm", "drive_range_y": "µm", "drive_range_theta": "mrad"},
     "engaged": {"engaged_kxx": "N/mm", "engaged_kyy": "N/mm", "engaged_ktt": "N mm/rad"},
     "frequencies": {f"frequency_{k}": "Hz" for k in (1, 2, 3)},
+    "lives": {"life_cycles": "", "safety_factor": "", "life_amplitude_theta": "mrad"},
+    "amplitudes": {"life_amplitude_x": "µm", "life_amplitude_y": "µm"},
+    "drift": {"drift_x": "µm/K", "drift_y": "µm/K", "drift_theta": "µrad/K"},
+    "gradients": {"drift_gradient": "µm/(K/mm)", "drift_gradient_theta": "µrad/(K/mm)"},
     "percentages": {f"{name}_{axis}": "%" for name in ("error", "cross", "band") for axis in ("x", "y", "theta")},
     "others": {"envelope": "mm", "coupling_xy": "", "coupling_xt": "", "coupling_yt": ""},
 }
@@ -72,7 +80,7 @@ def test_every_unit_has_its_size() -> None:
 
 def test_every_output_has_the_unit_that_its_name_says() -> None:
     expected = {name: unit for group in OUTPUTS.values() for name, unit in group.items()}
-    found = {without_unit(name): unit_of(name).name for name in outputs_of(True, True, True, True, True)}
+    found = {without_unit(name): unit_of(name).name for name in outputs_of(*[True] * 5, [True] * 3, True)}
     assert found == expected
     assert unit_of("chain.link_lengths_mm[2]").name == "mm" and without_unit("a_mm[2]") == "a[2]"
 

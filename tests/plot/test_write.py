@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
-from flexfem.verify.result import write_result
+from flexfem.verify.result_files import write_result
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
@@ -18,7 +18,7 @@ DRAW = """
 import sys
 from pathlib import Path
 from flexfem.plot.write import write_figures
-from flexfem.verify.result import read_fields, read_result
+from flexfem.verify.result_files import read_fields, read_result
 path = sys.argv[1]
 result = read_result(path)
 from flexfem.commands.console import side_by_side
@@ -36,14 +36,10 @@ def names(results):
     return [plan.name for plan in plans(results)]
 
 
-@pytest.fixture(scope="module")
-def drawn(made, tmp_path_factory):
-    """Every figure of a result, drawn in this process."""
-    return write_figures([stored(made)], tmp_path_factory.mktemp("drawn"))
-
-
-def test_other_processes_side_by_side_give_the_same_bytes(made, drawn, tmp_path):
-    path = write_result(*stored(made), tmp_path)
+@pytest.mark.slow
+def test_other_processes_side_by_side_give_the_same_bytes(made, tmp_path):
+    """Here, of studies, `test_the_same_table_gives_the_same_files_of_every_figure` is quick, in one process."""
+    drawn, path = write_figures([stored(made)], tmp_path / "here"), write_result(*stored(made), tmp_path)
     variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
     subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
     again = {file.name: file.read_bytes() for file in (tmp_path / "again").iterdir()}
@@ -51,7 +47,9 @@ def test_other_processes_side_by_side_give_the_same_bytes(made, drawn, tmp_path)
     assert len(again) == 2 * 6 + 1  # six figures in two forms, one page
 
 
-def test_files_are_named_after_case_and_stage(drawn):
+@pytest.mark.usefixtures("unrendered")
+def test_files_are_named_after_case_and_stage(made, tmp_path):
+    drawn = write_figures([stored(made)], tmp_path / "drawn")
     assert sorted(path.name for path in drawn) == sorted(file.name for file in drawn[0].parent.iterdir())
     stems = {"fig", "fig-deformed", "stage-one", "neck-one", "hinge-one", "model-one-mobility6", "verification"}
     assert {path.stem for path in drawn} == stems

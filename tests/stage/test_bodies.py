@@ -290,7 +290,7 @@ OVERRIDES = st.lists(
 )
 
 
-@settings(max_examples=120, derandomize=True, deadline=None)
+@settings(max_examples=50, derandomize=True, deadline=None)
 @given(CHANGES, OVERRIDES)
 def test_any_stage_is_refused_in_one_line_or_drawn_in_one_piece(make_stage, changes, override) -> None:
     stage = make_stage({**changes, "override": override})

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from flexfem.stage.bodies import draw_sector
-from flexfem.stage.inertia import Payload, area_moments, body_moments, carried, drawn_inertia, payload_matrix
+from flexfem.stage.inertia import (
+    Payload,
+    area_moments,
+    body_moments,
+    carried,
+    carried_out_of_plane,
+    drawn_inertia,
+    payload_matrix,
+)
 from flexfem.stage.outline import Segment, area, polygon_points, polyline
 
 from ..conftest import UNLIKE, with_changes
@@ -58,3 +66,13 @@ def test_what_the_pose_carries_is_hub_and_payload():
     expected = np.diag([hub + 3e-4, hub + 3e-4, hub * 7.7**2 / 2 + 0.07])
     np.testing.assert_allclose(carried(with_changes(), Payload(3e-4, 0.07)), expected, rtol=1e-13)
     np.testing.assert_array_equal(payload_matrix(Payload(3e-4, 0.07)), np.diag([3e-4, 3e-4, 0.07]))
+
+
+def test_out_of_the_plane_hub_and_payload_tilt_about_diameters():
+    """A disc of radius 7.7 mm, 9.7 mm thick, 2739 kg/m^3: m (r^2 / 4 + b^2 / 12)."""
+    hub = 4.9487e-6  # tonne
+    tilting = hub * (7.7**2 / 4 + 9.7**2 / 12) + 0.05
+    found = carried_out_of_plane(with_changes(), Payload(3e-4, 0.07, 0.05))
+    np.testing.assert_allclose(found, np.diag([hub + 3e-4, tilting, tilting]), rtol=1e-5)
+    hub_alone = carried_out_of_plane(with_changes(), Payload())
+    np.testing.assert_allclose(np.diag(hub_alone)[1:], 1.1216e-4, rtol=1e-4)

@@ -97,7 +97,11 @@ FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent
         ([*FATIGUE, "walker_exponent = 1.2"], "material.walker_exponent = 1.2, expected <= 1"),
         ([*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"], "expected fewer cycles first"),
         ([*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"], "fatigue_range_cycles[0] = 0.0, expected > 0"),
-        (["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]], "coefficient_mpa = 1.2, expected at least 0.5 of"),
+        (["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]], "coefficient_mpa = 1.2, expected 0.5 to 50 of"),
+        (
+            ["fatigue_strength_coefficient_mpa = 1.2e9", FATIGUE[1]],
+            "expected 0.5 to 50 of yield_strength_mpa: other",
+        ),
         (["density_kg_m3 = -2810"], "density_kg_m3 = -2810, expected > 0"),
     ],
 )
@@ -260,3 +264,31 @@ def test_a_study_may_vary_a_number_of_a_registered_material(named):
     loaded = load_study(study)
     made = stage_of(loaded, np.array([110.0])).material
     assert (loaded.stage.material.name, made.youngs_modulus, made.yield_strength) == ("ti-6al-4v", 110e3, 880.0)
+
+
+IMPOSSIBLE = {  # key, value, what is said of it
+    "youngs_modulus_gpa": ("-71.7", "expected > 0"),
+    "poissons_ratio": ("0.5", "expected < 0.5"),
+    "density_kg_m3": ("-2810.0", "expected > 0"),
+    "yield_strength_mpa": ("0.0", "expected > 0"),
+    "expansion_um_per_m_k": ("nan", "expected"),
+    "fatigue_strength_coefficient_mpa": ("-900.0", "expected > 0"),
+    "fatigue_strength_exponent": ("0.1", "expected -0.5 to -0.01: stress falls with the number of cycles"),
+    "walker_exponent": ("0.0", "expected > 0"),
+    "fatigue_range_cycles": ("[1e6, 1e3]", "expected fewer cycles first"),
+}
+
+
+@pytest.mark.parametrize(("key", "value", "said"), [(key, *rest) for key, rest in IMPOSSIBLE.items()])
+def test_every_key_of_a_material_refuses_what_no_material_has(named, key, value, said):
+    assert set(IMPOSSIBLE) == set(materials.KEYS)
+    plain = {
+        "youngs_modulus_gpa": "71.7",
+        "poissons_ratio": "0.33",
+        "density_kg_m3": "2810",
+        "yield_strength_mpa": "503",
+    }
+    plain |= {"fatigue_strength_coefficient_mpa": "900.0", "fatigue_strength_exponent": "-0.1"}
+    with pytest.raises(flexfem.BadInput, match=re.escape(said)) as refused:
+        flexfem.load(named("name = 'own'", *(f"{name} = {text}" for name, text in (plain | {key: value}).items())))
+    assert re.match(rf".*stage\.toml, line \d+: material\.{key}", str(refused.value)) and "\n" not in str(refused.value)

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from flexfem.files.lines import MAX_DEPTH, KeyPath
-from flexfem.files.provenance import key_paths, numeric_key_paths, provenance_of
+from flexfem.files.provenance import key_paths, numeric_key_paths
 from flexfem.files.toml import MAX_BYTES, read_toml
 from flexfem.refused import BadInput
 from flexfem.stage.designs import elastic, out_of_plane
@@ -392,9 +392,9 @@ HOSTILE = [
     Hostile("quotes only", 500_000 * '" ', '"', ("not TOML",)),
     Hostile(
         "many unknown keys",
-        "".join(f"k{n} = 1\n" for n in range(60_000)),
+        "".join(f"k{n} = 1\n" for n in range(20_000)),
         "k0 = 1",
-        ("k0 is an unknown key", "(and 59999 more); name, thickness_mm, "),
+        ("k0 is an unknown key", "(and 19999 more); name, thickness_mm, "),
     ),
     Hostile(
         "very many links",
@@ -607,6 +607,7 @@ def test_any_bytes_are_refused_cleanly(scratch: Path, content: bytes) -> None:
     accept_or_refuse(scratch, content)
 
 
+@settings(max_examples=40)
 @given(content=st.text(max_size=300))
 def test_any_text_is_refused_cleanly(scratch: Path, content: str) -> None:
     accept_or_refuse(scratch, content.encode("utf-8", "replace"))
@@ -825,6 +826,7 @@ def assert_same(table: Any, file: dict[str, Any]) -> None:
             assert got == (value if isinstance(value, str | bool | dict) else inside(key, value)), key
 
 
+@settings(max_examples=40)
 @given(file=STAGES, headers=st.booleans())
 def test_every_valid_stage_comes_back_in_newton_millimetre_megapascal_radian(
     scratch: Path, file: dict[str, Any], headers: bool
@@ -962,14 +964,14 @@ SOURCES = """
 
 def test_the_provenance_of_a_table_covers_its_keys(tmp_path: Path) -> None:
     read = stage(VALID + ELBOW + "neck_mm = 0.5\nradius_mm = 1.5\n" + SOURCES, tmp_path / "x.toml")
-    assert provenance_of(read, "material.poissons_ratio") == "handbook"
-    assert provenance_of(read, "material.density_kg_m3") == "Assumed: weighed by hand"
-    assert provenance_of(read, "hinges.elbow.neck_mm") == "measured"
-    assert provenance_of(read, "override.2.elbow.neck_mm") == "assumed to be worn"
-    assert provenance_of(read, "override.2.elbow.radius_mm") is None
-    assert provenance_of(read, "thickness_mm") is None
+    assert read.sources["material.poissons_ratio"] == "handbook"
+    assert read.sources["material.density_kg_m3"] == "Assumed: weighed by hand"
+    assert read.sources["hinges.elbow.neck_mm"] == "measured"
+    assert read.sources["override.2.elbow.neck_mm"] == "assumed to be worn"
+    assert read.sources["override.2.elbow.radius_mm"] is None
+    assert read.sources["thickness_mm"] is None
     with pytest.raises(KeyError):
-        provenance_of(read, "chain.link_length_mm")
+        read.sources["chain.link_length_mm"]
 
 
 def test_assumed_lists_every_value_with_an_assumed_source(tmp_path: Path) -> None:
@@ -1005,7 +1007,7 @@ def test_a_shipped_stage_says_where_every_number_comes_from(path: Path) -> None:
     shipped = load_stage(path)
     numbers = set(numbers_in(tomllib.loads(path.read_text())))
     assert numbers == set(numeric_key_paths(shipped))
-    assert [key for key in numbers if not provenance_of(shipped, key)] == []
+    assert [key for key in numbers if not shipped.sources[key]] == []
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)

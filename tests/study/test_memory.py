@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.plot.study import Source, distribution_of, front_of
 from flexfem.plot.study_pareto import thinned
+from flexfem.plot.study_records import Source, distribution_of, front_of
 from flexfem.study import collected as tables
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect

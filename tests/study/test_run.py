@@ -98,7 +98,7 @@ def table(parts, path):
     return pq.read_table(collect(parts, path).path)
 
 
-@settings(max_examples=10)
+@settings(max_examples=4)
 @given(size=st.integers(4, 130), shards=st.integers(1, 5), order=st.randoms())
 def test_any_split_into_chunks_and_shards_gives_the_same_rows(tmp_path_factory, size, shards, order):
     folder = tmp_path_factory.mktemp("split")
@@ -372,7 +372,7 @@ def test_a_part_that_another_runner_writes_meanwhile_is_counted_not_computed(stu
 
 def test_the_folder_stays_small_in_the_runner(study, tmp_path):
     """Chunks under way are bounded by the width of the pool, however long the study."""
-    parts = parts_of(load_study(study(designs=1500)), tmp_path, 10)
+    parts = parts_of(load_study(study(designs=400)), tmp_path, 10)
     held = []
 
     def watching(loaded, start, stop, inside):

@@ -20,9 +20,8 @@ from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.columns import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.loaded import LoadedStudy
-from flexfem.verify.errors import compare, grid_convergence
+from flexfem.verify.errors import compare, grid_convergence, mesh_band
 from flexfem.verify.protocol import solve_stage
-from flexfem.verify.questions import mesh_band
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
 STRESS = 1e-2  # averaged nodal stress at a notch on two coarse meshes

@@ -152,3 +152,24 @@ def test_inman_bar_and_beam_vibrate_at_their_closed_forms() -> None:
 
 def test_a_free_body_has_three_motions_of_no_frequency() -> None:
     passing("free-body")
+
+
+def test_wedges_pass_the_patch_test_and_have_six_rigid_body_motions() -> None:
+    assert passing("wedge-patch-test") and passing("wedge-rigid-motions")
+
+
+def test_the_limits_of_thickness_are_plane_problems() -> None:
+    found = {quantity.split(":")[0]: each for quantity, each in passing("thickness-limits").items()}
+    assert list(found) == ["nu = 0", "held faces", "thin", "thick, free faces"]
+    assert all(each.target == 0 for each in found.values())
+    assert -5e-4 < found["thin"].ours < -2e-4  # stiffer, by the mesh
+    assert found["thick, free faces"].note == "+0.250 % at b/t = 100, +0.074 % at b/t = 300"
+
+
+def test_zettl_2005_plane_stress_and_plane_strain_bound_a_hinge_of_any_depth() -> None:
+    """Ever nearer to plane strain; 1 - 1/1.122 and 12.2 % are what nu = 0.33 leaves between the two."""
+    ours = [found.ours for found in passing("zettl-bounds").values()]
+    assert ours == pytest.approx([0.018, 0.045, 0.463, 0.784, 0.951, 0.986], abs=0.003)
+    notes = [found.note for found in findings("zettl-bounds")][::2]
+    for note, (soft, hard) in zip(notes, [("0.2", "12.2"), ("8.7", "2.7"), ("10.9", "0.2")], strict=True):
+        assert f"plane stress is {soft} % less stiff, plane strain {hard} % more" in note

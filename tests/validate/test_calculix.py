@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexfem.fem.response import platform_response
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Stage
 from flexfem.validate import calculix
@@ -35,7 +36,8 @@ def check_agreement(stage: Stage) -> None:
     found = cross_check(stage, RESOLUTION, "calculix")
     assert found.passed, found.checks
     assert found.version[0].isdigit()
-    assert all(check.difference > 0 and check.allowed is not None for check in found.checks)
+    stated = [check.quantity for check in found.checks if check.allowed is None]
+    assert all(check.difference > 0 for check in found.checks) and len(stated) <= 1, stated  # ours by default
     scale = np.array([1.0, 1.0, 24.0])
     np.testing.assert_allclose(
         found.their_compliance * np.outer(scale, scale),
@@ -59,18 +61,20 @@ def test_calculix_agrees_on_the_stage_of_mobility_three(stage_named: Callable[[s
     check_agreement(stage_named("mobility3"))
 
 
-@pytest.mark.parametrize("thicknesses", [(10.0,), pytest.param((10.0, 1.0, 0.1), marks=pytest.mark.slow)], ids=str)
+@pytest.mark.slow
 @pytest.mark.usefixtures("ccx")
-def test_uniform_displacement_through_the_thickness_stiffens_a_thick_sheet_towards_plane_strain(six, thicknesses):
+def test_uniform_displacement_through_the_thickness_stiffens_a_thick_sheet_towards_plane_strain(six):
     """The issue's -8.8, -4.2 and -0.10 % are this at nu = 0.30, whose limit is -9 %."""
-    effect = calculix.thickness_effect(six.mesh, six.plate._replace(poissons_ratio=0.30), thicknesses)
+    plate = six.plate._replace(poissons_ratio=0.30)
+    plane = np.diag(platform_response(six.mesh, plate, calculix.INTEGRATION).compliance)
+    effect = {b: np.diag(calculix.solve(six.mesh, plate, b).compliance) / plane - 1 for b in (10.0, 1.0, 0.1)}
     expected = {
         10.0: (-0.088, 0.001),
         1.0: (-0.044, 0.004),
         0.1: (-0.0011, 0.0003),
     }  # -0.0436 at three triangles across
-    for thickness in thicknesses:
-        np.testing.assert_allclose(effect[thickness], expected[thickness][0], atol=expected[thickness][1])
+    for thickness, (value, within) in expected.items():
+        np.testing.assert_allclose(effect[thickness], value, atol=within)
     assert np.all((effect[10.0] > -(0.30**2)) & (effect[10.0] < -KEPT * 0.30**2))
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.validate.compare import Check, field_difference, neck_difference, pose_difference, thin_tolerance
+from flexfem.validate.compare import field_difference, neck_difference, pose_difference, thin_tolerance
+from flexfem.validate.records import Check
 
 
 def test_poses_differ_relative_to_the_largest_of_ours_with_rotations_at_the_lever() -> None:

@@ -12,10 +12,15 @@ from flexfem.fem.response import platform_response
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage
 from flexfem.validate import ngsolve
-from flexfem.validate.compare import FULL, NGSOLVE, Check, cross_check, field_difference, pose_difference
-from flexfem.validate.records import Answer
+from flexfem.validate.compare import NGSOLVE, cross_check, field_difference, pose_difference
+from flexfem.validate.frequencies import FULL
+from flexfem.validate.records import Answer, Check
 
 RESOLUTION = 2
+LITERAL = {  # Hz, on the coarse mesh
+    "mobility6": [131.540, 131.540, 193.962, 7214.78, 7214.78, 7622.14],
+    "mobility3": [138.348, 138.348, 204.552, 8542.62, 8542.62, 9395.42],
+}
 ROUND_OFF = 1e-11  # where both integrate finely; measured 4e-13 in displacement
 DEFAULT_ORDERS = 1e-6  # NGSolve's default integration is at least this far off on a coarse curved mesh
 
@@ -28,6 +33,10 @@ def test_ngsolve_agrees(stage_named: Callable[[str], Stage], name: str) -> None:
     assert found.checks[0].quantity == "pose" and found.checks[0].difference < ROUND_OFF
     assert found.triangles > 1000 and found.unknowns > 5000 and found.their_seconds > 0 < found.seconds
     np.testing.assert_allclose(np.diag(found.their_compliance), np.diag(found.compliance), rtol=ROUND_OFF)
+    vibrating = {check.quantity: check.difference for check in found.checks[-2:]}
+    assert vibrating["natural frequencies"] < 1e-9 and 1e-6 < vibrating["natural frequencies, ours by default"] < 1e-3
+    np.testing.assert_allclose(found.their_frequencies, found.frequencies, rtol=1e-9)
+    assert found.frequencies == pytest.approx(LITERAL[name], rel=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +71,20 @@ def test_hub_is_rigid_and_ground_clamped_in_its_answer(six, theirs) -> None:
     "break_it",
     [
         pytest.param(lambda mesh, plate: (mesh, plate._replace(poissons_ratio=0.3301)), id="poissons ratio"),
-        pytest.param(lambda mesh, plate: (mesh, plate._replace(thickness=plate.thickness + 1e-5)), id="thickness"),
+        pytest.param(
+            lambda mesh, plate: (mesh, plate._replace(thickness=plate.thickness + 1e-5)),
+            id="thickness",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             lambda mesh, plate: (mesh._replace(edges=mesh.edges | {"ground": mesh.edges["ground"][:-1]}), plate),
             id="an edge unclamped",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             lambda mesh, plate: (mesh._replace(edges=mesh.edges | {"hub": mesh.edges["hub"][:-1]}), plate),
             id="an edge of the hub free",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1 + 1e-6]), plate), id="a millionth in geometry"

@@ -22,6 +22,7 @@ from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import other_elements as meshed
 from flexfem.verify import other_stages as made
+from flexfem.verify import solid_budget as extruded
 from flexfem.verify.errors import error_matrix
 
 ROOT = Path(__file__).parents[2]
@@ -82,6 +83,8 @@ def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three
     monkeypatch.setattr(made, "joints_on_metal", lambda stage, model, drive: np.eye(3) * model * on_metal[drive])
     monkeypatch.setattr(made, "scatter", lambda stage, model: np.arange(1.0, 101.0)[:, None, None] * np.eye(3))
 
+    monkeypatch.setattr(other, "other_thickness", lambda stage, C: {"extruded": 0.9 * C, "charted": 0.8 * C})
+
     def solve(stage, resolution):
         compliance = real.get(stage, analyse(stage).compliance)
         finer = compliance * resolution
@@ -105,6 +108,8 @@ def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three
             "finite elements in plane strain, the limit of wide necks": error(
                 stage, model, 8 * E / (1 - 0.33**2) * metal
             ),
+            "extruded": error(stage, model, 0.9 * metal),
+            "charted": error(stage, model, 0.8 * metal),
             "hinge formula koster": error(stage, model, metal, "koster"),
             "hinge formula calibrated": error(stage, model, metal, "calibrated"),
             "necks of the metal 10 um thicker than drawn": error(stage, model, analyse(thick).compliance[0, 0]),
@@ -130,7 +135,7 @@ def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three
             assert found[name, model] == pytest.approx(metal, rel=1e-9) and metal > 0
             assert found[f"{name}, joints commanded", model] == len("paros-weisbord")
     formulas = len(FORMULAS) - 1
-    assert len(found) == 2 * (1 + 4 + 4 + 1 + formulas + 4 + 3 + 3 + 2) + 3 + 8
+    assert len(found) == 2 * (1 + 4 + 4 + 1 + 2 + formulas + 4 + 3 + 3 + 2) + 3 + 8
 
 
 def test_the_errors_of_joints_commanded_are_those_of_the_cases(six):
@@ -245,6 +250,27 @@ def test_uneven_mesh_of_equal_thirds_is_the_mesh(modelled):
     one, two = welded(meshed.uneven_sectors(stage, (2, 2, 2)))[0], build_mesh(stage, 2)
     found, expected = (meshed.linear_compliance(mesh, plate_of(stage)) for mesh in (one, two))
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-9)
+
+
+def test_three_dimensions_change_the_plane_stage_by_what_is_measured_and_by_what_is_charted(six, monkeypatch):
+    C, solid, plane = (
+        np.diag(values) for values in ([0.026, 0.027, 2e-5], [0.024, 0.023, 1.8e-5], [0.03, 0.031, 3e-5])
+    )
+    asked = []
+    monkeypatch.setattr(
+        extruded, "solve_solid", lambda *given: asked.append(given[1:]) or SimpleNamespace(compliance=solid, sectors=())
+    )
+    monkeypatch.setattr(extruded, "cyclic_response", lambda *_: SimpleNamespace(compliance=plane))
+    found = extruded.other_thickness(six, C)
+    measured, charted = found.values()
+    assert asked == [(4, 3)]
+    np.testing.assert_allclose(measured, np.diag([0.020, 0.019, 0.8e-5]))
+    flat = analyse(six, 21, CALIBRATED, links=True).compliance
+    thick = analyse(six.model_copy(update={"model": "corrected"}), 21, CALIBRATED, links=True).compliance
+    np.testing.assert_allclose(charted, C + thick - flat)
+    assert charted[0, 0] < C[0, 0] - 0.08 * flat[0, 0]
+    wide = six.model_copy(update={"thickness": 400.0})  # off the chart
+    assert list(extruded.other_thickness(wide, C)) == ["finite elements in three dimensions"]
 
 
 @pytest.mark.parametrize("model", ["plane_stress", "plane_strain"])

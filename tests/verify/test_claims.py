@@ -37,6 +37,7 @@ EXPECTED = {
     "second-order": "does not hold",
     "second-order-error": "does not hold",
     "minimum-energy": "holds",
+    "temperature-gradient": "holds",
     "measured-stiffness": "cannot be decided",
     "stiffer-simulated": "cannot be decided",
 }

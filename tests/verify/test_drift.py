@@ -29,15 +29,16 @@ def test_a_symmetric_stage_turns_when_it_warms_and_drifts_with_gradients(stage):
     found = flexfem.drift(stage, resolution=4)
     uniform, x, y = (found.cases[name] for name in CASES)
     assert uniform.elements.pose == pytest.approx([0.0, 0.0, 5.506e-6], rel=1e-3, abs=1e-15)
-    assert uniform.analytic.pose == pytest.approx([0.0, 0.0, 5.524e-6], rel=1e-3, abs=1e-15)
+    assert uniform.analytic.pose == pytest.approx([0.0, 0.0, 5.508e-6], rel=1e-3, abs=1e-15)
     assert x.elements.pose == pytest.approx([-0.02261, 0.002978, 0.0], rel=2e-3, abs=1e-15)
     assert y.elements.pose == pytest.approx([-0.002978, -0.02261, 0.0], rel=2e-3, abs=1e-15)
     assert np.max(uniform.elements.stress) == pytest.approx(0.557, rel=0.02)
     assert np.max(x.elements.stress) == pytest.approx(13.58, rel=0.02)
-    assert np.max(x.analytic.stress) == pytest.approx(13.55, rel=1e-3)
+    assert np.max(x.analytic.stress) == pytest.approx(13.60, rel=1e-3)
     assert abs(x.elements.pose[0] + 0.0226097) < 3 * x.band[0] < 6e-4
     assert found.hash != stage.hash and found.lever == 24.0
-    assert uniform.unlike[0] == pytest.approx(8.604e-5, rel=1e-3), "chains unlike move where alike ones only turn"
+    assert uniform.unlike[1] == pytest.approx(1.4919e-4, rel=1e-3), "chains unlike move where alike ones only turn"
+    assert x.unlike[0] == pytest.approx(-0.024212, rel=1e-3), "of the family that which moves furthest"
 
 
 def test_both_models_agree_on_unlike_chains(stage):
@@ -45,7 +46,7 @@ def test_both_models_agree_on_unlike_chains(stage):
     found = flexfem.drift(other, resolution=4)
     metal = poses(found, "elements") * np.array([[1.0], [1.0], [24.0]])
     model = poses(found) * np.array([[1.0], [1.0], [24.0]])
-    assert np.max(np.abs(model - metal) / np.max(np.abs(metal), axis=0)) < 0.02
+    assert np.max(np.abs(model - metal) / np.max(np.abs(metal), axis=0)) < 2e-3, "1.1 % without edges that bow"
     for name in CASES:
         one = found.cases[name]
         assert np.array(one.analytic.reaction) == pytest.approx(
@@ -65,6 +66,8 @@ def test_plane_strain_grows_more_in_the_plane_and_is_held_across(stage):
     across = 71.7e3 * change
     least = min(np.min(strain.cases["uniform"].elements.stress), np.min(strain.cases["uniform"].analytic.stress))
     assert least > 0.9 * across
+    x = strain.cases["gradient in x"]  # the model takes the neck's centre, the metal all of its notch
+    assert np.max(x.elements.stress) == pytest.approx(np.max(x.analytic.stress), rel=0.1), "across by the temperature"
     same = stage.replace(model="plane_strain", frame={"expansion": 23.6e-6})
     assert np.max(np.abs(poses(flexfem.drift(same, formula="quadrature", resolution=None)))) < 1e-16
 
@@ -114,14 +117,15 @@ def test_a_stage_without_expansion_is_refused_and_its_name_may_bring_it(stage):
     named = stage.replace(material="ti-6al-4v")
     assert flexfem.drift(named, resolution=None).expansion == pytest.approx(8.6e-6, rel=1e-12)
     known = {name: one.expansion for name, one in flexfem.materials().items() if one.expansion is not None}
-    expected = {"al-7075-t6": 23.6e-6, "al-6061-t6": 23.6e-6, "ti-6al-4v": 8.6e-6}
-    assert {name: known[name] for name in expected} == pytest.approx(expected)
+    expected = {"al-7075-t6": 23.6e-6, "al-6061-t6": 23.6e-6, "ti-6al-4v": 8.6e-6, "al-2024-t4": 22.9e-6}
+    expected |= {"ti-6al-4v-sta": 8.6e-6, "steel-4340": 12.3e-6, "steel-304": 17.2e-6, "invar-36": 1.6e-6}
+    assert known == pytest.approx(expected), "301 has none with a source"
 
 
 def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zero():
     steps = np.array([4.0, 6.0, 8.0])
     fine = np.array([[3.0], [1e-12], [0.02]])
-    found = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -4, 10.0)
+    found = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -1.4, 10.0)
     assert found[0, 0] > 8.0**-4 and found[2, 0] == pytest.approx(found[0, 0] / 10.0)
     assert found[1, 0] == pytest.approx(1e-12)
 
@@ -138,5 +142,11 @@ def test_the_command_prints_and_keeps_what_the_function_gives(stage, tmp_path, c
     assert json.loads((tmp_path / "mobility6-drift.json").read_text())["cases"] == printed["cases"]
     cli.app(["drift", str(STAGE), "--analytic"], standalone_mode=False)
     said = capsys.readouterr().out
-    assert "expansion 23.6 um/(m K), frame 12 um/(m K)" in said and "5.524 urad" in said and "-22.36 um" in said
+    assert "expansion 23.6 um/(m K), frame 12 um/(m K)" in said and "5.508 urad" in said and "-22.59 um" in said
     assert "stacks, their preloads and their own expansion are left out" in said
+
+
+def test_bands_hold_what_finer_meshes_say():
+    cases = flexfem.drift(flexfem.load(STAGE), resolution=6).cases  # 24 triangles across a neck: -22.5973 um per K/mm
+    found = cases["gradient in x"]
+    assert 1e-5 < abs(found.elements.pose[0] + 22.5973e-3) < found.band[0] < 1e-4

@@ -13,10 +13,10 @@ from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Push, Stack
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage, load_stage
-from flexfem.verify.command import calibration
 from flexfem.verify.command import command as answer
 from flexfem.verify.driven import CRITERIA, commands_for, driven, limits_of_forces, moved, shares
 from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, rotations, stresses
+from flexfem.verify.open_loop import calibration
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 LOAD = np.array([3.1, -1.7, 41.0])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,7 +14,7 @@ import flexfem
 from flexfem.fem.drive import driven_response
 from flexfem.fem.response import plate_of
 from flexfem.refused import BadInput
-from flexfem.reports import reduced
+from flexfem.reports.modes import reduced
 from flexfem.stage.drives import drive_of
 from flexfem.verify.driven import driven
 
@@ -88,3 +91,17 @@ def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
 def test_damping_that_makes_no_sense_is_refused(stage, vibration, damping):
     with pytest.raises(BadInput, match="damping"):
         reduced(stage, vibration, damping)
+
+
+def test_python_control_is_given_the_matrices_by_name_and_asked_for_when_missing(model, monkeypatch):
+    given = []
+    stand_in = SimpleNamespace(ss=lambda *matrices, **names: given.append((matrices, names)) or "made")
+    monkeypatch.setitem(sys.modules, "control", stand_in)
+    assert model.control() == "made"
+    ((matrices, names),) = given
+    for found, expected in zip(matrices, model.state_space, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert names == {"inputs": list(model.inputs.names), "outputs": ["pose x", "pose y", "pose theta"]}
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(BadInput, match="python-control cannot be loaded"):
+        model.control()

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.analytic.fatigue import equivalent
-from flexfem.verify.life import scaled
-from flexfem.verify.strained import Oscillation, by_elements, by_model, factor_at
+from flexfem.plot.life import plot_life
+from flexfem.verify.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 STRESS, CYCLES = [948, 834, 703, 631, 579, 524], [222, 992, 6004, 14130, 43860, 132150]
@@ -105,6 +106,27 @@ def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
         )  # fmt: skip
         assert first.cycles == pytest.approx(0.5 * (np.max(stress) / 900) ** (1 / -0.102), rel=1e-6)
         assert witness.safety == pytest.approx(303.0 / np.max(stress))
+    low, high = found.elements.stress_error
+    assert -low == high == pytest.approx(0.0038, rel=0.25)  # relative to the stress, of a mesh of resolution 5
+
+
+def test_a_number_of_the_material_that_was_recalled_is_said_to_be(unlike):
+    law, spring = flexfem.Basquin(1500.0, -0.1), unlike.replace(material="steel-301-full-hard")
+    found = flexfem.life(spring, [0.05, 0, 0], resolution=None, law=law).warnings
+    said = [text for text in found if "poissons_ratio is assumed: recalled, not checked" in text]
+    assert len(said) == 1
+    steel = flexfem.life(unlike.replace(material="steel-4340"), [0.05, 0, 0], resolution=None).warnings
+    assert not any("recalled" in text for text in steel)
+
+
+def test_notch_sensitivity_lets_less_of_the_concentration_count_and_all_of_it_for_yield(unlike):
+    """By hand: K = 1.0642 in bending at t/R = 1/3, so that (1 + 0.4 0.0642) / 1.0642 = 0.9638 counts."""
+    full, part = (flexfem.life(unlike, [0.05, 0, 0], ratio=0, resolution=4, notch_sensitivity=q) for q in (1.0, 0.4))
+    for one, other in ((full.analytic, part.analytic), (full.elements, part.elements)):
+        k = [(neck.chain, neck.hinge) for neck in one.necks].index((1, "elbow"))
+        assert other.necks[k].equivalent / one.necks[k].equivalent == pytest.approx(0.9638, abs=1e-4)
+        assert other.necks[k].peak == one.necks[k].peak and other.safety == one.safety and other.cycles > one.cycles
+    assert (full.notch_sensitivity, part.notch_sensitivity) == (1.0, 0.4)
 
 
 def test_stiffness_says_the_highest_neck_stress_and_where(unlike, flexfem_command, tmp_path):
@@ -167,9 +189,9 @@ def test_the_amplitude_for_a_life_has_that_life(unlike, modelled, pose, about, c
     law = flexfem.Basquin(1340.0, -0.087, walker)
     mean, ratio = (np.array(about), -1.0) if isinstance(about, tuple) else (None, about)
     motion = scaled(np.array(pose), mean, ratio)
-    factor = factor_at(by_model(unlike, modelled, motion), law, cycles, motion.proportional)
-    again = by_model(unlike, modelled, scaled(factor * np.array(pose), mean, ratio))
-    assert float(law.cycles(np.max(again.equivalent(law)))) == pytest.approx(cycles, rel=1e-6)
+    factor = factor_at(by_model(unlike, modelled, Repeated(motion, 1e6)), law, cycles, motion.proportional)
+    again = by_model(unlike, modelled, Repeated(scaled(factor * np.array(pose), mean, ratio), 1e6))
+    assert float(law.cycles(np.max(again.equivalent(law.walker)))) == pytest.approx(cycles, rel=1e-6)
 
 
 def test_the_record_says_the_amplitude_for_the_wanted_life(unlike):
@@ -188,20 +210,46 @@ def test_what_basquin_is_not_for_is_warned_of(unlike):
     said = [text for text in near.warnings if "extrapolated" in text]
     assert len(said) == 2 and all("1000 to 1e+06" in text for text in said) and near.analytic.safety > 1
     assert not near.law.range_stated and "scatter" in near.left_out
+    far = flexfem.life(unlike, [1.4, 0, 0], mean=[-1.5, 0, 0], resolution=None).warnings  # a tenth of 24 mm is 2.4 mm
+    assert any("farthest pose: the platform moves 2.9 mm" in text for text in far)
     law = flexfem.Basquin(900.0, -0.102, range=(10.0, 1e30), range_stated=True)
     assert not [t for t in flexfem.life(unlike, [0.01, 0, 0], resolution=None, law=law).warnings if "extrapol" in t]
+
+
+def test_off_the_chart_of_hinges_nothing_is_said_of_the_error_of_the_stress(unlike):
+    """At t/R = 0.0075 paros-weisbord is 0.8 % high, not the 10 to 22 % of hinges on the chart."""
+    thin = unlike.replace(
+        hinges={name: {"neck": 0.03, "radius": 4.0} for name in ("base", "elbow", "platform")}, override=()
+    )
+    found = flexfem.life(thin, [0.0, 0.0, 1e-3], resolution=None)
+    assert found.analytic.model.startswith("paros-weisbord") and "not on the hinge chart" in " ".join(found.warnings)
+    assert (found.analytic.stress_error, found.analytic.fewest, found.analytic.most) == (None, None, None)
+    charted = flexfem.life(unlike, [0.0, 0.0, 1e-3], resolution=None).analytic
+    assert charted.stress_error == pytest.approx((-0.0099, 0.0101), abs=1e-4)
+    ends = (charted.fewest / charted.cycles, charted.most / charted.cycles)
+    assert ends == pytest.approx((0.9061, 1.1024), abs=1e-3)  # 1.0101^(-1/0.102), 0.9901^(-1/0.102)
+
+
+def test_a_figure_counts_the_necks_whose_life_is_beyond_it_and_names_no_mark_that_it_lacks(unlike):
+    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two."""
+    for size, count in ((1e-3, 9), (0.1, 2)):
+        found = flexfem.life(unlike, [size, size, 0], ratio=0.5, resolution=None)
+        axes = plot_life(Figure().subplots(), found)
+        drawn = sum(len(line.get_xdata()) for line in axes.lines if "analytic" in line.get_label())
+        assert drawn == 9 - count and count == sum(neck.cycles >= 1e14 for neck in found.analytic.necks)
+        assert axes.get_xlabel() == f"cycles to failure; {count} of 9 points beyond 1×10¹⁴, not drawn"
 
 
 def test_a_single_side_held_in_compression_still_fails_on_the_other(unlike, modelled):
     """A mean of bending pulls one surface of a neck: no sign of the mean is harmless."""
     pose, mean = np.array([0.02, 0.01, 0.0]), np.array([0.06, 0.0, 0.0])
     for sign in (1, -1):
-        motion = Oscillation(pose, sign * mean, False)
+        motion = Repeated(Oscillation(pose, sign * mean, False), 1e6)
         of = by_model(unlike, modelled, motion)
-        fe = by_elements(unlike, flexfem.solve(unlike, 5).solved, motion)
+        fe = by_elements(unlike, flexfem.solve(unlike, 5).solved.response, motion)
         law = flexfem.Basquin(900.0, -0.102)
-        assert np.max(of.equivalent(law)) == pytest.approx(np.max(fe.equivalent(law)), rel=0.02)
-        assert np.max(of.equivalent(law)) > 1.2 * np.max(of.amplitude)
+        assert np.max(of.equivalent(law.walker)) == pytest.approx(np.max(fe.equivalent(law.walker)), rel=0.02)
+        assert np.max(of.equivalent(law.walker)) > 1.2 * np.max(of.amplitude)
 
 
 @pytest.mark.parametrize("model", ["plane_strain", "plane_stress"])
@@ -218,9 +266,16 @@ REFUSED = [
     (lambda s: flexfem.life(s, [0.1, 0, 0], ratio=math.nan), "ratio nan, expected"),
     (lambda s: flexfem.life(s, [0.1, 0, 0], mean=[0, 0, 0], ratio=0.0), "mean and ratio"),
     (lambda s: flexfem.life(s, [0.1, 0, 0], cycles=0), "cycles 0, expected"),
+    (lambda s: flexfem.life(s, [0.1, 0, 0], notch_sensitivity=1.2), "notch_sensitivity 1.2, expected a number from 0"),
+    (lambda s: flexfem.life(s, [0.1, 0, 0], notch_sensitivity="1"), "notch_sensitivity '1', expected a number from 0"),
     (lambda s: flexfem.life(s, [0.1, 0, 0], resolution=3), "resolution 3"),
     (lambda s: flexfem.life(s, [0.1, 0, 0], law=3.0), "law 3.0, expected"),
     (lambda s: flexfem.life(s, [0.1, 0, 0], law=flexfem.Basquin(900.0, 0.1)), "exponent 0.1"),
+    (
+        lambda s: flexfem.life(s, [0.1, 0, 0], law=flexfem.Basquin(130.5, -0.102)),
+        "130.5 MPa, expected 0.5 to 50 of .* 303",
+    ),
+    (lambda s: flexfem.life(s, [0.1, 0, 0], law=flexfem.Basquin(9e5, -0.102)), "9e.05 MPa, expected 0.5 to 50"),
     (lambda s: flexfem.life(s.replace(material="al-7075-t6"), [0.1, 0, 0]), "coefficient_mpa is missing.*steel-4340"),
 ]
 
@@ -232,6 +287,7 @@ def test_impossible_questions_are_refused_in_one_line(unlike, ask, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_command_prints_and_writes_what_python_answers(unlike, flexfem_command, tmp_path):
     stage, points = tmp_path / "stage.toml", tmp_path / "points.csv"
     unlike.save(stage)

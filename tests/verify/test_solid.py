@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.fem.solid import layered
+from flexfem.fem.layers import layered
 from flexfem.stage.schema import Stage
 from flexfem.verify import solid
+from flexfem.verify.solid_report import SolidReport
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "geometry" / "mobility6.toml"
 
 
 @pytest.fixture(scope="module")
-def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[solid.SolidReport, Any]:
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[SolidReport, Any]:
     path = tmp_path_factory.mktemp("solid") / "held.vtu"
     stage = flexfem.load(STAGE)
     return flexfem.under_load_solid(stage, displacement=[0.04, -0.01, 3e-4], resolution=4, vtu=path), meshio.read(path)

@@ -15,7 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse
-from flexfem.commands.baseline.inputs import COARSE, Kind, committed_mesh, kind_of, mesh_name
+from flexfem.commands.baseline.committed import COARSE, committed_mesh, mesh_name
+from flexfem.commands.baseline.inputs import Kind, kind_of
 from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.console import plain
 from flexfem.fem.drive import driven_response
@@ -31,6 +32,7 @@ from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
 from flexfem.verify.errors import compare, levels
 from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case
+from flexfem.verify.stage_report import report_stage
 
 Section: TypeAlias = Callable[[], Any]
 FORCE = (1.0, -2.0, 30.0)  # N, N, N mm: of `solve`; no two components alike
@@ -75,6 +77,8 @@ def meshes(path: Path) -> dict[str, Stage]:
             return {mesh_name(path, stage): stage}
         case "case":
             loaded = LoadedCase(path)
+            if loaded.case.model == "three_dimensional":
+                return {}
             files = {curve.label: loaded.stage_path(curve) for curve in loaded.case.curve}
             return {mesh_name(files[label], stage): stage for label, stage in loaded.stages.items()}
         case _:
@@ -85,7 +89,7 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     stage = load_feasible(path)
     mesh = folder / mesh_name(path, stage)
     return {
-        "check": lambda: _less(("drive",), _by_name(answers.report_stage(stage))),
+        "check": lambda: _less(("drive",), _by_name(report_stage(stage))),
         "stiffness": lambda: _stiffness(stage),
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
@@ -121,10 +125,10 @@ def _on_committed(stage: Stage, path: Path) -> OnMesh:
 
 def _of_case(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     loaded = LoadedCase(path)
-    return {
-        "committed": lambda: {curve.label: _curve(loaded, curve, folder) for curve in loaded.case.curve},
-        "result": lambda: run_case(loaded, solve)[0],
-    }
+    found: dict[str, Section] = {"result": lambda: run_case(loaded, solve)[0]}
+    if loaded.case.model == "three_dimensional":  # committed meshes are whole and plane
+        return found
+    return {"committed": lambda: {each.label: _curve(loaded, each, folder) for each in loaded.case.curve}, **found}
 
 
 def _curve(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:

@@ -132,6 +132,8 @@ RULES = _rules(
     ("result models * imposed # #", SOLVED, LIST),
     ("result models * hinges # centre #", EXACT, LENGTH),
     *_solution("result models *", FRESH, PEAK, MESH_SIZE),
+    ("result models * element_peak stress", PEAK, NUMBER),
+    ("result models * peak_band", BAND, NUMBER),
     ("committed * model stiffness # #", EXACT, STIFFNESS),
     ("committed * model force # #", EXACT, WRENCH),
     ("committed * model given # #", SOLVED, LIST),

@@ -5,31 +5,21 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import Field, JsonValue, ValidationError
 
-from flexfem.commands.baseline.inputs import (
-    DATA,
-    Change,
-    Keys,
-    Kind,
-    changes,
-    committed_mesh,
-    inputs_of,
-    kind_of,
-    mesh_keys,
-)
+from flexfem.commands.baseline.committed import committed_mesh, mesh_keys
+from flexfem.commands.baseline.inputs import Change, Keys, Kind, changes, inputs_of, kind_of
 from flexfem.commands.baseline.moves import MISSING, Leaf, Move, moves
 from flexfem.commands.baseline.records import meshes, record, settings
 from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.writing import write_atomically
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.refused import BadInput
 from flexfem.verify.case import LoadedCase
-from flexfem.verify.protocol import Solve, solve_stage
+from flexfem.verify.protocol import Solve
 from flexfem.verify.result import Record, Result, stamp, versions
 
 Difference: TypeAlias = Change | Move | str
@@ -176,79 +166,3 @@ def read_baseline(path: Path) -> Baseline:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "the file"
         raise BadInput(f"{path}: not a baseline: {where}: {first['msg']}") from None
-
-
-def listed(places: Sequence[Path]) -> list[Path]:
-    """Baselines given as files or in folders. Raises BadInput when a folder has none."""
-    found = []
-    for place in places:
-        inside = sorted(place.glob("*.json")) if place.is_dir() else [place]
-        if not inside:
-            raise BadInput(f"{place}: no baselines in this folder")
-        found += inside
-    return found
-
-
-def regression(
-    *baselines: str | os.PathLike[str], each: Callable[[list[Path]], Iterable[Path]] = iter
-) -> list[Checked]:
-    """Compare what flexfem answers now with accepted baselines, or with all in folders of them.
-
-    Parameters
-    ----------
-    each : goes through the baselines, for progress.
-
-    Returns
-    -------
-    By baseline what changed in its input, else every number that moved; nothing when all is as accepted.
-
-    Raises
-    ------
-    BadInput
-        A folder has no baselines.
-    """
-    places = [Path(place) for place in baselines]
-    paths, solve = listed(places), cache(solve_stage)
-    found = [checked(path, solve) for path in each(paths)]
-    return found + [Checked(str(place), list(unaccepted(place))) for place in places if place.is_dir()]
-
-
-def checked(path: Path, solve: Solve) -> Checked:
-    """Check one baseline; what prevents it is a finding."""
-    return Checked(path.stem, _findings(path, solve))
-
-
-def _findings(path: Path, solve: Solve) -> list[Difference]:
-    try:
-        baseline = read_baseline(path)
-        source = Path(os.path.normpath(path.parent / baseline.file))
-        if not source.exists():
-            return [f"{path}: its input is gone: {source}"]
-        if file_of(source, path.parent) != path:
-            return [f"{path}: the baseline of {source}, expected the name {source.stem}.json"]
-        if kind_of(source) != baseline.kind:
-            return [f"{path}: the baseline of a {baseline.kind}, but {source} is of kind {kind_of(source)}"]
-        return check(source, path.parent, solve)
-    except (BadInput, ComputationFailed) as error:
-        return [str(error)]
-
-
-def unaccepted(folder: Path) -> Iterator[str]:
-    """Input files beside those of a folder's baselines, of the same kind, that have none."""
-    known, places = set[Path](), set[tuple[Path, Kind]]()
-    for path in listed([folder]):
-        baseline = read_baseline(path)
-        source = Path(os.path.normpath(folder / baseline.file))
-        known.add(source)
-        places.add((source.parent, baseline.kind))
-    for place, kind in sorted(places):
-        for other in sorted(place.glob("*.json" if place.resolve() == DATA.resolve() else "*.toml")):
-            if other not in known and _is(other, kind):
-                yield f"{other}: no baseline in {folder}; flexfem baseline {other} --baselines {folder} --reason TEXT"
-
-
-def _is(path: Path, kind: Kind) -> bool:
-    try:
-        return kind_of(path) == kind
-    except BadInput:
-        return False

@@ -1,0 +1,53 @@
+"""What several questions are asked with: limits of what is given, the model, finite elements."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from flexfem import arguments
+from flexfem.analytic.model import DEFAULT_FORMULA
+
+if TYPE_CHECKING:
+    from flexfem.stage.schema import Stage
+    from flexfem.verify.protocol import Solved
+
+RESOLUTION = 8  # quadratic triangles across every neck: the default of `flexfem.solve`
+LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
+LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
+LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
+LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
+LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage of necks carries a hundredth of it
+MOST_MODES = 100
+LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
+LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
+Progress = Callable[[str], object]
+PathLike = str | os.PathLike[str]
+
+
+def model_of(mobility: int | None, formula: str | None, links: bool) -> tuple[int | None, str, bool] | None:
+    """The model asked for; None, for calibrated hinges and elastic links, when nothing was. Raises BadInput."""
+    from flexfem.analytic import formulas
+
+    name = DEFAULT_FORMULA if formula is None else formula
+    formulas.formula(name)
+    return (mobility, name, links) if formula is not None or mobility is not None or links else None
+
+
+def finest_of(resolution: int | None, least: int = 2) -> int | None:
+    """The resolution of the finite elements, None where they are left out. Raises BadInput."""
+    return None if resolution is None else arguments.resolution(resolution, least)
+
+
+def solver(progress: Progress | None = None) -> Callable[[Stage, int], Solved]:
+    """Finite elements that are kept with their stage, so that several questions solve a mesh once."""
+    from flexfem.models import solved
+
+    def solve(stage: Stage, resolution: int) -> Solved:
+        found = solved(stage, resolution)
+        if progress is not None:
+            progress(f"{found.response.unknowns} unknowns")
+        return found
+
+    return solve

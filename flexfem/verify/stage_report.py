@@ -1,0 +1,150 @@
+"""What is read of a stage: hinges, drive, where its numbers come from. See `answers`."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfem.stage.designs import stage_frames
+from flexfem.stage.drives import contacts
+from flexfem.stage.overrides import actuators_of
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
+from flexfem.stage.tables import of_drive, of_heat
+from flexfem.verify import warning
+from flexfem.verify.answers import of_stage
+
+
+class PlacedHinge(NamedTuple):
+    """One of the nine hinges: chain 1 to 3, name, centre (x, y), direction of the neck, radius and neck."""
+
+    chain: int
+    hinge: str
+    centre_mm: tuple[float, float]
+    axis_deg: float
+    radius_mm: float
+    neck_mm: float
+    prismatic: bool
+
+
+class PlacedActuator(NamedTuple):
+    """An actuator, and what each of its stacks can do.
+
+    chains : 1 to 3, those where it is the same.   contacts_mm, directions_deg : x, y, in the frame of chain 1.
+    stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
+    """
+
+    name: str
+    chains: list[int]
+    between: tuple[str, str]
+    stack: str | None
+    contacts_mm: list[tuple[float, float]]
+    directions_deg: list[float]
+    stroke: float
+    stiffness: float
+    blocking_force: float
+    stiffness_with_contact: float
+    preload: float
+
+
+class DriveReport(NamedTuple):
+    """The drive of a stage: its hash is that of stage and drive; doubts and sources of all numbers of both."""
+
+    actuators: list[PlacedActuator]
+    hash: str
+    provenance: dict[str, str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class StageReport(NamedTuple):
+    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file.
+
+    drive : None without actuators; nothing else says anything of it.
+    """
+
+    file: str
+    name: str
+    mobility: int
+    model: str
+    chains_alike: bool
+    hash: str
+    dimensions: dict[str, Any]
+    hinges: list[PlacedHinge]
+    provenance: dict[str, str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+    drive: DriveReport | None = None
+
+
+def report_stage(stage: Stage) -> StageReport:
+    """What a file says of a stage, and where its numbers come from."""
+    return StageReport(
+        **of_stage(stage),
+        mobility=stage.mobility,
+        model=stage.model,
+        chains_alike=stage.chains_alike,
+        hash=stage.hash,
+        dimensions=_dimensions(stage),
+        hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
+        provenance={key: text for key, text in stage.sources.items() if text and not (of_drive(key) or of_heat(key))},
+        warnings=warning.of_stage(stage),
+        drive=_drive(stage) if stage.actuator else None,
+    )
+
+
+def _dimensions(stage: Stage) -> dict[str, Any]:
+    """What a file says, less hinges, drive and expansion, of which other answers are made, and what it leaves open."""
+    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}
+    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
+    return stage.model_dump(mode="json", exclude=left_out, exclude_none=True)
+
+
+def _drive(stage: Stage) -> DriveReport:
+    return DriveReport(
+        actuators=[each for index in range(len(stage.actuator)) for each in _actuators(stage, index)],
+        hash=stage.drive_hash,
+        provenance={key: text for key, text in stage.sources.items() if text and of_drive(key)},
+        **stage.drive_doubts._asdict(),
+    )
+
+
+def _actuators(stage: Stage, index: int) -> list[PlacedActuator]:
+    """An actuator of the file, once for all chains on which it is the same."""
+    found = list[PlacedActuator]()
+    for one in (_actuator(stage, chain, index) for chain in CHAINS):
+        alike = next((each for each in found if one._replace(chains=each.chains) == each), None)
+        if alike is None:
+            found.append(one)
+        else:
+            alike.chains.extend(one.chains)
+    return found
+
+
+def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
+    one, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
+    return PlacedActuator(
+        name=one.name,
+        chains=[chain],
+        between=one.between,
+        stack=one.stack,
+        contacts_mm=[(_rounded(each.point.real), _rounded(each.point.imag)) for each in placed],
+        directions_deg=[_rounded(np.rad2deg(each.direction)) % 360.0 for each in placed],
+        **one.rating._asdict(),
+        stiffness_with_contact=one.stiffness_with(stage.material),
+        preload=one.preload,
+    )
+
+
+def _rounded(value: float) -> float:
+    """Without what chains that are alike differ by in round-off."""
+    return round(float(value), 9) + 0.0
+
+
+def _hinge(stage: Stage, chain: int, position: int) -> PlacedHinge:
+    name, placed = HINGE_NAMES[position], stage_frames(stage)
+    hinge = stage.hinge(chain + 1, name)
+    x, y = placed.centres[chain, position].tolist()
+    axis = float(np.rad2deg(placed.axes[chain, position]) % 360.0)
+    return PlacedHinge(chain + 1, name, (x, y), axis, hinge.radius, hinge.neck, hinge.prismatic)

@@ -1,0 +1,341 @@
+"""Files for the workshop, read back: necks, radii, area, volume, units, layers, closed contours."""
+
+from __future__ import annotations
+
+import cmath
+import io
+import math
+import re
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
+from xml.etree import ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import flexfem
+from flexfem.cad import export
+from flexfem.cad.dxf import dxf_text
+from flexfem.cad.sheet import sheet_of
+from flexfem.cad.svg import svg_text
+from flexfem.fem.mesher import gmsh_session
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.bodies import draw_sector
+from flexfem.stage.contour import part_of
+from flexfem.stage.outline import area
+
+from ..conftest import UNLIKE, with_changes
+from ..stage.test_bodies import CHANGES, OVERRIDES
+
+REL = 1e-9  # of what is read from text
+HOSTILE = "a <b> & \"q\" 'it' %%c %%% ^J \\P {x}; é \u4e2d"
+HOSTILE_IN_STEP = r"a <b> & 'q' ''it'' %%c %%% ^J \\P {x}; \X2\00E9\X0\ \X2\4E2D\X0\ ".strip().replace("'q'", '"q"')
+HINGES = {  # radius and neck, mm, of the nine hinges of the stage with UNLIKE
+    1: [(2.3, 0.53), (1.6, 0.47), (1.4, 0.61)],
+    2: [(3.9, 0.53), (1.6, 0.83), (1.4, 0.61)],
+    3: [(3.9, 0.53), (1.6, 0.47), (1.9, 0.41)],
+}
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+class Piece(NamedTuple):
+    """A line or arc that was read: ends, and for an arc its centre and the angle that it turns from start to end."""
+
+    start: complex
+    end: complex
+    centre: complex = 0j
+    turn: float = 0.0
+
+    @property
+    def swept(self) -> float:
+        """Area to its left seen from the origin: half the integral of x dy - y dx, in closed form."""
+        a, b, c = self.start, self.end, self.centre
+        if not self.turn:
+            return (a.conjugate() * b).imag / 2
+        return abs(a - c) ** 2 * self.turn / 2 + (c.conjugate() * (b - a)).imag / 2
+
+    @property
+    def back(self) -> Piece:
+        return Piece(self.end, self.start, self.centre, -self.turn)
+
+
+def chained(pieces: list[Piece]) -> list[list[Piece]]:
+    """The pieces as closed loops; fails on an end that meets no other."""
+    left, loops = list(pieces), []
+    while left:
+        loop = [left.pop(0)]
+        while abs(loop[-1].end - loop[0].start) > 1e-9:
+            near = [(each, way) for each in left for way in (each, each.back) if abs(way.start - loop[-1].end) < 1e-9]
+            assert len(near) == 1, (loop[-1], near)
+            left.remove(near[0][0])
+            loop.append(near[0][1])
+        loops.append(loop)
+    return loops
+
+
+def place(point) -> complex:
+    return complex(point.x, point.y)
+
+
+def dxf_pieces(space, layer: str) -> Iterator[Piece]:
+    for each in space.query(f'*[layer=="{layer}"]'):
+        if each.dxftype() == "LINE":
+            yield Piece(place(each.dxf.start), place(each.dxf.end))
+        elif each.dxftype() == "ARC":
+            centre, first, last = place(each.dxf.center), each.dxf.start_angle, each.dxf.end_angle
+            ends = [centre + cmath.rect(each.dxf.radius, math.radians(a)) for a in (first, last)]
+            yield Piece(*ends, centre, math.radians((last - first) % 360))
+
+
+def svg_pieces(path: str) -> list[Piece]:
+    """Pieces of a path of the commands M, L, A and Z, y upwards."""
+    found, at = [], 0j
+    for command, text in re.findall(r"([MLAZ])([^MLAZ]*)", path):
+        numbers = [float(word) for word in text.split()]
+        if command == "Z":
+            assert abs(at - found[0].start) < 1e-9
+            continue
+        end = complex(numbers[-2], -numbers[-1])
+        if command == "L":
+            found.append(Piece(at, end))
+        elif command == "A":
+            radius, same, _, large, sweep, *_ = numbers
+            assert radius == same and large == 0
+            half, sense = (end - at) / 2, 1 if sweep == 0 else -1
+            centre = at + half + sense * 1j * half / abs(half) * math.sqrt(max(radius**2 - abs(half) ** 2, 0.0))
+            found.append(Piece(at, end, centre, sense * 2 * math.asin(min(abs(half) / radius, 1.0))))
+        at = end
+    return found
+
+
+def require_necks(pieces: list[Piece], beside: float = 0.0) -> None:
+    """Every hinge of the drawing as HINGES has it, its notches `beside` smaller in radius, and the centres in place."""
+    arcs = {
+        (round(p.centre.real, 7), round(p.centre.imag, 7), round(abs(p.start - p.centre), 7)) for p in pieces if p.turn
+    }
+    for chain, expected in HINGES.items():
+        places = []
+        for radius, neck in expected:
+            centres = [complex(x, y) for x, y, r in arcs if abs(r + beside - radius) < 1e-6]
+            pairs = [(a + b) / 2 for a, b in combinations(centres, 2) if abs(abs(a - b) - 2 * radius - neck) < 1e-6]
+            places.append(pairs)
+        lengths = (31.0, 33.5, 25.0)
+        found = [
+            (base, elbow, platform)
+            for base in places[0]
+            for elbow in places[1]
+            for platform in places[2]
+            if np.allclose([abs(base - elbow), abs(elbow - platform), abs(platform)], lengths, rtol=0, atol=1e-6)
+        ]
+        assert found, chain
+
+
+@pytest.fixture(scope="module")
+def stage() -> flexfem.Stage:
+    return with_changes({"override": UNLIKE, "name": HOSTILE})
+
+
+@pytest.fixture(scope="module")
+def metal(stage) -> float:
+    """Area of what is meshed, mm^2."""
+    return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("parts")
+
+
+@pytest.fixture(scope="module")
+def drawing(stage, folder):
+    """The model space of the DXF with a kerf and holes, read back."""
+    flexfem.export(stage, folder / "part.dxf", kerf=0.32, mounting=4.3)
+    return ezdxf.readfile(folder / "part.dxf")
+
+
+def test_a_dxf_is_in_millimetres_on_its_layers_and_without_errors(drawing):
+    assert drawing.header["$INSUNITS"] == 4 and drawing.header["$MEASUREMENT"] == 1
+    assert drawing.audit().errors == []
+    kinds = {}
+    for each in drawing.modelspace():
+        kinds.setdefault(each.dxf.layer, set()).add(each.dxftype())
+    assert kinds == {
+        "METAL": {"LINE", "ARC"},
+        "HUB_HOLE": {"CIRCLE"},
+        "MOUNTING_HOLES": {"CIRCLE"},
+        "CLAMPED_PADS": {"LINE"},
+        "CENTRE_MARKS": {"LINE"},
+        "DIMENSIONS": {"DIMENSION", "LINE", "TEXT"},
+        "WIRE_PATH": {"LINE", "ARC", "CIRCLE"},
+    }
+    assert set(kinds) < {layer.dxf.name for layer in drawing.layers}
+
+
+def test_a_dxf_has_the_metal_as_one_closed_contour(drawing, metal):
+    space = drawing.modelspace()
+    (loop,) = chained(list(dxf_pieces(space, "METAL")))
+    (hub,) = space.query('CIRCLE[layer=="HUB_HOLE"]')
+    assert place(hub.dxf.center) == 0 and hub.dxf.radius == 7.7
+    assert abs(sum(piece.swept for piece in loop)) - math.pi * 7.7**2 == pytest.approx(metal, rel=REL)
+    require_necks(loop)
+
+
+def test_a_dxf_has_the_pads_with_a_hole_in_the_middle_of_each(drawing):
+    space = drawing.modelspace()
+    pads = chained(list(dxf_pieces(space, "CLAMPED_PADS")))
+    assert [abs(sum(piece.swept for piece in pad)) for pad in pads] == pytest.approx([8.9**2] * 3, rel=REL)
+    holes = space.query('CIRCLE[layer=="MOUNTING_HOLES"]')
+    assert [hole.dxf.radius for hole in holes] == [2.15] * 3
+    middles = [np.mean([piece.start for piece in pad]) for pad in pads]
+    assert np.allclose([place(hole.dxf.center) for hole in holes], middles, rtol=0, atol=1e-9)
+
+
+def test_the_path_of_the_wire_leaves_every_neck(drawing):
+    space = drawing.modelspace()
+    (path,) = chained(list(dxf_pieces(space, "WIRE_PATH")))
+    require_necks(path, beside=0.16)
+    assert sorted(hole.dxf.radius for hole in space.query('CIRCLE[layer=="WIRE_PATH"]')) == pytest.approx(
+        [1.99, 1.99, 1.99, 7.54]
+    )
+
+
+def test_a_dxf_states_dimensions_that_it_measures(drawing):
+    space = drawing.modelspace()
+    measured = {each.dxf.text: each.get_measurement() for each in space.query("DIMENSION")}
+    assert measured == pytest.approx({"l1 <>": 31.0, "l2 <>": 33.5, "l3 <>": 25.0, "w <>": 8.9}, rel=REL)
+    said = [each.plain_text() for each in space.query("TEXT")]
+    assert {f"R {radius}, t {neck}" for hinges in HINGES.values() for radius, neck in hinges} < set(said)
+    assert {"platform R 16.3", "hub R 7.7", "3 holes R 2.15", HOSTILE} < set(said)
+    assert "mm; thickness 9.7; generic metal" in said and "NO STATED SOURCE: 22 numbers of this stage" in said
+    assert "Not in the models: the mounting holes." in said
+
+
+def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
+    found = flexfem.export(stage, folder / "part.svg", kerf=0.32)
+    root = ElementTree.parse(folder / "part.svg").getroot()
+    _, _, width, height = map(float, root.get("viewBox").split())
+    assert (root.get("width"), root.get("height")) == (f"{width}mm", f"{height}mm")
+    groups = {group.get("id"): group for group in root.iter(f"{SVG}g")}
+    assert list(groups) == found.layers
+    loop, path = (svg_pieces(groups[name].find(f"{SVG}path").get("d")) for name in ("METAL", "WIRE_PATH"))
+    assert sum(piece.swept for piece in loop) - math.pi * 7.7**2 == pytest.approx(metal, rel=REL)
+    require_necks(loop)
+    require_necks(path, beside=0.16)
+    (hub,) = groups["HUB_HOLE"]
+    assert (float(hub.get("r")), float(hub.get("cx")), float(hub.get("cy"))) == (7.7, 0.0, 0.0)
+    assert root.find(f"{SVG}title").text == HOSTILE
+    assert "np." not in (folder / "part.svg").read_text()
+
+
+def test_the_same_stage_gives_the_same_bytes(stage, folder, drawing):
+    flexfem.export(stage, folder / "again.dxf", kerf=0.32, mounting=4.3)
+    assert (folder / "again.dxf").read_bytes() == (folder / "part.dxf").read_bytes()
+
+
+def test_a_step_is_one_solid_in_millimetres_with_cylinders(stage, folder, metal):
+    found = flexfem.export(stage, folder / "part.step", mounting=4.3)
+    volume = (metal - 3 * math.pi * 2.15**2) * 9.7
+    assert found.volume == pytest.approx(volume, rel=1e-12)
+    text = (folder / "part.step").read_text()
+    assert text.count("SI_UNIT(.MILLI.,.METRE.)") == text.count("LENGTH_UNIT()") > 0
+    radii = [round(float(value), 9) for value in re.findall(r"= CYLINDRICAL_SURFACE\('',#\d+,([^)]*)\)", text)]
+    wanted = [radius for hinges in HINGES.values() for radius, _ in hinges]
+    assert all(radii.count(radius) == 4 * wanted.count(radius) for radius in wanted)
+    assert radii.count(7.7) == 1 and radii.count(2.15) == 3 and "B_SPLINE_SURFACE" not in text
+    assert text.count("= PRODUCT(") == text.count(f"= PRODUCT('{HOSTILE_IN_STEP}','{HOSTILE_IN_STEP}'") == 1
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.importShapes(str(folder / "part.step"), highestDimOnly=False)
+        gmsh.model.occ.synchronize()
+        corners = 2 * len(part_of(stage).outer) + 2 * 4  # of two faces, and one on each of the rims of four holes
+        assert len(gmsh.model.getEntities(0)) == corners
+        ((_, tag),) = gmsh.model.getEntities(3)
+        assert gmsh.model.occ.getMass(3, tag) == pytest.approx(volume, rel=1e-12)
+        box = gmsh.model.getBoundingBox(3, tag)
+        assert (box[2], box[5]) == pytest.approx((0.0, 9.7), abs=1e-6)
+        kinds = {gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)}
+    assert kinds == {"Plane", "Cylinder"}
+
+
+@pytest.mark.parametrize(
+    ("volume", "high", "said"),
+    [(25.0, 9.7e-3, r"25 mm\^3, 0.0097 mm high"), (28874.8973, 9.7, "9.7 mm high, expected")],
+)
+def test_a_solid_of_another_volume_is_refused(stage, tmp_path, volume, high, said):
+    read = {"volumes": np.array([volume]), "box": np.array([[0, 0, 0], [0.1, 0.1, high]])}
+    with patch.object(export, "run_mesher", lambda *_: read), pytest.raises(ComputationFailed, match=said):
+        flexfem.export(stage, tmp_path / "part.step")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_record_says_what_is_in_the_file_and_what_in_no_model(stage, folder, metal):
+    found = flexfem.export(stage, folder / "part.svg", kerf=0.32, mounting=4.3)
+    holes = 3 * math.pi * 2.15**2
+    assert found.area == pytest.approx(metal - holes, rel=1e-12)
+    assert found.volume == pytest.approx((metal - holes) * 9.7, rel=1e-12)
+    assert (found.units, found.kerf, found.mounting, found.thickness) == ("mm", 0.32, 4.3, 9.7)
+    plain = flexfem.export(stage, folder / "part.svg")
+    assert found.cut - plain.cut == pytest.approx(3 * 2 * math.pi * 2.15)
+    assert plain.path is None and found.path != found.cut
+    assert any("holes are in no model" in text for text in found.warnings)
+    assert any("radius of 0.16 mm" in text for text in found.warnings)
+    assert not any("holes are" in text for text in plain.warnings)
+    assert len(found.not_stated) == 22
+
+
+def test_alike_chains_are_labelled_once_and_assumed_numbers_said(tmp_path):
+    stage = flexfem.load(Path(__file__).parents[2] / "geometry" / "mobility6.toml")
+    flexfem.export(stage, tmp_path / "part.dxf")
+    document = ezdxf.readfile(tmp_path / "part.dxf")
+    said = [each.plain_text() for each in document.modelspace().query("TEXT")]
+    assert [text for text in said if text.startswith("R ")] == ["R 4, t 0.5", "R 1.5, t 0.5", "R 1.5, t 0.5"]
+    assert "ASSUMED: 17 numbers of this stage" in said
+    assert "chains 2 and 3 as chain 1, turned by 120 and 240 degrees" in said
+
+
+@pytest.mark.slow
+@settings(max_examples=25)
+@given(CHANGES, OVERRIDES)
+def test_any_stage_is_read_back_closed_and_as_large_as_it_is_meshed(make_stage, changes, override):
+    drawn = make_stage({**changes, "override": override})
+    try:
+        sheet = sheet_of(drawn, part_of(drawn))
+    except BadInput:
+        assume(False)
+    meshed = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(drawn, chain).values())
+    root = ElementTree.fromstring(svg_text(sheet))
+    space = ezdxf.read(io.StringIO(dxf_text(sheet))).modelspace()
+    for pieces in (svg_pieces(root.find(f"{SVG}g/{SVG}path").get("d")), list(dxf_pieces(space, "METAL"))):
+        (loop,) = chained(pieces)
+        hub = math.pi * drawn.platform.hub_radius**2
+        assert abs(sum(piece.swept for piece in loop)) - hub == pytest.approx(meshed, rel=REL)
+        radii = [round(abs(piece.start - piece.centre), 7) for piece in loop if piece.turn]
+        for radius in drawn.array("radius").ravel():
+            assert radii.count(round(radius, 7)) >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "said"),
+    [
+        ("part.pdf", {}, r"extension '\.pdf', expected a file name that ends in one of \.dxf, \.svg, \.step"),
+        ("part", {}, "no extension"),
+        ("folder.dxf", {}, "is a folder"),
+        ("none/part.dxf", {}, "no folder"),
+        ("part.step", {"kerf": 0.3}, r"kerf with \.step"),
+        ("part.dxf", {"kerf": 0.0}, r"kerf 0\.0, expected a number above 0"),
+        ("part.dxf", {"kerf": 2.3}, r"kerf of 2\.3 mm"),
+        ("part.svg", {"mounting": float("nan")}, "mounting holes nan"),
+        ("part.svg", {"mounting": "4"}, "mounting holes '4'"),
+        ("part.svg", {"mounting": 8.9}, r"mounting holes of 8\.9 mm"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_one_line(stage, tmp_path, name, asked, said):
+    (tmp_path / "folder.dxf").mkdir()
+    with pytest.raises(BadInput, match=said) as refused:
+        flexfem.export(stage, tmp_path / name, **asked)
+    assert "\n" not in str(refused.value)
+    assert [path.name for path in tmp_path.rglob("*")] == ["folder.dxf"]

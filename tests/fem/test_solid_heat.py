@@ -1,0 +1,117 @@
+"""Wedges that warm: free bodies, a free strip that bows, sheets, a turned sector against the whole, reciprocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from flexfem.fem.heat import heat_response
+from flexfem.fem.layers import mirrored
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import Plate
+from flexfem.fem.response import tie_hub
+from flexfem.fem.sectors import joined
+from flexfem.fem.solid import solid
+from flexfem.fem.solid_fields import solid_nodal_stress
+from flexfem.fem.solid_heat import free_solid, warm_half, warm_whole
+from flexfem.fem.solid_response import solid_response
+from flexfem.validate.vibrating_solids import third
+
+Bar = Callable[[float, float, int, int], StageMesh]
+E, NU, B = 68e3, 0.29, 3.7
+PLATE = Plate(E, NU, B)
+FLAT = mirrored(B, 2, 0.8)
+TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
+
+
+def straight(mesh: StageMesh) -> StageMesh:
+    """With the middle nodes in the middle: quadrature is exact there."""
+    nodes = mesh.nodes.copy()
+    a, b, c = (nodes[mesh.triangles[:, k]] for k in range(3))
+    nodes[mesh.triangles[:, 3]], nodes[mesh.triangles[:, 4]], nodes[mesh.triangles[:, 5]] = (
+        (a + b) / 2,
+        (b + c) / 2,
+        (c + a) / 2,
+    )
+    return mesh._replace(nodes=nodes)
+
+
+def test_free_metal_has_no_stress_however_its_temperature_changes(bar: Bar) -> None:
+    """Of E alpha per kelvin, and per K/mm times the size: with the free strain taken from the temperature itself."""
+    mesh = bar(8.3, 5.1, 3, 2)
+    mesh = mesh._replace(nodes=mesh.nodes @ np.array([[0.8, 0.6], [-0.6, 0.8]]) + [3.1, -2.3])
+    every, held = np.arange(len(mesh.nodes)), E / (1 - 2 * NU)
+    x, y, z = np.broadcast_arrays(*mesh.nodes.T[:, :, None], FLAT.heights)
+    seen = 0
+    for layers, warm in ((FLAT, (x, y, np.ones_like(x))), (FLAT.antisymmetric, (0 * x, 0 * x, z))):
+        for field, temperature in zip(free_solid(mesh.nodes, layers), warm, strict=True):
+            stress = solid_nodal_stress(mesh, PLATE, layers, field, every)
+            elastic = stress - held * temperature[..., None, None] * np.eye(3)
+            assert np.max(np.abs(elastic)) < 1e-12 * held * max(1.0, np.max(np.abs(temperature)))
+            seen += np.any(temperature)
+            if layers.fixed:
+                assert np.all(field[:, 0, :2] == 0.0), "u = v = 0 on the mid-plane"
+            else:
+                assert np.all(field[:, 0, 2] == 0.0), "w = 0 on the mid-plane"
+    assert seen == 4
+
+
+def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y(bar: Bar) -> None:
+    """Clamped on a frame that bows, it turns by the curvature times its length: 40 mm, per unit of expansion and K/mm.
+
+    Straight it is over the platform, its end; the frame is 40^2 / 2 mm below there, per K/mm through the thickness.
+    """
+    plate, layers, mesh = Plate(E, 0.0, 2.1), mirrored(2.1, 1, 0.5), bar(40.0, 3.0, 6, 2)
+    z, tilt_x, tilt_y = warm_whole(mesh, plate, layers.antisymmetric).pose[:, 2]
+    assert tilt_y == pytest.approx(-40.0, rel=1e-8)
+    assert tilt_x == pytest.approx(0.0, abs=0.1), "but for the diagonals of the mesh in the warped face"
+    assert z == pytest.approx(800.0, rel=2e-3), "but for the warp of the clamped face, of its size squared"
+    along_x, along_y, even = warm_whole(mesh, plate, layers).pose.T
+    assert even[[0, 2]] == pytest.approx([-40.0, 0.0], rel=1e-8, abs=1e-7)
+    assert along_x[0] == pytest.approx(800.0, rel=2e-3)
+    assert along_y[1:] == pytest.approx([800.0, 40.0], rel=2e-3)
+
+
+@pytest.mark.parametrize("thickness", [0.4, 9.7])
+def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness: float) -> None:
+    """By reciprocity with loads even through the thickness, u is read as its mean: -b^2 / 24 along a gradient."""
+    sector = third(3, 2, TWIST)
+    mesh = joined((sector,) * 3)[0]
+    mesh = straight(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
+    plate = Plate(E, 0.0, thickness)
+    plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).pose[:, [1, 2, 0]]
+    mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
+    found = warm_whole(mesh, plate, mirrored(thickness, 1, 0.3)).pose
+    np.testing.assert_allclose(-8.2e-6 * (found - mean), plane, atol=1e-8 * np.max(np.abs(plane)))
+
+
+@pytest.mark.parametrize("antisymmetric", [False, True])
+def test_one_third_warms_as_the_whole(antisymmetric: bool) -> None:
+    sector, layers = third(3, 3, TWIST), mirrored(B, 1, 0.8)
+    half = layers.antisymmetric if antisymmetric else layers
+    one, whole = (warm_half((sector,) * n, PLATE, half) for n in (1, 3))
+    used = [2] if antisymmetric else [0, 1, 2]
+    read = [0] if antisymmetric else [0, 1, 2]
+    np.testing.assert_allclose(one.pose, whole.pose, atol=1e-8 * np.max(np.abs(whole.pose)))
+    np.testing.assert_allclose(one.compliance[read], whole.compliance[read], rtol=1e-8)
+    np.testing.assert_allclose(one.work[used], whole.work[used], rtol=1e-8)
+    np.testing.assert_allclose(one.fields, whole.fields, atol=1e-7 * np.max(np.abs(whole.fields)))
+    assert one.unknowns == whole.unknowns and np.max(np.abs(one.pose)) > 1e-3
+
+
+def test_the_pose_is_the_work_of_the_reactions_to_unit_loads() -> None:
+    """Betti, by the solution under loads: on what the frame does beyond the metal, written out here."""
+    sector, layers = third(3, 2, TWIST), mirrored(B, 1, 0.8)
+    unit, found = solid_response((sector,) * 3, PLATE, layers), warm_half((sector,) * 3, PLATE, layers)
+    mesh = unit.mesh
+    forces = solid(mesh, PLATE, layers, tie_hub(mesh)).forces(unit.fields)
+    ground = np.unique(mesh.edges["ground"])
+    x, y, z = np.broadcast_arrays(*mesh.nodes[ground].T[:, :, None], layers.heights)
+    moved = [[(x**2 - y**2 - z**2) / 2, x * y, x * z], [x * y, (y**2 - x**2 - z**2) / 2, y * z], [x, y, z]]
+    work = np.einsum("jnmd,kdnm->jk", forces[:, ground], np.array(moved))
+    np.testing.assert_allclose(found.pose, -work, atol=1e-7 * np.max(np.abs(work)))
+    np.testing.assert_allclose(found.compliance, np.diag(unit.compliance), rtol=1e-8)
+    held = solid(found.mesh, PLATE, layers, tie_hub(found.mesh)).forces(found.fields)
+    np.testing.assert_allclose(found.work, np.einsum("knmd,knmd->k", found.fields, held), rtol=1e-8)

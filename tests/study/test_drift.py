@@ -1,0 +1,164 @@
+"""Drift with temperature as outputs of studies: of many designs at once that of each alone, by the analytic model."""
+
+from __future__ import annotations
+
+import copy
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.files.writing import toml_text
+from flexfem.refused import BadInput
+from flexfem.stage.keys import keys
+from flexfem.study.answer import answer
+from flexfem.study.designs import judge, stage_of
+from flexfem.study.sampling import sample
+
+from ..conftest import GENERIC, ROOT, UNLIKE
+
+EXPANDING = "material.expansion_um_per_m_k"
+FACTORS = (
+    'key = "override.2.elbow.neck_mm"\nfrom = 0.45\nto = 0.9',
+    'key = "chain.link_lengths_mm[1]"\nfrom = 32.0\nto = 36.0',
+    f'key = "{EXPANDING}"\nfrom = 8.0\nto = 24.0',
+    'key = "frame.expansion_um_per_m_k"\nfrom = 1.5\nto = 12.0',
+    'key = "material.poissons_ratio"\nfrom = 0.2\nto = 0.4',
+)
+NAMES = ("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k")
+STEEPEST = ("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm")
+CASES = ("uniform", "gradient in x", "gradient in y")
+HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+OWN = 'model = "analytic"\n'
+
+
+def content(**changes: Any) -> dict[str, Any]:
+    warm = GENERIC | {"frame": {"expansion_um_per_m_k": 11.3}, "override": UNLIKE} | changes
+    return copy.deepcopy(warm) | {"material": GENERIC["material"] | {"expansion_um_per_m_k": 22.7}}
+
+
+@pytest.fixture
+def warm(studies: Any) -> Any:
+    """The folder of studies, its stage with unlike chains on a frame of another metal."""
+    (studies.folder / "stage.toml").write_text(toml_text(content()))
+    return studies
+
+
+def study(studies: Any, head: str, count: int, tail: str = "[drift]", factors: tuple[str, ...] = FACTORS) -> Any:
+    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+
+
+def columns(loaded: Any, rows: Any) -> dict[str, Any]:
+    return dict(zip(loaded.outputs, rows.values.T, strict=True))
+
+
+def alone(stage: Any, **model: Any) -> Any:
+    """Pose by case (3, 3 cases) as `flexfem.drift` has it, um and urad; largest over directions by trying many."""
+    cases = flexfem.drift(stage, resolution=None, **model).cases
+    poses = np.array([cases[name].analytic.pose for name in CASES]).T * np.array([[1e3], [1e3], [1e6]])
+    turn = np.linspace(0, np.pi, 200_001)
+    x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
+    return poses[:, 0], np.max(np.hypot(x, y)), np.max(np.abs(theta))
+
+
+@pytest.mark.parametrize(
+    ("head", "plane", "asked"),
+    [
+        (f"{HEAD}links = true\n", "plane_stress", {"formula": "calibrated", "links": True}),
+        (HEAD, "corrected", {"formula": "calibrated", "mobility": 21}),
+        (OWN, "plane_strain", {"formula": "paros-weisbord"}),
+        (f"{OWN}mobility = 3\n", "plane_stress", {"formula": "paros-weisbord", "mobility": 3}),
+    ],
+)
+def test_designs_at_once_have_the_drift_of_each_alone(studies: Any, head: str, plane: str, asked: Any) -> None:
+    (studies.folder / "stage.toml").write_text(toml_text(content(model=plane)))
+    loaded = study(studies, head, 2)
+    assert loaded.outputs[-5:] == (*NAMES, *STEEPEST)
+    rows = answer(loaded, 0, 2)
+    assert list(rows.status) == ["ok"] * 2
+    for values, row in zip(sample(loaded, 0, 2), rows.values, strict=True):
+        stage = stage_of(loaded, values)
+        assert stage.material.expansion == pytest.approx(1e-6 * values[2], rel=1e-12)
+        pose, moved, turned = alone(stage, **asked)
+        np.testing.assert_allclose(row[-5:-2], pose, rtol=1e-9)
+        np.testing.assert_allclose(row[-2:], [moved, turned], rtol=1e-9)
+
+
+def test_the_drift_of_a_stage_with_unlike_chains_is_that_of_finite_elements(studies: Any) -> None:
+    """The shipped stage with three other hinges; literals by `flexfem drift`, finite elements of resolution 4."""
+    other = '\n[[override]]\nchain = 1\nhinge = "base"\nneck_mm = 0.61\n'
+    other += '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.72\n'
+    other += '[[override]]\nchain = 3\nhinge = "platform"\nradius_mm = 1.9\n'
+    (studies.folder / "stage.toml").write_text((ROOT / "geometry" / "mobility6.toml").read_text() + other)
+    loaded = studies.of(
+        'method = "grid"', f'key = "{EXPANDING}"\nvalues = [23.6, 12.0]', head=f"{HEAD}links = true", tail="[drift]"
+    )
+    rows = answer(loaded, 0, 2)
+    found, still = rows.values[:, -5:]
+    np.testing.assert_allclose(found, [-0.0729099, -0.1979209, 10.17053, 25.2996, 78.9677], rtol=2e-3)
+    assert np.max(np.abs(still)) < 1e-12, "a frame of the stage's own metal leaves it at rest"
+    assert all("drift: the stacks, their preloads and their own expansion are left out" in one for one in rows.reason)
+
+
+def test_drift_limits_designs_and_is_proportional_to_the_difference_of_both_coefficients(warm: Any) -> None:
+    tail = (
+        '[drift]\n[[constraint]]\nvalue = "drift_gradient_um_per_k_per_mm"\nmost = 14.0\n[[figure]]\nkind = "pareto"\n'
+    )
+    tail += 'x = "drift_theta_urad_per_k"\ny = "kxx_n_per_mm"\nx_better = "smaller"'
+    loaded = study(warm, HEAD, 300, tail, FACTORS[2:4])
+    found, values = columns(loaded, answer(loaded, 0, 300)), sample(loaded, 0, 300)
+    difference = values[:, 0] - values[:, 1]
+    for name in (*NAMES, *STEEPEST):
+        size = found[name] / (difference if name in NAMES else np.abs(difference))
+        np.testing.assert_allclose(size, size[0], rtol=1e-9, err_msg=name)
+    named = dict(zip((EXPANDING, "frame.expansion_um_per_m_k"), values.T, strict=True))
+    feasible = judge(loaded, found | named, np.ones(300, bool)).feasible
+    assert np.array_equal(feasible, found[STEEPEST[0]] <= 14.0) and 30 < feasible.sum() < 270
+
+
+def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any) -> None:
+    plain, asked = (study(warm, OWN, 4, tail, FACTORS[:2]) for tail in ("", "[drift]"))
+    (warm.folder / "stage.toml").write_text(toml_text(content(frame={"expansion_um_per_m_k": 12.0})))
+    same, other = (study(warm, OWN, 4, tail, FACTORS[:2]) for tail in ("", "[drift]"))
+    assert plain.hash == same.hash and len({plain.hash, asked.hash, other.hash}) == 3
+    assert not {*NAMES, *STEEPEST} & set(plain.outputs)
+    assert {f"stage: {EXPANDING}", "stage: frame.expansion_um_per_m_k"} <= {*asked.not_stated}
+    assert not any("expansion" in key for key in (*plain.not_stated, *plain.assumed))
+
+
+@pytest.mark.parametrize("model", ["fe", "verify", "three_dimensional"])
+def test_models_without_drift_refuse_it(warm: Any, model: str) -> None:
+    with pytest.raises(BadInput, match=rf'line \d+: drift = {{}}, expected no drift with model = "{model}"') as refused:
+        study(warm, f'model = "{model}"\n', 4, "[drift]", FACTORS[:2])
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("left_out", "said"), [("material", "(aluminium 23.6)"), ("frame", "leaves the platform")])
+def test_a_stage_without_a_coefficient_is_refused_in_one_line(warm: Any, left_out: str, said: str) -> None:
+    bare = content()
+    bare[left_out] = {key: value for key, value in bare[left_out].items() if not key.startswith("expansion")}
+    (warm.folder / "stage.toml").write_text(toml_text({key: value for key, value in bare.items() if value}))
+    missing = rf"line \d+: drift, on the base stage: {left_out}\.expansion_um_per_m_k is missing.*{re.escape(said)}"
+    with pytest.raises(BadInput, match=missing) as refused:
+        study(warm, OWN, 4, "[drift]", FACTORS[:2])
+    assert "\n" not in str(refused.value)
+    assert study(warm, OWN, 4, "", FACTORS[:2]).count == 4
+
+
+def test_expansion_is_a_factor_with_drift_alone(warm: Any) -> None:
+    for factor in FACTORS[2:4]:
+        with pytest.raises(BadInput, match="expected a number that answers depend on"):
+            study(warm, OWN, 4, "", (factor,))
+    with pytest.raises(BadInput, match=r"line \d+: .*kelvin.*unknown key"):
+        study(warm, OWN, 4, "[drift]\nkelvin = 3.0", FACTORS[:2])
+
+
+def test_expansions_of_another_unit_between_possible_ones_are_refused(warm: Any) -> None:
+    values = np.array([0.0, 0.005, 0.01, 23.6, 300.0, 300.1, -1.0])
+    assert keys()[EXPANDING].impossible(values).tolist() == [False, True, False, False, False, True, True]
+    assert keys()[EXPANDING].impossible(values[:5]).tolist() == [False, True, False, False, False]
+    loaded = study(warm, OWN, 40, "[drift]", (f'key = "{EXPANDING}"\nfrom = 0.0\nto = 0.02',))
+    rows, values = answer(loaded, 0, 40), sample(loaded, 0, 40)[:, 0]
+    assert np.array_equal(rows.status == "refused", values < 0.01) and 5 < np.sum(rows.status == "ok") < 35

@@ -1,0 +1,156 @@
+"""Fatigue lives as outputs of studies: of many designs at once those of each alone, by both models."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.files.writing import toml_text
+from flexfem.plot.study_labels import output
+from flexfem.refused import BadInput
+from flexfem.study.answer import answer
+from flexfem.study.designs import judge, stage_of
+from flexfem.study.sampling import sample
+
+from ..conftest import GENERIC, UNLIKE
+
+FATIGUE = {"fatigue_strength_coefficient_mpa": 1320.0, "fatigue_strength_exponent": -0.093, "walker_exponent": 0.6}
+FACTORS = (
+    'key = "override.2.elbow.neck_mm"\nfrom = 0.45\nto = 0.9',
+    'key = "hinges.base.radius_mm"\nfrom = 2.5\nto = 4.2',
+    'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0',
+    'key = "material.fatigue_strength_coefficient_mpa"\nfrom = 900.0\nto = 1500.0',
+    'key = "material.fatigue_strength_exponent"\nfrom = -0.12\nto = -0.08',
+    'key = "material.walker_exponent"\nfrom = 0.4\nto = 0.9',
+)
+LIFE = "[life]\namplitude_x_um = 61.0\namplitude_theta_mrad = -0.7\nratio = 0.3\ncycles = 4e5\nnotch_sensitivity = 0.7"
+HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+
+
+@pytest.fixture
+def lasting(studies: Any) -> Any:
+    """The folder of studies, its stage with unlike chains and of a material with fatigue constants."""
+    stage = GENERIC | {"material": GENERIC["material"] | FATIGUE, "override": UNLIKE}
+    (studies.folder / "stage.toml").write_text(toml_text(stage))
+    return studies
+
+
+def study(studies: Any, head: str, count: int, tail: str = LIFE, factors: tuple[str, ...] = FACTORS) -> Any:
+    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+
+
+def columns(loaded: Any, rows: Any) -> dict[str, Any]:
+    return dict(zip(loaded.outputs, rows.values.T, strict=True))
+
+
+def test_designs_at_once_have_the_lives_of_each_alone(lasting: Any) -> None:
+    loaded = study(lasting, f"{HEAD}links = true\n", 2)
+    assert loaded.outputs[-4:] == ("life_cycles", "life_amplitude_x_um", "life_amplitude_theta_mrad", "safety_factor")
+    rows = answer(loaded, 0, 2)
+    found = columns(loaded, rows)
+    assert list(rows.status) == ["ok"] * 2
+    for k, values in enumerate(sample(loaded, 0, 2)):
+        stage, moved = stage_of(loaded, values), [0.061, 0, -7e-4]
+        assert stage.material.walker_exponent == values[5]
+        asked = {"ratio": 0.3, "cycles": 4e5, "notch_sensitivity": 0.7, "resolution": None}
+        alone = flexfem.life(stage, moved, **asked).analytic
+        assert found["life_cycles"][k] == pytest.approx(alone.cycles, rel=1e-9)
+        assert found["life_amplitude_x_um"][k] == pytest.approx(1e3 * alone.largest.x, rel=1e-9)
+        assert found["life_amplitude_theta_mrad"][k] == pytest.approx(-1e3 * alone.largest.theta, rel=1e-9)
+        assert found["safety_factor"][k] == pytest.approx(alone.safety, rel=1e-9)
+
+
+def test_the_life_fully_reversed_along_one_direction_is_that_of_the_neck_stress(lasting: Any) -> None:
+    """By hand from other columns: N = (stress / sigma'_f)^(1/b) / 2, amplitude for N cycles, yield over stress."""
+    tail = "[life]\namplitude_y_um = -390.0\ncycles = 2.5e6\n[[constraint]]\nvalue = 'life_cycles'\nleast = 1e6"
+    loaded = study(lasting, HEAD, 400, tail, FACTORS[:3])
+    found = columns(loaded, answer(loaded, 0, 400))
+    stress = 390.0 * found["stress_y_mpa_per_um"]
+    np.testing.assert_allclose(found["life_cycles"], 0.5 * (stress / 1320.0) ** (1 / -0.093), rtol=1e-9)
+    allowed = 390.0 * 1320.0 * 5e6**-0.093 / stress
+    np.testing.assert_allclose(found["life_amplitude_y_um"], allowed, rtol=1e-9)
+    np.testing.assert_allclose(found["safety_factor"], sample(loaded, 0, 400)[:, 2] / stress, rtol=1e-12)
+    factors = dict(zip((column.name for column in loaded.columns), sample(loaded, 0, 400).T, strict=True))
+    feasible = judge(loaded, found | factors, np.ones(400, bool)).feasible
+    assert np.array_equal(feasible, found["life_cycles"] >= 1e6) and 40 < feasible.sum() < 360
+
+
+def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(lasting: Any) -> None:
+    tail = "[life]\namplitude_x_um = 61.0\namplitude_theta_mrad = -0.7\ncycles = 4e5"
+    loaded = study(lasting, 'model = "fe"\nresolution = 4\n', 1, tail)
+    (values,) = sample(loaded, 0, 1)
+    found, stage = columns(loaded, answer(loaded, 0, 1, inside=False)), stage_of(loaded, values)
+    stress = np.max(flexfem.solve(stage, 4).neck_stress([0.061, 0, -7e-4]))
+    strength, b = values[3], values[4]
+    assert found["life_cycles"] == pytest.approx(0.5 * (stress / strength) ** (1 / b), rel=1e-5)
+    assert found["life_amplitude_x_um"] == pytest.approx(61.0 * strength * 8e5**b / stress, rel=1e-6)
+    assert found["safety_factor"] == pytest.approx(values[2] / stress, rel=1e-6)
+    assert "resolution 4 is up to 1 % low" in loaded.study.stress_accuracy
+    assert output("stress_y_mpa_per_um", loaded.study).label == "peak neck stress per Y (up to 1 % low) in MPa/µm"
+    finer = study(lasting, 'model = "fe"\nresolution = 8\n', 1, tail).study
+    assert output("stress_y_mpa_per_um", finer).name == "peak neck stress per Y (up to 0.25 % low)"
+    assert "rigid links is +1 to +9 % off" in study(lasting, HEAD, 1, tail).study.stress_accuracy
+
+
+def test_what_is_asked_of_lives_is_part_of_what_a_study_is(lasting: Any) -> None:
+    tails = ["", LIFE, LIFE.replace("61.0", "61.5"), LIFE.replace("0.3", "0.4"), LIFE.replace("4e5", "5e5")]
+    tails += [LIFE.replace("0.7", "0.8"), LIFE.replace("theta_mrad", "y_um")]
+    hashes = {study(lasting, HEAD, 4, tail, FACTORS[:2]).hash for tail in tails}
+    assert len(hashes) == len(tails)
+    assert not {"life_cycles", "safety_factor"} & set(study(lasting, HEAD, 4, "", FACTORS[:2]).outputs)
+
+
+REFUSED = {
+    "[life]\ncycles = 1e6": "amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero",
+    "[life]\namplitude_x_um = 1e9": "life.amplitude_x_um = 1000000000.0, expected <= 100000",
+    "[life]\namplitude_x_um = nan": "life.amplitude_x_um = nan, expected",
+    "[life]\namplitude_x_um = 3.0\nratio = 1.0": "life.ratio = 1.0, expected <= 0.99",
+    "[life]\namplitude_x_um = 3.0\nratio = -2.0": "life.ratio = -2.0, expected >= -1",
+    "[life]\namplitude_x_um = 3.0\ncycles = 0.0": "life.cycles = 0.0, expected > 0",
+    "[life]\namplitude_x_um = 3.0\nnotch_sensitivity = 1.1": "life.notch_sensitivity = 1.1, expected <= 1",
+    "[life]\namplitude_x_um = 3.0\nmean_um = 1.0": "unknown key",
+}
+
+
+@pytest.mark.parametrize(("tail", "said"), REFUSED.items())
+def test_an_impossible_question_on_lives_is_refused_with_its_line(lasting: Any, tail: str, said: str) -> None:
+    with pytest.raises(BadInput, match=re.escape(said)) as refused:
+        study(lasting, HEAD, 4, tail, FACTORS[:2])
+    assert re.match(r".*study\.toml, line \d+: life", str(refused.value)) and "\n" not in str(refused.value)
+
+
+def test_lives_are_asked_of_models_and_materials_that_have_them(lasting: Any, studies: Any) -> None:
+    with pytest.raises(BadInput, match='no life with model = "three_dimensional"'):
+        study(lasting, 'model = "three_dimensional"\n', 4, LIFE, FACTORS[:2])
+    with pytest.raises(BadInput, match="coefficient_mpa, expected a number that answers depend on"):
+        study(lasting, HEAD, 4, "", FACTORS)
+    (studies.folder / "stage.toml").write_text(toml_text(GENERIC))
+    with pytest.raises(BadInput, match=r"line \d+: life, on the base stage: .*coefficient_mpa is missing") as refused:
+        study(studies, HEAD, 4, LIFE, FACTORS[:2])
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("head", [HEAD, 'model = "fe"\n'])
+def test_constants_that_no_material_has_together_are_refused_by_every_model(lasting: Any, head: str) -> None:
+    strong = 'key = "material.yield_strength_mpa"\nvalues = [3000.0]'
+    loaded = study(lasting, head, 1, LIFE, (strong,))
+    rows = answer(loaded, 0, 1)
+    assert rows.status[0] == "refused" and "fatigue_strength_coefficient" in rows.reason[0]
+    assert "expected 0.5 to 50 of" in rows.reason[0]
+
+
+def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any) -> None:
+    """A stress of 411 MPa is yield; the law is assumed to hold from 1e3 to 1e6 cycles."""
+    amplitudes = {900.0: "life by elastic stress, beyond yield", 20.0: "life extrapolated, outside the cycles"}
+    for amplitude, said in amplitudes.items():
+        loaded = study(lasting, HEAD, 3, f"[life]\namplitude_x_um = {amplitude}", FACTORS[:1])
+        rows = answer(loaded, 0, 3)
+        assert all(status == "ok" and reason.startswith(said) for status, reason in zip(*rows[:2], strict=True))
+    loaded = study(lasting, HEAD, 3, "[life]\namplitude_x_um = 560.0", FACTORS[:1])
+    rows = answer(loaded, 0, 3)
+    found = columns(loaded, rows)
+    assert list(rows.reason) == [""] * 3, (found["life_cycles"], found["safety_factor"])
