@@ -19,6 +19,7 @@ from flexfem.study.loaded import load_study
 from flexfem.verify.fixture import read_fixture
 
 ROOT = Path(__file__).parent.parent
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("*/README.md"), *ROOT.glob("docs/*.md")]
 MANIFEST = ROOT / "docs/figures.json"
 SEEN = 5e-3  # of a number: less is a pixel or two
 
@@ -59,10 +60,19 @@ def stale(figure, sources):
 
 def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
     manifest = json.loads(MANIFEST.read_text())
-    pages = "".join(page.read_text() for page in [*ROOT.glob("*.md"), *ROOT.glob("*/README.md")])
-    shown = set(re.findall(r"docs/([\w-]+\.png)", pages))
-    assert shown == {path.name for path in (ROOT / "docs").glob("*.png")} == set(manifest)
+    linked = {(page.parent / link).resolve() for page in PAGES for link in links(page) if link.endswith(".png")}
+    assert linked == set((ROOT / "docs").glob("*.png")) == {ROOT / "docs" / name for name in manifest}
     assert [line for figure, sources in manifest.items() for line in stale(figure, sources)] == []
+
+
+def links(page):
+    """Targets of the links and pictures of a page that are files, without the heading that they lead to."""
+    found = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text())]
+    return [link for link in found if link and "://" not in link]
+
+
+def test_every_link_of_a_page_leads_to_a_file():
+    assert [f"{page.name}: {link}" for page in PAGES for link in links(page) if not (page.parent / link).exists()] == []
 
 
 def test_a_figure_of_other_numbers_or_another_input_is_stale():

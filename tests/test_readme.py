@@ -14,7 +14,7 @@ from flexfem.analytic.model import analyse
 from flexfem.stage.schema import load_stage
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text()
+PAGES = "\n".join(page.read_text() for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))])
 AXES = ("x", "y", "theta")
 ROUND_OFF = 1e-11  # per cent; what the page promises of its zeros
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
@@ -26,12 +26,12 @@ def accepted(stem):
 
 def table(header):
     """Cells of the lines below the line of a Markdown table's names."""
-    lines = README.partition(f"{header}\n")[2].splitlines()[1:]
+    lines = PAGES.partition(f"{header}\n")[2].splitlines()[1:]
     found = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return found[: next(k for k, line in enumerate(lines) if not line.startswith("|"))]
 
 
-def prose(pattern, page=README):
+def prose(pattern, page=PAGES):
     """Numbers of the one sentence that has a pattern, where `N` is a number and blanks are any white space."""
     (found,) = re.findall(re.escape(pattern).replace("N", f"({NUMBER})").replace(r"\ ", r"\s+"), page)
     return [found] if isinstance(found, str) else list(found)
@@ -55,6 +55,14 @@ def test_the_table_of_errors_is_what_verify_printed():
                 require_shown(cell.split(" ± "), (percent, band))
             else:
                 assert cell == "0" and abs(percent) < ROUND_OFF and band <= 1e-8
+
+
+def test_the_short_table_of_the_front_page_is_what_verify_printed():
+    rows = table("| model of the stage | X (Figure 5) | Y (Figure 6) | theta (Figure 7) |")
+    assert [row[0] for row in rows] == ["mobility three", "mobility six"]
+    for model, *cells in rows:
+        found = [accepted(f"fig{figure}")["result"]["error_percent"][model] for figure in (5, 6, 7)]
+        require_shown(cells, [percent[axis] for axis, percent in zip(AXES, found, strict=True)])
 
 
 def test_the_table_of_joints_commanded_is_what_verify_printed():
@@ -178,7 +186,7 @@ def test_what_the_page_says_of_alternatives_is_what_claims_printed():
     off = [found[key]["across"][axis] for key in found for axis in AXES if "off the centre" in key[0]]
     require_shown(prose("linear triangles, of N to N % from a"), [f(w for w in off if w > 0.1) for f in (min, max)])
     joints, strokes = (f"{what} commanded instead of the platform" for what in ("joints", "strokes"))
-    assert less == {joints} and f"({len(rows) - len(rows) % 10} rows of" in README
+    assert less == {joints} and f"({len(rows) - len(rows) % 10} rows of" in PAGES
     six, three = (found[joints, mobility] for mobility in (6, 3))
     shown = prose("platform (N for N % along in X and Y, N for N % in theta; across N for N %)")
     both = [(part, axis) for part, axis in (("along", "x"), ("along", "theta"), ("across", "x"))]
@@ -213,8 +221,8 @@ def test_what_large_displacements_change_is_what_workspace_printed():
 
 def test_what_the_drive_reaches_is_what_reach_says():
     found = flexfem.reach(flexfem.load(ROOT / "geometry/mobility6.toml"), resolution=None).ranges
-    (said,) = re.findall(r"X reaches ± ([\d.]+) um and Y ± ([\d.]+) um with the others at zero", README)
-    (free,) = re.findall(r"± ([\d.]+) and ± ([\d.]+) um with them free, theta ± ([\d.]+) mrad", README)
+    (said,) = re.findall(r"X reaches ± ([\d.]+) um and Y ± ([\d.]+) um with the others at zero", PAGES)
+    (free,) = re.findall(r"± ([\d.]+) and ± ([\d.]+) um with them free, theta ± ([\d.]+) mrad", PAGES)
     assert said == tuple(f"{1e3 * found[axis].held.high:.1f}" for axis in ("x", "y"))
     assert free == (
         *(f"{1e3 * found[axis].free.high:.1f}" for axis in ("x", "y")),
@@ -237,7 +245,7 @@ def test_the_first_numbers_of_the_changelog_and_the_printed_regression_line_are_
 
 def test_the_sizes_of_the_reference_meshes_are_those_solved():
     models = accepted("fig5")["result"]["models"]
-    found = re.search(r"reference stages \((\d+),(\d+) and (\d+),(\d+) unknowns\)", README)
+    found = re.search(r"reference stages \((\d+),(\d+) and (\d+),(\d+) unknowns\)", PAGES)
     assert [int("".join(found.group(k, k + 1))) for k in (1, 3)] == [
         models[name]["unknowns"] for name in ("mobility six", "mobility three")
     ]

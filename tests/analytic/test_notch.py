@@ -164,11 +164,11 @@ def test_unknown_formula_is_refused_with_the_names() -> None:
         formula("paros")
 
 
-def test_the_readme_counts_the_formulas_that_differ() -> None:
+def test_the_pages_count_the_formulas_that_differ() -> None:
     """Equal in all three freedoms wherever both have a value: one formula in different algebra."""
     found = [entry.compliance(2.3, np.array([0.07, 0.9]), 8.0, 68e3, 0.29, 11.0) for entry in FORMULAS.values()]
     alike = [sum(np.allclose(one, other, rtol=1e-6, atol=0) for other in found) for one in found]
     same, others = max(alike), alike.count(1)
     assert same + others == len(FORMULAS) == 9
     said = f"Nine hinge formulas with source and range: {same} that are one beam integral in different algebra"
-    assert f"{said}, and {others} others" in (Path(__file__).parents[2] / "README.md").read_text()
+    assert f"{said}, and {others} others" in (Path(__file__).parents[2] / "docs/how-it-works.md").read_text()

@@ -123,7 +123,7 @@ def test_every_make_target_that_a_page_names_exists():
     makefile = (ROOT / "Makefile").read_text()
     targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
     assert targets[0] == "install"  # what plain make does
-    pages = [*ROOT.glob("*.md"), *ROOT.glob("*/README.md"), ROOT / "pyproject.toml", ROOT / "Makefile"]
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), ROOT / "pyproject.toml", ROOT / "Makefile"]
     named = {name for page in pages for name in re.findall(r"(?:`|    )make ([a-z][a-z-]+)", page.read_text())}
     assert {"test-all", "reproduce-figures"} <= named <= set(targets)
 

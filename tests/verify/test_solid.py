@@ -157,7 +157,7 @@ def test_a_budget_measures_what_three_dimensions_change(name: str, points: float
     if name == "mobility6":
         bands = solid_part.band
         cells = [f"{getattr(solid_part.points[axis], axis):+.3f} ± {bands[axis]:.3f}" for axis in ("x", "y", "theta")]
-        assert f"| outside it: three dimensions | {' | '.join(cells)} |" in (ROOT / "README.md").read_text()
+        assert f"| outside it: three dimensions | {' | '.join(cells)} |" in (ROOT / "docs/budget.md").read_text()
 
 
 def test_a_plane_budget_measures_nothing_in_three_dimensions() -> None:
