@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted((ROOT / "flexfem").rglob("*.py"))
@@ -25,6 +28,13 @@ def test_every_file_that_is_named_exists() -> None:
             if not named.startswith(MADE) and not any((place / named).exists() for place in where):
                 lost.add(f"{page.relative_to(ROOT)}: {named}")
     assert lost == set()
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
+def test_nothing_that_is_ignored_is_kept_by_git() -> None:
+    """A link `.venv` that is kept takes the place of the folder of that name wherever the commit is checked out."""
+    listed = ["git", "ls-files", "--cached", "--ignored", "--exclude-standard"]
+    assert subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout == ""
 
 
 @cache
