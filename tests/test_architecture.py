@@ -28,6 +28,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("models",),
     ("api", "study_answers"),
     ("reports", "studies"),
+    ("page",),
     ("commands",),
     ("__main__",),
 )
