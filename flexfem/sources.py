@@ -26,6 +26,7 @@ from flexfem.refused import SourcesChanged
 
 PACKAGE = Path(__file__).parent
 CHANGED = 3  # exit code of a child
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
 CHECKED_HASH = b"\3\0\0\0"  # flags of bytecode that Python takes only for a source of the hash that follows (PEP 552)
 _expected: dict[str, str] = {}  # of a child; empty in a process that nobody guards
 

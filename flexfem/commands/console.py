@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import math
-import multiprocessing
 import os
 import signal
 import sys
@@ -197,21 +196,31 @@ def now_and_then(description: str, every: int = 50) -> Callable[[int, int], None
 @contextmanager
 def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
     """Yield a `map` that works in processes of its own, by default one a processor; plain `map` where that is one."""
+    import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
+
+    from flexfem.study.worker import no_interrupt
 
     count = workers or min(processors(), MOST)
     if count == 1:
         yield map
         return
     pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin)
+
+    def started(*tasks: Any) -> Iterator[Any]:
+        with no_interrupt():
+            return pool.map(*tasks)
+
     try:
-        yield pool.map
+        yield started
     finally:
         pool.shutdown(cancel_futures=True)
 
 
 def _begin() -> None:
     """Leave Ctrl-C to the command, and end when it has ended, however it did."""
+    import multiprocessing
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
 

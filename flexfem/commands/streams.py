@@ -16,11 +16,22 @@ from typing import Any
 from flexfem.refused import SourcesChanged
 
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
+IMPORTER = "<frozen importlib._bootstrap>"  # of what Python imports with
+LOOK, PATIENCE = 0.02, 2.0  # s between two looks whether an import is over, and how long it may take
 ENDING = 5.0  # s that a stopped command has to end in order, before the next signal ends it at once
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asks the command to stop; its exit code is 128 and the signal's number."""
+    """A signal asks the command to stop; its exit code is 128 and the signal's number.
+
+    said : what is said of it, in one line.
+    """
+
+    said = "stopped"
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.code = 128 + number
 
 
 class Plain:
@@ -92,14 +103,16 @@ def plain_streams() -> Iterator[None]:
 
 
 @contextmanager
-def stoppable() -> Iterator[list[int]]:
+def stoppable() -> Iterator[list[Stopped]]:
     """Raise Stopped at the first signal to stop; later ones wait until the command has ended, or `ENDING` s.
 
-    Yields the numbers of signals that have come.
+    A library that is being imported is imported first: broken off, it prints what it likes, or goes on in pieces.
+
+    Yields a list that has what was raised.
     """
-    numbers: list[int] = []
+    raised: list[Stopped] = []
     if threading.current_thread() is not threading.main_thread():
-        yield numbers
+        yield raised
         return
     asked: list[float] = []
 
@@ -108,8 +121,15 @@ def stoppable() -> Iterator[list[int]]:
             os._exit(128 + number)
         if not asked:
             asked.append(time.monotonic())
-            numbers.append(number)
-            raise Stopped(number)
+            raised.append(Stopped(number))
+            end(number, frame)
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if sys.platform != "win32" and _imports(frame) and time.monotonic() - asked[0] < PATIENCE:
+            signal.signal(signal.SIGALRM, end)
+            signal.setitimer(signal.ITIMER_REAL, LOOK)
+        else:
+            raise raised[0]
 
     taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
     before = {number: signal.getsignal(number) for number in taken}
@@ -117,11 +137,18 @@ def stoppable() -> Iterator[list[int]]:
         if before[number] is not signal.SIG_IGN:  # nohup, and jobs in the background of a shell
             signal.signal(number, stop)
     try:
-        yield numbers
+        yield raised
     finally:
         if not asked:  # else they stay, until the process is gone
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a frame is run for an import."""
+    while frame is not None and frame.f_code.co_filename != IMPORTER:
+        frame = frame.f_back
+    return frame is not None
 
 
 def reason_of(error: BaseException) -> str:

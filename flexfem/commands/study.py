@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem import studies
+from flexfem.commands.streams import Stopped
 from flexfem.refused import BadInput
-from flexfem.study.worker import ONE_THREAD
+from flexfem.sources import ONE_THREAD
 
 if TYPE_CHECKING:
     from flexfem.study.parts import Parts, Shard
@@ -98,8 +99,8 @@ def _say_lost(lost: list[Path], folder: Path) -> None:
 def _resumable(parts: Parts) -> Iterator[None]:
     try:
         yield
-    except KeyboardInterrupt:
-        _note(f"stopped; what is done is kept in {parts.folder}, the same command goes on")
+    except Stopped as stop:
+        stop.said = f"stopped; what is done is kept in {parts.folder}, the same command goes on"
         raise
 
 

@@ -21,9 +21,8 @@ from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 from typing import Any
 
 from flexfem.clock import Stopwatch
-from flexfem.sources import child_command
+from flexfem.sources import ONE_THREAD, child_command
 
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 STOPPED = 60.0  # s, after which a worker that somebody has stopped is given up
 LOADING = 300.0  # s for a new worker to import what a task needs, on a busy machine or from a slow disk
 BEGUN = "begun"  # what a worker says when it has a task in hand: its limit counts from then
@@ -96,7 +95,7 @@ class Worker:
 
 
 def _started() -> Popen[bytes]:
-    with _no_interrupt():
+    with no_interrupt():
         return Popen(
             child_command("flexfem.study.worker"), stdin=PIPE, stdout=PIPE, stderr=DEVNULL, env=os.environ | ONE_THREAD
         )
@@ -129,8 +128,8 @@ def _is_stopped(pid: int) -> bool:
 
 
 @contextmanager
-def _no_interrupt() -> Iterator[None]:
-    """Let what is started here not see Ctrl-C before it is told to ignore it: the runner does, and ends it."""
+def no_interrupt() -> Iterator[None]:
+    """Let processes that are started here not see Ctrl-C before they ignore it: who starts them does, and ends them."""
     if sys.platform == "win32":
         yield
         return

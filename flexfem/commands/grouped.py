@@ -1,0 +1,35 @@
+"""The list of commands in `flexfem --help`, by what people want."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.core import TyperGroup
+
+GROUPS = {
+    "Start": ("new", "check", "view", "summary"),
+    "Ask a stage": ("stiffness", "solve", "formulas"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Drive and reach": ("command", "workspace"),
+    "Vibration, heat and life": ("modes", "drift", "life"),
+    "Measure": ("experiment", "identify"),
+    "Many designs": ("study", "design"),
+    "Pass on": ("export", "mesh", "report", "schema"),
+    "Check and trust": ("benchmark", "cross-check", "regression", "baseline"),
+}
+OTHERS = "Other commands"
+SENTENCE = 400  # letters, of which a longer one shows the first
+
+
+class GroupedCommands(TyperGroup):
+    """A group whose help has its commands in sections."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the sections, each command with its first sentence."""
+        names = self.list_commands(ctx)
+        known = {name for group in GROUPS.values() for name in group}
+        for title, group in {**GROUPS, OTHERS: [name for name in names if name not in known]}.items():
+            rows = [(name, self.commands[name].get_short_help_str(SENTENCE)) for name in group if name in names]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
