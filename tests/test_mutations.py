@@ -51,6 +51,13 @@ class Mutation(NamedTuple):
 
 MUTATIONS = [
     Mutation(
+        "a library broken off by Ctrl-C while it is imported",
+        "_imports",
+        "frame.f_code.co_filename != IMPORTER",
+        "True",
+        "test_a_stop_waits_for_the_import_that_is_going_on",
+    ),
+    Mutation(
         "numbers accepted without a reason",
         "baseline",
         "not isinstance(reason, str) or not reason.strip()",
