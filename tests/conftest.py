@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import shutil
 import sys
 from collections.abc import Callable, Mapping
@@ -10,6 +11,9 @@ from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+# Read when numpy is loaded: matrices are small here, and threads that wait for work take the processor from others.
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 import pytest
