@@ -30,8 +30,8 @@ class Page:
 
 def html_of(page: Page) -> str:
     """The page as the text of a file."""
-    scripts = [_source("page.js"), *dict.fromkeys(each.script for each in page.sections if each.script)]
-    styles = [_source("page.css"), *dict.fromkeys(each.style for each in page.sections if each.style)]
+    scripts = [file_text("page.js"), *dict.fromkeys(each.script for each in page.sections if each.script)]
+    styles = [file_text("page.css"), *dict.fromkeys(each.style for each in page.sections if each.style)]
     return str(
         markup(
             "page.html",
@@ -53,7 +53,7 @@ def policy(scripts: Sequence[str]) -> str:
     )
 
 
-def _source(name: str) -> str:
+def file_text(name: str) -> str:
     """A file beside the templates as it is."""
     loader = templates().loader
     assert loader is not None
