@@ -578,8 +578,8 @@ MUTATIONS = [
     Mutation(
         "pushes that go with the body further out turn the wrong way",
         "_opening",
-        "-swing[:, None] * _a",
-        "swing[:, None] * _a",
+        "(-swing, chain.turn)",
+        "(swing, chain.turn)",
         "test_exact_equilibrium_and_tangent_are_those_of_the_energy_in_closed_form",
     ),
     Mutation(

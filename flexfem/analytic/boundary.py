@@ -15,6 +15,7 @@ the linear system that is solved here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from flexfem.stage.outline import Segment
 PLACES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of the nodes in an element from -1 to 1: Gauss's, none at a corner
 SHARES = np.array([5.0, 8.0, 5.0]) / 18  # their weights, per length of the element
 SHAPES = np.linalg.inv(np.vander(PLACES, increasing=True))  # from nodal values to coefficients of powers
+KEPT = 64  # answers, of some 50 kB: designs that differ elsewhere have the same platform, and one stage asks repeatedly
 FAR = 10.0  # unit of length in the logarithm, per size of the body: no hole then has the radius at which it is singular
 
 
@@ -66,7 +68,7 @@ def _halved(segment: Segment, size: Callable[[complex], float], turn: float) -> 
 def displacements(
     boundary: Boundary, tractions: AnyArray, held: NDArray[np.bool_], poissons_ratio: float, copies: int = 1
 ) -> AnyArray:
-    """Displacements (copies, n, k) times shear modulus, complex, of the nodes under k loads.
+    """Displacements (copies, n, k) times shear modulus, complex, read-only, of the nodes under k loads.
 
     Parameters
     ----------
@@ -79,6 +81,24 @@ def displacements(
     In each copy's own frame the equations are the same, so a discrete Fourier transform parts them: with x_d in copy d,
     `x_d = sum_m w^(m d) (sum_e w^(m e) A_e)^-1 b / copies`, w the root of unity, A_e what copy e does to the first.
     """
+    given = (np.ascontiguousarray(each, dtype=complex).tobytes() for each in (*boundary, tractions))
+    return _displacements(*given, np.asarray(held, dtype=bool).tobytes(), float(poissons_ratio), copies)
+
+
+@lru_cache(KEPT)
+def _displacements(
+    start: bytes, end: bytes, tractions: bytes, held: bytes, poissons_ratio: float, copies: int
+) -> AnyArray:
+    """As `displacements`, which gives arrays by their bytes; read-only."""
+    boundary, fixed = Boundary(np.frombuffer(start, complex), np.frombuffer(end, complex)), np.frombuffer(held, bool)
+    moved = _solved(boundary, np.frombuffer(tractions, complex).reshape(len(fixed), -1), fixed, poissons_ratio, copies)
+    moved.setflags(write=False)
+    return moved
+
+
+def _solved(
+    boundary: Boundary, tractions: AnyArray, held: NDArray[np.bool_], poissons_ratio: float, copies: int
+) -> AnyArray:
     single, double = _system(boundary, poissons_ratio, copies)
     clamped = np.concatenate([held, held])
     load = np.where(clamped[:, None], 0.0, _split(tractions))

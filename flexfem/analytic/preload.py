@@ -228,8 +228,8 @@ def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArra
     pivot, push = np.sum(on * (origin + spun * of.pivot)), of.push * np.sum(along * spun)
     here = v + 1j * chain.turn * pivot
     rate, swing = (np.conj(push) * here).real, of.sign * (np.conj(push) * 1j * here).real
-    turned = chain.turn[:, None] * swing if of.on_far else -swing[:, None] * chain.turn
-    return of.sign * (of.far - of.near) * rate, (1 - of.near)[:, None] * of.far * turned
+    nearer, farther = (chain.turn, swing) if of.on_far else (-swing, chain.turn)
+    return of.sign * (of.far - of.near) * rate, np.outer((1 - of.near) * nearer, of.far * farther)
 
 
 def _both(upper: Array) -> Array:
