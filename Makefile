@@ -5,6 +5,7 @@ BIN := .venv/bin
 FLEXFEM := $(BIN)/flexfem
 SETUP := .venv/installed
 TEST_SETUP := .venv/installed-for-tests
+DOCS_SETUP := .venv/installed-for-docs
 
 CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
@@ -15,7 +16,7 @@ PLOT_CODE := $(wildcard flexfem/plot/*.py)
 OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
 
-.PHONY: install help reproduce-figures full-report test test-slow test-all check baselines regression studies chart bench clean
+.PHONY: install help reproduce-figures full-report test test-slow test-all check docs baselines regression studies chart bench clean
 .DELETE_ON_ERROR:
 
 install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
@@ -65,6 +66,10 @@ test-all: test test-slow ## all tests
 check: $(TEST_SETUP) ## ruff and mypy
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
+docs: $(DOCS_SETUP) ## the documentation, executed as it is built, into build/docs
+	@$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo "documentation: build/docs/index.html"
+
 regression: $(SETUP) ## compare what reports print with what was accepted, tests/baselines (a minute)
 	@$(FLEXFEM) regression tests/baselines
 
@@ -78,7 +83,7 @@ bench: $(TEST_SETUP) ## measure, as ratios in one run
 	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
 clean: ## remove results, figures and caches; .venv stays
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info docs/gallery docs/jupyter_execute
 	find reports -mindepth 1 ! -name README.md -delete
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
@@ -92,4 +97,9 @@ $(SETUP): pyproject.toml
 $(TEST_SETUP): $(SETUP)
 	@echo "installing what the tests need"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,test]'
+	@touch $@
+
+$(DOCS_SETUP): $(SETUP)
+	@echo "installing what the documentation needs"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,docs]'
 	@touch $@

@@ -1,8 +1,9 @@
-"""How far does a stage reach when its elbow necks are thinner, and what stiffness does that cost?
+"""
+Thinner elbow necks
+===================
 
-    python examples/thin_neck.py [FILE.png]
-
-Answers by the analytic model with elastic links for eleven necks, by finite elements for two of them.
+How far does a stage reach when its elbow necks are thinner, and what stiffness does that cost? Answers by the analytic
+model with elastic links for eleven necks, by finite elements for two of them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from matplotlib import pyplot
 
 import flexfem
 
-STAGE = Path(__file__).parents[1] / "geometry" / "mobility6.toml"
+STAGE = Path("../geometry/mobility6.toml")
 
 
 def compare(file: str | Path | None = None, resolution: int = 8) -> list[tuple[float, float, float]]:
@@ -44,7 +45,6 @@ def compare(file: str | Path | None = None, resolution: int = 8) -> list[tuple[f
         figure.supxlabel(f"assumed dimensions: {len(stage.assumed)} numbers of {STAGE.name}", fontsize=8, color="0.4")
     if file:
         figure.savefig(file, dpi=120)
-    pyplot.close(figure)
     return rows
 
 

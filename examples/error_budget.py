@@ -1,0 +1,29 @@
+"""
+Where does the error come from?
+===============================
+
+The error of the paper's model in X, split into shares that add up to it, for necks of 0.2 and of 0.5 mm. Thin necks
+are what formula (2) was made for; with thick ones it is most of the error. Dimensions are assumed.
+"""
+
+from matplotlib import pyplot
+
+import flexfem
+
+stage = flexfem.load("../geometry/mobility6.toml")
+necks = (0.2, 0.5)
+found = [flexfem.budget(stage.replace(neck=neck), resolution=4, three_dimensional=False) for neck in necks]
+
+figure, axes = pyplot.subplots(2, 1, figsize=(9, 6), layout="constrained", sharex=True)
+for ax, neck, budget in zip(axes, necks, found, strict=True):
+    flexfem.plot.plot_budget(ax, budget, "x")
+    ax.set_title(f"all necks {neck} mm", loc="left")
+
+# %%
+# The numbers, in percentage points of the command:
+
+for neck, budget in zip(necks, found, strict=True):
+    split = budget.split["x"]
+    print(f"necks {neck} mm: {split.total.x:.2f} ± {split.band:.2f} in all")
+    for share in split.shares:
+        print(f"    {share.points.x:+7.2f}  {share.name}")

@@ -1,0 +1,28 @@
+"""
+Which frame for an aluminium stage?
+===================================
+
+A gradient of 1 K/mm across the stage moves the platform in proportion to the difference of two expansions, of the metal
+and of its frame. Left, the stage on a steel frame, displacements exaggerated; right, over the expansion of the frame.
+Dimensions and coefficients are assumed.
+"""
+
+from matplotlib import pyplot
+
+import flexfem
+
+stage = flexfem.load("../geometry/mobility6.toml")
+figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+flexfem.plot.plot_drift(left, flexfem.drift_fields(stage, resolution=4), "gradient in x")
+
+frames = {"invar": 1.3e-6, "titanium": 8.6e-6, "steel": 12e-6, "brass": 19e-6, "aluminium": 23.6e-6}
+moved = {}
+for name, expansion in frames.items():
+    of = stage.replace(frame={"expansion": expansion})
+    moved[name] = 1e3 * flexfem.drift(of, resolution=None).cases["gradient in x"].analytic.pose[0]
+right.plot([1e6 * each for each in frames.values()], list(moved.values()), "o-", color="0.2")
+for name, expansion in frames.items():
+    right.annotate(name, (1e6 * expansion, moved[name]), xytext=(-6, 6), textcoords="offset points", ha="right")
+right.set(xlabel="expansion of the frame (µm/(m K))", ylabel="X per gradient along X (µm per K/mm)")
+right.set_xlim(-3, 26)
+right.grid(color="0.9")

@@ -1,0 +1,37 @@
+"""
+Which metal goes farthest?
+==========================
+
+The range at yield of one drawing, cut from each of the registered metals: what is strong for its modulus goes
+far. By the analytic model with calibrated hinges and elastic links; dimensions are assumed.
+"""
+
+from matplotlib import pyplot
+
+import flexfem
+
+stage = flexfem.load("../geometry/mobility6.toml")
+found = {}
+for name in flexfem.materials():
+    model = flexfem.analyse(stage.replace(material=name), formula="calibrated", links=True)
+    found[name] = (1e3 * model.range_at_yield[0], model.stiffness[0, 0])
+
+figure, ax = pyplot.subplots(figsize=(8, 4.8), layout="constrained")
+ax.scatter(*zip(*found.values(), strict=True), color="0.2", zorder=3)
+for name, at in found.items():
+    ax.annotate(name, at, xytext=(7, -3), textcoords="offset points", fontsize=9)
+ax.set(
+    xlabel="range at yield in X (µm)",
+    ylabel="stiffness in X (N/mm)",
+    xlim=(0, 1.35 * max(x for x, _ in found.values())),
+)
+ax.grid(color="0.9")
+
+# %%
+# And how many times, of those whose fatigue constants are known, it goes to 320 µm and back:
+
+for name, metal in flexfem.materials().items():
+    if metal.fatigue_strength_coefficient:
+        life = flexfem.life(stage.replace(material=name), [0.16, 0, 0], ratio=0.0, resolution=None)
+        neck = life.analytic.necks[life.analytic.first]
+        print(f"{name:16} {neck.cycles:.2g} cycles, the {neck.hinge} hinge first", *life.warnings, sep="\n    ")
