@@ -27,11 +27,15 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",
     "outside",
+    "docstrings",
 ]
 extensions += [path.stem for path in sorted((ROOT / "docs/_ext").glob("generate_*.py"))]
-exclude_patterns = ["_build", "gallery/**/*.ipynb", "gallery/**/*.md5", "gallery/**/*.py", "gallery/**/*.json"]
-suppress_warnings = ["toc.empty_glob", "config.cache"]
-nitpicky = False
+exclude_patterns = [
+    "_ext",
+    "jupyter_execute",
+    *(f"gallery/*.{suffix}" for suffix in ("ipynb", "py", "zip", "json", "md5")),
+]
+suppress_warnings = ["config.cache", "ref.python"]  # attributes of several classes have one name
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
@@ -43,7 +47,7 @@ nb_merge_streams = True
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "undoc-members": False}
+autodoc_default_options = {"members": True, "exclude-members": "model_config, model_copy, kind"}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 python_use_unqualified_type_names = True

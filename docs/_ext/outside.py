@@ -1,7 +1,8 @@
-"""Links to pages beside the code, as a Git forge follows them, lead to the page here that shows them."""
+"""Links that a Git forge follows out of docs/ lead to the page here that shows the same; absent pages are left out."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from docutils import nodes
@@ -9,32 +10,35 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 SHOWN = {
-    "README.md": "front",
-    "CONVENTIONS.md": "conventions",
-    "CHANGELOG.md": "changelog",
-    "geometry/README.md": "files/stages",
-    "cases/README.md": "files/cases",
+    "README": "front",
+    "CONVENTIONS": "conventions",
+    "CHANGELOG": "changelog",
+    "geometry/README": "files/stages",
+    "cases/README": "files/cases",
 }
 
 
 def lead_inside(app: Sphinx, doctree: nodes.document) -> None:
-    """Turn downloads of such pages into links to documents."""
+    """Turn links to such files into links to documents."""
     root = Path(app.srcdir).parent
-    for node in list(doctree.findall(addnodes.download_reference)):
-        found = (Path(app.srcdir) / node["reftarget"].lstrip("/")).resolve()
-        beside = (Path(doctree["source"]).parent / node["reftarget"]).resolve()
-        for place in (beside, found):
-            name = str(place.relative_to(root)) if place.is_relative_to(root) else ""
-            if name in SHOWN:
-                link = addnodes.pending_xref(
-                    refdomain="std", reftype="doc", refexplicit=True, refwarn=True, refdoc=app.env.docname,
-                    reftarget=f"/{SHOWN[name]}",
-                )  # fmt: skip
-                link += nodes.inline("", node.astext(), classes=["doc"])
-                node.replace_self(link)
-                break
+    for node in doctree.findall(addnodes.pending_xref):
+        if node.get("reftype") == "myst":
+            target = str(node["reftarget"]).removesuffix(".md")
+            shown = SHOWN.get(target.removeprefix(f"{root.as_posix()}/"))
+            if shown:
+                node["refdomain"], node["reftarget"], node["reftargetid"] = "doc", shown, None
+
+
+def leave_out(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Drop from the index what is not there: pages that are made by others, or not yet."""
+    if docname == "index":
+        pages = re.compile(r"^[\w/*-]+\n", re.MULTILINE)
+        source[0] = pages.sub(
+            lambda page: page[0] if any(Path(app.srcdir).glob(f"{page[0].strip()}.*")) else "", source[0]
+        )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("doctree-read", lead_inside)
+    app.connect("source-read", leave_out)
     return {"parallel_read_safe": True}
