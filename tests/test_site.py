@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import runpy
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -38,6 +41,50 @@ def test_every_public_name_is_documented_once_and_says_what_it_is():
     assert sorted(listed) == sorted({*names, "study.table", *(f"plot.{name}" for name in flexfem.plot.__all__)})
     for name in names:
         assert (getattr(flexfem, name).__doc__ or "").strip(), name
+
+
+def blocks(page, language):
+    """Code of a page in one language, block by block."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)
+
+
+def shell(text, folder, **variables):
+    """Exit code, and what is printed, of lines as a reader types them."""
+    bin_ = str(Path(sys.executable).parent)
+    where = {"PATH": f"{bin_}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    run = subprocess.run(
+        ["bash", "-ec", text], cwd=folder, env={**os.environ, **where, **variables}, capture_output=True, text=True
+    )
+    return run.returncode, run.stdout + run.stderr
+
+
+@pytest.mark.slow
+def test_the_page_on_continuous_integration_does_what_it_says(tmp_path):
+    first, every = blocks("docs/howto/lab-ci.md", "bash")
+    (workflow,) = blocks("docs/howto/lab-ci.md", "yaml")
+    for line in every.splitlines():
+        assert f"run: {line}\n" in workflow
+    assert shell("git init -q . && flexfem new mine.toml --case", tmp_path)[0] == 0
+    assert shell(first, tmp_path)[0] == 0
+    code, said = shell(every, tmp_path)
+    assert code == 0, said
+    stage = tmp_path / "mine.toml"
+    stage.write_text(stage.read_text().replace("thickness_mm = 10.0", "thickness_mm = 9.0"))
+    code, said = shell(every, tmp_path)
+    assert code == 1 and "thickness_mm was 10.0, is 9.0" in said
+
+
+@pytest.mark.slow
+def test_the_page_on_clusters_runs_a_study_in_two_tasks(tmp_path):
+    job, after = (text.replace("/shared/reports", "shared") for text in blocks("docs/howto/cluster.md", "bash"))
+    assert shell("flexfem new mine.toml --study", tmp_path)[0] == 0
+    for task in "12":
+        slurm = {"CPUS_PER_TASK": "1", "ARRAY_TASK_ID": task, "ARRAY_TASK_COUNT": "2"}
+        code, said = shell(job, tmp_path, **{f"SLURM_{name}": value for name, value in slurm.items()})
+        assert code == 0, said
+    exports = "\n".join(line for line in job.splitlines() if line.startswith("export"))
+    code, said = shell(f"{exports}\n{after}", tmp_path)
+    assert code == 0 and "256 ok" in said, said
 
 
 @pytest.mark.slow
