@@ -520,6 +520,13 @@ MUTATIONS = [
         "test_a_gradient_moves_unlike_chains_further_as_finite_elements_say",
     ),
     Mutation(
+        "unlike pads strained as like ones are",
+        "_warmed",
+        "edges[factor][:, k]",
+        "edges[1.0][:, k]",
+        "test_on_nearly_straight_chains_the_clamped_edges_decide_whether_a_gradient_moves_unlike_ones_further",
+    ),
+    Mutation(
         "finite elements per 100 K for per kelvin",
         "heat_response",
         "stage_expansion * shape",

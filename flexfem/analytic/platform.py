@@ -89,7 +89,7 @@ def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     """
     neck, hinge, hub = necks(stage, chain)[2], stage.hinge(chain, "platform"), stage.platform.hub_radius
     left, right = (body_sides(stage, chain, side)[3] for side in (1, -1))
-    size, spin = element_size(stage, neck, hinge), cmath.exp(1j * CHAIN_TURN)
+    size, spin = element_size(stage.chain.link_width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
     rim, circle = Segment(right[-1].end, left[-1].end * spin, 0j), Segment(hub + 0j, hub * spin.conjugate(), 0j)
     parts = [
         divided([Segment(left[0].start, right[0].start)], size, TURN),
@@ -118,7 +118,7 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     edge, back = complex(end, -width / 2), complex(end, width / 2)
     sides = [*right, *polyline(right[-1].end, edge)], [*polyline(back, left[-1].end), *reverse(left)]
     paths = [[Segment(left[0].start, right[0].start)], sides[0], [Segment(edge, back)], sides[1]]
-    boundary, part = joined([divided(path, element_size(stage, neck, hinge), TURN) for path in paths])
+    boundary, part = joined([divided(path, element_size(width, neck, hinge), TURN) for path in paths])
     near = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
     moment, pull, across = beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
     loads = near - np.stack([moment, pull, across - end * moment], axis=-1)
@@ -130,12 +130,12 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     return np.asarray((block - beam) / (E * stage.thickness))
 
 
-def element_size(stage: Stage, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
-    """Largest elements, mm, by their place, on a body with a neck at a pose."""
+def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
+    """Largest elements, mm, by their place, on a body as wide as the link with a neck at a pose."""
 
     def size(point: complex) -> float:
         away = max(0.0, abs(point - pose.point) - hinge.neck / 2)
-        return min(COARSEST * stage.chain.link_width, ACROSS * hinge.neck + GROWTH * away)
+        return min(COARSEST * width, ACROSS * hinge.neck + GROWTH * away)
 
     return size
 

@@ -13,32 +13,39 @@ import numpy as np
 from flexfem.analytic.boundary import displacements, divided
 from flexfem.analytic.platform import TURN, beam_stress, element_size, joined
 from flexfem.arrays import AnyArray, Array
-from flexfem.stage.bodies import body_sides, necks
+from flexfem.stage.bodies import necks, notch_side
 from flexfem.stage.cache import once
 from flexfem.stage.designs import CHAIN_TURN, elastic
-from flexfem.stage.outline import Pose, Segment, reverse
-from flexfem.stage.schema import CHAINS, Stage
+from flexfem.stage.outline import Pose, Segment, polyline, reverse
+from flexfem.stage.schema import CHAINS, Hinge, Stage
 
 CORNER, GROWTH = 1 / 100, 0.5  # sizes of elements at the clamped corners, per link width, and per distance from them
 
 
 @once
-def edge_motions(stage: Stage) -> Array:
+def edge_motions(stage: Stage, wider: float = 1.0) -> Array:
     """Motions (3 chains, 3, 3 cases) of the platform, hinges at rest, by what strains and bows the clamped edges.
 
     Per expansion of the frame beyond the stage's: by 1 K, 1 K/mm along x, 1 K/mm along y about the platform's centre.
+
+    Parameters
+    ----------
+    wider : factor on the necks of the base hinges.
 
     Notes
     -----
     From the middle z of the edge of a pad along e, at z + i e eta, the free fields `z`, `z^2/2`, `-i z^2/2` of x + iy
     differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e eta)^2/2` and `i (e eta)^2/2`.
     """
-    found = {stage.hinge(chain, "base"): _of_pad(stage, chain) for chain in reversed(CHAINS)}
+    width, metal = stage.chain.link_width, stage.material
+    nu = float(elastic(stage.model, metal.youngs_modulus, metal.poissons_ratio).poissons_ratio)
+    hinges = [stage.hinge(chain, "base") for chain in CHAINS]
+    found = {each: _of_pad(each.model_copy(update={"neck": wider * each.neck}), width, nu) for each in set(hinges)}
     motions = np.zeros((3, 3, 3))
-    for k, chain in enumerate(CHAINS):
-        hinge, neck = stage.hinge(chain, "base"), necks(stage, chain)[0]
+    for k, (chain, hinge) in enumerate(zip(CHAINS, hinges, strict=True)):
+        neck = necks(stage, chain)[0]
         e = cmath.exp(1j * (neck.heading + k * CHAIN_TURN))
-        z = neck.ahead(-hinge.radius - stage.chain.link_width).point * cmath.exp(1j * k * CHAIN_TURN)
+        z = neck.ahead(-hinge.radius - width).point * cmath.exp(1j * k * CHAIN_TURN)
         bow = np.array([0.0, -e, 1j * e])  # in the pad's own directions
         along, across, turn = found[hinge] @ np.stack([[1.0, z.real, z.imag], bow.real, bow.imag])
         moved = e * (along + 1j * across) - 1j * turn * z
@@ -46,29 +53,29 @@ def edge_motions(stage: Stage) -> Array:
     return motions
 
 
-def _of_pad(stage: Stage, chain: int) -> Array:
+def _of_pad(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
     """Motion (3, 3) of the neck behind which a pad is clamped, seen at the middle of the edge: along, across, turn.
 
     The edge's own displacements, eta to the left from its middle, are: eta along itself; eta^2/2 ahead; eta^2/2 along.
     """
-    neck, hinge, width = necks(stage, chain)[0], stage.hinge(chain, "base"), stage.chain.link_width
-    left, right = (body_sides(stage, chain, side)[0] for side in (1, -1))
-    edge, end = Segment(left[0].start, right[0].start), Segment(right[-1].end, left[-1].end)
-    size = element_size(stage, neck, hinge)
+    neck, middle = Pose(0j, 0.0), -hinge.radius - width + 0j
+    corners = middle + 0.5j * width, middle - 0.5j * width
+    walls = [notch_side(neck, hinge, width, side)[0] for side in (1, -1)]
+    left, right = ([*polyline(c, wall[0].start), *wall] for c, wall in zip(corners, walls, strict=True))
+    edge, end = Segment(*corners), Segment(right[-1].end, left[-1].end)
+    size = element_size(width, neck, hinge)
 
     def sizes(point: complex) -> float:
         away = min(abs(point - edge.start), abs(point - edge.end))
         return min(size(point), CORNER * width + GROWTH * away)
 
     boundary, part = joined([divided(path, sizes, TURN) for path in ([edge], right, [end], reverse(left))])
-    middle, e = (edge.start + edge.end) / 2, cmath.exp(1j * neck.heading)
-    outward = np.repeat(-1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start) / e, 3)
-    nu = float(elastic(stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio).poissons_ratio)
-    field, traction = _fields((boundary.nodes - middle) / e, outward, nu)
-    moved = e * field + displacements(boundary, -e * traction, part == 0, nu)[0]
-    stress = beam_stress(Pose(neck.point, neck.heading), hinge.neck, boundary.nodes, part == 2)
+    outward = np.repeat(-1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start), 3)
+    field, traction = _fields(boundary.nodes - middle, outward, poissons_ratio)
+    moved = field + displacements(boundary, -traction, part == 0, poissons_ratio)[0]
+    stress = beam_stress(neck, hinge.neck, boundary.nodes, part == 2)
     turn, along, across = ((np.conj(stress) * boundary.weights[:, None]).T @ moved).real
-    return np.stack([along, across - abs(neck.point - middle) * turn, turn])
+    return np.stack([along, across + middle.real * turn, turn])
 
 
 def _fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:

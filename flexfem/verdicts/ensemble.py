@@ -21,21 +21,16 @@ from flexfem.study.columns import Column
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.sampling import INSIDE, at_quantile, monte_carlo
 from flexfem.verdicts.claims import SIDES, LoadedClaims, Side
+from flexfem.verdicts.evidence import Metal
 
 Watch = Callable[[int, int], object]  # is told how many of how many stages are seen to
-
-
-class Metal(NamedTuple):
-    """n stages and the compliance (n, 3, 3) of their metal: calibrated hinges; pads, links and platform elastic."""
-
-    designs: Designs
-    compliance: Array
 
 
 class Population(NamedTuple):
     """The stages of an ensemble that can be judged.
 
-    values : (n, columns), file units.   three, six : the stages of each pair.
+    values : (n, columns), file units.
+    three, six : the stages of each pair; their metal by calibrated hinges and elastic pads, links and platforms.
     drawn : pairs.   infeasible : of these, one of the two cannot be made.   off_chart : has a hinge off the chart.
     """
 
@@ -48,8 +43,7 @@ class Population(NamedTuple):
 
     def of_rows(self, rows: AnyArray) -> Population:
         """Only some of the judged pairs, by a mask (n,)."""
-        three, six = (Metal(of.designs.chosen(rows), of.compliance[rows]) for of in (self.three, self.six))
-        return self._replace(values=self.values[rows], three=three, six=six)
+        return self._replace(values=self.values[rows], three=self.three.of_rows(rows), six=self.six.of_rows(rows))
 
 
 class OneSide(NamedTuple):
@@ -73,7 +67,7 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
     Raises BadInput where there is none.
     """
     values, sides = drawn_values(loaded), {side: side_of(loaded, side) for side in SIDES}
-    kept, bodies, off_chart = list[int](), list[list[Array]](), 0
+    kept, pairs, bodies, off_chart = list[int](), list[list[Stage]](), list[list[Array]](), 0
     for index, row in enumerate(values):
         watch(index, len(values))
         try:
@@ -87,6 +81,7 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
         except BadInput:
             continue
         kept.append(index)
+        pairs.append(pair)
     if not kept:
         raise bad_key(
             loaded.path,
@@ -95,21 +90,25 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
             "made and judged, expected ranges that some can be made in",
         )
     three, six = (
-        metal_of(designs_of(varied, values[kept][:, places]), np.array([pair[k] for pair in bodies]))
+        metal_of(
+            tuple(pair[k] for pair in pairs),
+            designs_of(varied, values[kept][:, places]),
+            np.array([pair[k] for pair in bodies]),
+        )
         for k, (varied, places) in enumerate(sides.values())
     )
     return Population(values[kept], three, six, len(values), len(values) - len(kept) - off_chart, off_chart)
 
 
-def metal_of(designs: Designs, bodies: Array) -> Metal:
-    """The metal of n designs with the compliances (n, 9, 9) of their bodies."""
+def metal_of(stages: tuple[Stage, ...], designs: Designs, bodies: Array) -> Metal:
+    """The metal of n stages, also given as designs, with the compliances (n, 9, 9) of their bodies."""
     hinges = hinge_compliances(designs, CALIBRATED)
-    return Metal(designs, inverse(at_rest(designs, hinges, freedoms_of(21), bodies).stiffness))
+    return Metal(stages, designs, bodies, inverse(at_rest(designs, hinges, freedoms_of(21), bodies).stiffness))
 
 
 def metal_of_stage(stage: Stage) -> Metal | None:
     """The metal of one stage, n = 1, as in an ensemble; None where it is off the chart."""
-    return metal_of(lower(stage), body_compliance(stage)[None]) if _on_chart(stage) else None
+    return metal_of((stage,), lower(stage), body_compliance(stage)[None]) if _on_chart(stage) else None
 
 
 def answered(designs: Designs, formula: str) -> AnyArray:

@@ -10,29 +10,52 @@ from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.model import at_rest, hinge_compliances
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.designs import Designs
+from flexfem.stage.schema import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import error_matrix
+
+
+class Metal(NamedTuple):
+    """n stages and the compliances of their metal: (n, 3, 3) of the whole, (n, 9, 9) of pads, links and platform."""
+
+    stages: tuple[Stage, ...]
+    designs: Designs
+    bodies: Array
+    compliance: Array
+
+    def of_rows(self, rows: AnyArray) -> Metal:
+        """Only some of the stages, by their places or by a mask (n,)."""
+        stages = tuple(self.stages[place] for place in np.arange(len(self.stages))[rows])
+        return Metal(stages, self.designs.chosen(rows), self.bodies[rows], self.compliance[rows])
 
 
 class ModelErrors(NamedTuple):
     """n stages with the mobility the paper models them with.
 
-    stiffness, compliance : (n, 3, 3), of the model and of the metal.   percent : (n, 3, 3), error under the force of
-        (18), column j for command j.   band : (n, 3, 3), of the mesh; None where there is none.
+    stiffness : (n, 3, 3), of the model.   percent : (n, 3, 3), error of the metal under the force of (18), column j for
+        command j.   band : (n, 3, 3), of the mesh; None where there is none.
     """
 
-    designs: Designs
+    metal: Metal
     mobility: int
     formula: str
     stiffness: Array
-    compliance: Array
     percent: Array
     band: Array | None = None
 
     def of_rows(self, rows: AnyArray) -> ModelErrors:
         """Only some of the stages, by their places or by a mask (n,)."""
-        parts = {name: getattr(self, name)[rows] for name in ("stiffness", "compliance", "percent")}
-        return self._replace(designs=self.designs.chosen(rows), **parts)
+        return self._replace(metal=self.metal.of_rows(rows), stiffness=self.stiffness[rows], percent=self.percent[rows])
+
+    @property
+    def designs(self) -> Designs:
+        """Of the metal."""
+        return self.metal.designs
+
+    @property
+    def compliance(self) -> Array:
+        """Of the metal (n, 3, 3)."""
+        return self.metal.compliance
 
     @property
     def lever(self) -> Array:
@@ -59,12 +82,11 @@ class Evidence(NamedTuple):
         return self.three.designs.alike and self.six.designs.alike
 
 
-def modelled(designs: Designs, mobility: int, formula: str, compliance: Array) -> ModelErrors:
-    """The errors of a model on n stages of which the compliance (n, 3, 3) of the metal is known."""
-    K = stiffness_of(designs, mobility, formula)
-    return ModelErrors(
-        designs, mobility, formula, K, compliance, error_matrix(K, compliance, designs.link_lengths[:, 2])
-    )
+def modelled(metal: Metal, mobility: int, formula: str) -> ModelErrors:
+    """The errors of a model on n stages."""
+    K = stiffness_of(metal.designs, mobility, formula)
+    percent = error_matrix(K, metal.compliance, metal.designs.link_lengths[:, 2])
+    return ModelErrors(metal, mobility, formula, K, percent)
 
 
 def stiffness_of(designs: Designs, mobility: int, formula: str) -> Array:

@@ -32,7 +32,9 @@ from flexfem.verify.errors import error_matrix
 # How far calibrated hinges and elastic links are from finite elements, percentage points: of 20 pairs of the shipped
 # ensemble an error at worst by 0.064 (median 0.004), mobility three less six by 0.003, theta less X by 0.027.
 METAL, BETWEEN_STAGES, BETWEEN_COMMANDS = 0.07, 0.004, 0.03
-RIGID_LINKS = 0.003  # where a gradient moves unlike chains hardly further; of 22 pairs elastic links differ by 0.0026
+# Of pairs in which a gradient moves unlike chains hardly further: off by 0.0009 at worst of 12 from meshes of 24
+# triangles across a neck, which themselves are 0.001 from those of 18.
+GRADIENTS = 0.001
 SEVERAL = 100  # stages of an ensemble for what takes long
 OTHER = ~np.eye(3, dtype=bool)
 
@@ -214,6 +216,6 @@ MEASURES: dict[str, Measure] = {
     "second-order": Measure(second_order, said_second_order, most=SEVERAL),
     "second-order-error": Measure(second_order_of_error, said_second_order_of_error),
     "minimum-energy": Measure(minimum_energy, said_minimum_energy, argument=arguments.LEAST_ENERGY),
-    "temperature-gradient": Measure(temperature_gradient, said_temperature_gradient, slack=RIGID_LINKS),
+    "temperature-gradient": Measure(temperature_gradient, said_temperature_gradient, slack=GRADIENTS),
     "measured-stiffness": Measure(_softer, _said_softer, slack=METAL, by_formula=True),
 }

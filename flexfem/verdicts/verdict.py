@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flexfem.analytic.formulas import formulas
+from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
@@ -18,7 +19,7 @@ from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
 from flexfem.verdicts.claims import Claim, LoadedClaims, load_claims
 from flexfem.verdicts.ensemble import Population, Watch, answered, metal_of_stage, populate
-from flexfem.verdicts.evidence import Evidence, ModelErrors, modelled
+from flexfem.verdicts.evidence import Evidence, Metal, ModelErrors, modelled
 from flexfem.verdicts.measures import MEASURES
 from flexfem.verdicts.records import ClaimsReport, EnsembleRange, EnsembleReport, Verdict
 from flexfem.verdicts.shares import (
@@ -49,6 +50,7 @@ class _Grounds:
         self.loaded, self.solve, self.population = loaded, solve, population
         self.reference = functools.cache(self._reference)
         self.drawn = functools.cache(self._drawn)
+        self.over = functools.cache(self._over)
 
     def _reference(self, formula: str) -> Evidence | None:
         """Evidence on the two stages of the file; None where the formula has no answer for them.
@@ -77,9 +79,13 @@ class _Grounds:
         if not rows.any():
             return None
         those = self.population.of_rows(rows)
-        three = modelled(those.three.designs, 3, formula, those.three.compliance)
-        six = modelled(those.six.designs, 6, formula, those.six.compliance)
+        three, six = modelled(those.three, 3, formula), modelled(those.six, 6, formula)
         return those, Evidence(three, six, self.loaded.claims.amplitude)
+
+    def _over(self, measure: str, formula: str) -> Array | None:
+        """Values (n, k) of the pairs of the ensemble; None where the formula has an answer for none."""
+        drawn, of = self.drawn(formula), MEASURES[measure]
+        return None if drawn is None else of.values(drawn[1].first(of.most))
 
     @property
     def doubts(self) -> str:
@@ -129,7 +135,8 @@ def errors_of_model(stage: Stage, mobility: int, solve: Solve, formula: str = DE
     K, lever = analyse(stage, mobility, formula).stiffness, stage.chain.link_lengths[2]
     found = np.array([solve(stage, level).response.compliance for level in levels(RESOLUTION)])
     percent, band = error_bands(K, found, levels(RESOLUTION), lever)
-    return ModelErrors(lower(stage), mobility, formula, K[None], found[-1][None], percent[None], band[None])
+    metal = Metal((stage,), lower(stage), body_compliance(stage)[None], found[-1][None])
+    return ModelErrors(metal, mobility, formula, K[None], percent[None], band[None])
 
 
 def _verdicts(grounds: _Grounds) -> list[Verdict]:
@@ -157,9 +164,9 @@ def _verdict(claim: Claim, grounds: _Grounds) -> Verdict:
     if not shares:
         alone = "; on these dimensions alone, with no ensemble of stages" if measure.dimensional else ""
         return Verdict(**about, verdict=own, found=found + alone)
-    drawn = grounds.drawn(DEFAULT_FORMULA)
-    assert drawn is not None
-    over, names = measure.values(drawn[1].first(measure.most)), tuple(each.said for each in grounds.loaded.columns)
+    drawn, over = grounds.drawn(DEFAULT_FORMULA), grounds.over(claim.measure, DEFAULT_FORMULA)
+    assert drawn is not None and over is not None
+    names = tuple(each.said for each in grounds.loaded.columns)
     depends = dependence_of(claim, over, numbers_of(names, drawn[0]))
     said = said_of(shares, depends, over, measure.by_formula)
     return Verdict(**about, verdict=ruling(shares[0]), found=found, ensemble=said, shares=shares, depends=depends)
@@ -169,13 +176,12 @@ def _shares(claim: Claim, grounds: _Grounds, own: Array) -> list[StageShare]:
     """Shares by hinge formula, the paper's first; that alone where the values do not follow it. Empty without it."""
     measure, found = MEASURES[claim.measure], list[StageShare]()
     for formula in in_order(formulas()) if measure.by_formula else (DEFAULT_FORMULA,):
-        drawn, share = grounds.drawn(formula), None
-        if drawn is not None:
+        over, share = grounds.over(claim.measure, formula), None
+        if over is not None:
             values: Array | None = own
             if formula != DEFAULT_FORMULA:
                 reference = grounds.reference(formula)
                 values = None if reference is None else measure.values(reference)[0]
-            over = measure.values(drawn[1].first(measure.most))
             share = share_of(claim, measure, over, Own(formula, values, grounds.in_range(formula)))
         if share is not None:
             found.append(share)
@@ -209,7 +215,7 @@ def _metal_off(grounds: _Grounds) -> float | None:
     metals = [metal_of_stage(side) for side in sides]
     assert on is not None
     off = [
-        np.max(np.abs(modelled(metal.designs, of.mobility, of.formula, metal.compliance).percent - of.percent))
+        np.max(np.abs(modelled(metal, of.mobility, of.formula).percent - of.percent))
         for metal, of in zip(metals, (on.three, on.six), strict=True)
         if metal is not None
     ]

@@ -103,7 +103,7 @@ def test_unlike_platforms_have_their_own_compliance(project):
 
 def test_errors_of_a_batch_are_those_of_each_stage(few):
     _, found = few
-    of = modelled(found.six.designs, 6, "koster", found.six.compliance)
+    of = modelled(found.six, 6, "koster")
     for row, lever in enumerate(found.values[:, L3]):
         expected = error_matrix(of.stiffness[row], found.six.compliance[row], float(lever))
         np.testing.assert_allclose(of.percent[row], expected, atol=1e-9)
@@ -156,7 +156,7 @@ def test_a_linear_protocol_of_a_three_fold_symmetric_stage_couples_no_translatio
 def test_forces_leave_no_error_across_and_joint_commands_one_between_x_and_y(few):
     """Random three-fold symmetric stages: translation and rotation never, X and Y where joints are commanded."""
     loaded, found = few
-    of = modelled(found.three.designs, 3, "paros-weisbord", found.three.compliance)
+    of = modelled(found.three, 3, "paros-weisbord")
     assert np.max(np.abs(of.percent[:, ~np.eye(3, dtype=bool)])) < 1e-8
 
     varied, places = side_of(loaded, "three")
@@ -182,7 +182,7 @@ def test_the_metal_of_an_ensemble_is_that_of_finite_elements():
     found = populate(loaded)
     off = []
     for side, metal, mobility in (("three", found.three, 3), ("six", found.six, 6)):
-        of = modelled(metal.designs, mobility, "paros-weisbord", metal.compliance)
+        of = modelled(metal, mobility, "paros-weisbord")
         varied, places = side_of(loaded, side)
         stages = [stage_of(varied, row[places]) for row in found.values[:4]]
         solved = np.array([solve_stage(stage, 8).response.compliance for stage in stages])
@@ -192,7 +192,7 @@ def test_the_metal_of_an_ensemble_is_that_of_finite_elements():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 77])
+@pytest.mark.parametrize("seed", [1, 5, 11, 77])
 def test_another_seed_gives_the_same_verdicts(seed):
     from flexfem.verdicts.verdict import measure_claims
     from tests.verify.test_claims import DEPEND, EXPECTED, analytic_stand_in
