@@ -416,10 +416,10 @@ MUTATIONS = [
     ),
     Mutation(
         "bars bow towards their warmer side",
-        "growth",
-        "turn = -across",
-        "turn = across",
-        "test_a_bar_gets_longer_and_bows_away_from_its_warmer_side",
+        "misfits",
+        "[none, y, -x]",
+        "[none, -y, x]",
+        "test_loops_open_by_the_displacement_of_the_ground_in_a_warm_body",
     ),
     Mutation(
         "a body warms in one direction only",
@@ -548,11 +548,11 @@ MUTATIONS = [
         "test_a_gradient_has_an_arrow_to_where_it_is_warmer_and_clamped_edges_move",
     ),
     Mutation(
-        "the gradient about the start of a piece",
-        "growth",
-        "middle = (_a + _b) / 2",
-        "middle = (_b - _a) / 2",
-        "test_a_bar_gets_longer_and_bows_away_from_its_warmer_side",
+        "bars that grow by a gradient as their warmer end does",
+        "misfits",
+        "(x**2 + y**2) / 2",
+        "x**2 + y**2",
+        "test_loops_open_by_the_displacement_of_the_ground_in_a_warm_body",
     ),
     Mutation(
         "plane strain without 1 + nu",

@@ -1,10 +1,7 @@
-"""Thermal drift by the pseudo-rigid model: links that grow and bow, base hinges that the frame carries along.
+"""Thermal drift by the pseudo-rigid model: chains that grow and bow, base hinges that the frame carries along.
 
-A straight piece of length L along e, from a to b, at the temperature dT + g . r grows by `alpha T_m L`, T_m that of
-its middle, and bows by `theta = -alpha L g . n`, n at right angles to its left: the warmer side gets longer. Chain by
-chain the pieces frame, pad, link 1, link 2 and platform close a loop from the platform's centre over ground and hinges
-back to it. What does not fit, t_i, the hinges and elastic links take up: with the wrenches w_i of the chains on the
-platform
+A chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
+difference t_i the hinges and elastic links take up: with the wrenches w_i of the chains on the platform
 
     U = t_i + c_i w_i + sum_j B_ij w_j,    sum_i w_i = 0.
 
@@ -135,32 +132,17 @@ def drift(
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
     """Displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its hinges at rest.
 
-    Of a warm body they do not depend on the path: the pieces of a chain grow by what one from the platform's centre to
-    the ground does.
+    Notes
+    -----
+    A free body has, per expansion and by 1 K, 1 K/mm along x and along y, at z = x + iy the displacements z, `z^2/2`
+    and `-i z^2/2` and the turns 0, y and -x. As rigid motions of the ground they are `(x, y, 0)`, `(r^2/2, 0, y)` and
+    `(0, r^2/2, -x)` at the platform's centre, whatever the path of the chain.
     """
     centres, axes = designs.frames
     pad = designs.radius[:, :, 0] + designs.link_width[:, None]
     ground = centres[:, :, 0] - pad[..., None] * direction(axes[:, :, 0])
-    origin = np.zeros_like(ground)
+    x, y = np.moveaxis(ground, -1, 0)
+    none, half = np.zeros_like(x), (x**2 + y**2) / 2
+    grown = np.array([[x, half, none], [y, none, half], [none, y, -x]])
     further = (frame_expansion - stage_expansion)[:, None, None, None]  # zero, not round-off, where they are the same
-    return np.asarray(further * growth(origin, ground, origin))
-
-
-def growth(start: Array, end: Array, at: Array) -> Array:
-    """Displacements (..., 3, 3 cases) of a body about `at` by a straight piece that it hangs on, per expansion, K mm.
-
-    Parameters
-    ----------
-    start, end : (..., 2), mm, of the piece; its start stays.   at : (..., 2), mm.
-    """
-    along = end - start
-    left = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-    middle = (start + end) / 2
-    warm = np.concatenate([np.ones((*middle.shape[:-1], 1)), middle], axis=-1)  # temperature of the middle, by case
-    across = np.concatenate([np.zeros((*left.shape[:-1], 1)), left], axis=-1)  # gradient along left, times L, by case
-    turn = -across
-    moved = along[..., None] * warm[..., None, :] + left[..., None] * turn[..., None, :] / 2
-    arm = at - end
-    moved[..., 0, :] -= arm[..., 1, None] * turn
-    moved[..., 1, :] += arm[..., 0, None] * turn
-    return np.concatenate([moved, turn[..., None, :]], axis=-2)
+    return np.asarray(further * np.moveaxis(grown, (0, 1), (2, 3)))
