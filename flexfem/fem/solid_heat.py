@@ -24,7 +24,7 @@ from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, tie_hub
 from flexfem.fem.sectors import Sector, joined
 from flexfem.fem.solid import Solid, solid
-from flexfem.fem.solid_response import refuse_unknowns, spin_of, turned_solid
+from flexfem.fem.solid_response import refuse_unknowns, spin_of, turned_solid, whole_fields
 from flexfem.fem.turns import under_loads
 from flexfem.refused import ComputationFailed
 from flexfem.stage.designs import chain_rotation
@@ -57,10 +57,7 @@ class WarmHalf(NamedTuple):
     @property
     def fields(self) -> Array:
         """As `sector_fields`, of all nodes of `mesh`."""
-        fields = np.empty((3, len(self.mesh.nodes), *self.sector_fields[0].shape[2:]))
-        for chain, (place, field) in enumerate(zip(self.places, under_loads(self.sector_fields), strict=True)):
-            fields[:, place] = turned_solid(field, chain)
-        return fields
+        return whole_fields(len(self.mesh.nodes), self.places, under_loads(self.sector_fields))
 
 
 def free_solid(points: Array, layers: Layers) -> Array:

@@ -26,7 +26,7 @@ from flexfem.fem.response import rigid_motion, tie_hub
 from flexfem.fem.sectors import Sector, joined
 from flexfem.fem.solid import DEGREE as STIFFNESS
 from flexfem.fem.solid import Solid, solid
-from flexfem.fem.solid_response import refuse_unknowns, spin_of, turned_solid
+from flexfem.fem.solid_response import refuse_unknowns, spin_of, whole_fields
 from flexfem.stage.designs import CHAIN_TURN
 
 
@@ -80,12 +80,7 @@ class SolidModes(NamedTuple):
     def field(self, number: int) -> Array:
         """Displacements (n, m, 3) of all nodes of `mesh` at all heights in one mode, counted from 0."""
         parts = self.equations.fields(self.shapes[..., number].T)
-        if len(parts) == 1:
-            return np.asarray(parts[0])
-        found = np.empty((len(self.mesh.nodes), *parts.shape[2:]))
-        for chain, (place, part) in enumerate(zip(self.places, parts, strict=True)):
-            found[place] = turned_solid(part, chain)
-        return found
+        return np.asarray(parts[0]) if len(parts) == 1 else whole_fields(len(self.mesh.nodes), self.places, parts)
 
 
 def solid_modes(

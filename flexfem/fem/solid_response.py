@@ -5,13 +5,14 @@ Of three alike chains one sector is solved, condensed onto its cuts; chains that
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.fem.cyclic import CyclicResponse, condense_alike, settle, sums, tie_sector
 from flexfem.fem.factor import factorise
 from flexfem.fem.layers import Layers
@@ -41,10 +42,16 @@ class SolidResponse(CyclicResponse):
     def fields(self) -> Array:
         """Displacements (3 loads, n, m, 3), mm, of all nodes of `mesh` at all heights."""
         mesh, places = self._welded
-        fields = np.empty((3, len(mesh.nodes), len(self.layers.heights), 3))
-        for chain, (place, field) in enumerate(zip(places, under_loads(self.sector_fields), strict=True)):
-            fields[:, place] = turned_solid(field, chain)
-        return fields
+        return whole_fields(len(mesh.nodes), places, under_loads(self.sector_fields))
+
+
+def whole_fields(nodes: int, places: list[Index], parts: Sequence[Array] | Array) -> Array:
+    """Vectors (..., nodes, m, 3) of a whole mesh, by those of each chain's sector in its own frame."""
+    *before, _, heights, axes = parts[0].shape
+    found = np.empty((*before, nodes, heights, axes))
+    for chain, (place, part) in enumerate(zip(places, parts, strict=True)):
+        found[..., place, :, :] = turned_solid(part, chain)
+    return found
 
 
 def turned_solid(values: Array, chain: int) -> Array:

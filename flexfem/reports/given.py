@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -38,6 +39,17 @@ def model_of(mobility: int | None, formula: str | None, links: bool) -> tuple[in
 def finest_of(resolution: int | None, least: int = 2) -> int | None:
     """The resolution of the finite elements, None where they are left out. Raises BadInput."""
     return None if resolution is None else arguments.resolution(resolution, least)
+
+
+def meshed_solid(
+    resolution: int | None, layers: int | None, least: int = 4, usual: int = SOLID_RESOLUTION
+) -> tuple[int, int]:
+    """Triangles across every neck, from `least`, and layers in half the thickness, from 3; None takes the usual ones.
+
+    Raises BadInput.
+    """
+    finest = arguments.resolution(usual if resolution is None else resolution, least)
+    return finest, arguments.layers(LAYERS if layers is None else layers, 3)
 
 
 def solver(progress: Progress | None = None) -> Callable[[Stage, int], Solved]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from flexfem import arguments
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
-from flexfem.reports.given import RESOLUTION, Progress, finest_of, model_of
+from flexfem.reports.given import RESOLUTION, Progress, finest_of, meshed_solid, model_of
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify import drift as verify_drift
@@ -83,8 +81,5 @@ def drift_fields_solid(
 ) -> SolidDriftFields:
     """As `drift_solid`, with displacement and von Mises stress of all nodes by case."""
     check_feasible(stage)
-    finest = arguments.resolution(
-        SOLID_RESOLUTION if resolution is None else resolution, verify_solid_drift.LEAST_RESOLUTION
-    )
-    through = arguments.layers(LAYERS if layers is None else layers, 3)
+    finest, through = meshed_solid(resolution, layers, verify_solid_drift.LEAST_RESOLUTION)
     return verify_solid_drift.solid_drift(stage, finest, through, progress)

@@ -11,13 +11,12 @@ from flexfem import arguments
 from flexfem.api import solve
 from flexfem.arrays import Array
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import load_case
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.files.refusals import checked_path
 from flexfem.refused import BadInput
-from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION, PathLike
+from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION, PathLike, meshed_solid
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify.answers import LoadReport, report_load
@@ -83,8 +82,7 @@ def under_load_solid(
         As `under_load`, for a stage of any model.
     """
     target, load, held = _load_and_file(force, displacement, vtu)
-    finest = arguments.resolution(SOLID_RESOLUTION if resolution is None else resolution, 4)
-    count = arguments.layers(LAYERS if layers is None else layers, 3)
+    finest, count = meshed_solid(resolution, layers)
     check_feasible(stage)
     response = solve_solid(stage, finest, count)
     if held is not None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from flexfem import arguments
-from flexfem.fem.mesh import LAYERS
 from flexfem.refused import BadInput
-from flexfem.reports.given import LARGEST_PAYLOAD, MOST_MODES, RESOLUTION, Progress
+from flexfem.reports.given import LARGEST_PAYLOAD, MOST_MODES, RESOLUTION, Progress, meshed_solid
 from flexfem.stage.drives import drive_of
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
@@ -115,8 +114,7 @@ def vibration_solid(
     mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, PAYLOAD)
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
     about_diameter = least if tilting is None else arguments.between("tilting", tilting, least, most, FLAT)
-    finest = arguments.resolution(verify_solid_modes.RESOLUTION if resolution is None else resolution, 4)
-    through = arguments.layers(LAYERS if layers is None else layers, 3)
+    finest, through = meshed_solid(resolution, layers, usual=verify_solid_modes.RESOLUTION)
     carried = verify_modes.payload_of(mass, inertia, about_diameter)
     return verify_solid_modes.solid_natural_modes(stage, wanted, carried, finest, through, progress)
 
