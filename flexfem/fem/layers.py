@@ -79,9 +79,10 @@ def mirrored(thickness: float, number: int, surface: float, faces_held: bool = F
     return layered(bounds, (0, 2 * number) if faces_held else (0,), 2)
 
 
-def layers_of(stage: Stage, number: int) -> Layers:
-    """Layers for a stage: graded for its narrowest neck."""
-    return mirrored(stage.thickness, number, float(stage.array("neck").min()))
+def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
+    """Layers for a stage, graded for its narrowest neck, and for motion in the plane unless it is antisymmetric."""
+    found = mirrored(stage.thickness, number, float(stage.array("neck").min()))
+    return found.antisymmetric if antisymmetric else found
 
 
 def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:

@@ -5,7 +5,8 @@ The material is the metal's own and both faces are free, whatever plane problem 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import eigh
@@ -27,6 +28,7 @@ from flexfem.verify.energy import RelativeError
 from flexfem.verify.errors import ROUND_OFF, SAFETY, compliance_bands, levels, mesh_band
 
 MODEL = "three_dimensional"
+Found = TypeVar("Found")
 
 
 class SolidLevels(NamedTuple):
@@ -79,9 +81,16 @@ def solid_levels(stage: Stage, resolution: int, layers: int) -> SolidLevels:
     The errors of the mesh in the plane and of the layers hardly depend on each other: each is seen where the other is
     coarse, and the five solutions cost less than the one that they are of.
     """
-    planes, counts = levels(resolution), levels(layers)
-    meshed = np.array([solve_solid(stage, level, 1).compliance for level in planes])
-    return SolidLevels(meshed, *(solve_solid(stage, planes[0], count).compliance for count in counts[1:]))
+    planes, (few, many) = coarser(lambda level, count: solve_solid(stage, level, count).compliance, resolution, layers)
+    return SolidLevels(np.array(planes), few, many)
+
+
+def coarser(
+    solve: Callable[[int, int], Found], resolution: int, layers: int
+) -> tuple[list[Found], tuple[Found, Found]]:
+    """What bounds `solve(resolution, layers)`: one layer on three meshes, and two numbers of layers on the coarsest."""
+    planes, (_, fewer, most) = levels(resolution), levels(layers)
+    return [solve(level, 1) for level in planes], (solve(planes[0], fewer), solve(planes[0], most))
 
 
 def solid_bands(stage: Stage, resolution: int, layers: int) -> SolidBands:

@@ -24,7 +24,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify.drift import expansion_of, frame_expansion_of, pose_bands, sources_of, warnings_of
 from flexfem.verify.errors import ROUND_OFF, SAFETY, levels
 from flexfem.verify.result import Matrix, OfStage, Record, about
-from flexfem.verify.solid import held_faces
+from flexfem.verify.solid import coarser, held_faces
 
 SolidCase: TypeAlias = Literal["uniform", "gradient in x", "gradient in y", "gradient in z"]
 CASES: tuple[SolidCase, ...] = get_args(SolidCase)
@@ -159,7 +159,7 @@ def _case(stage: Stage, of: _Solved, at: int, beyond: float, sheet: list[float] 
 
 
 def _solved(stage: Stage, meshes: dict[int, tuple[Sector, ...]], layers: int, antisymmetric: bool) -> _Solved:
-    """Solve one half, and bound it as `solid.solid_bands`: by one layer on three meshes, by layers on the coarsest.
+    """Solve one half, and bound it as `solid.solid_bands`.
 
     Notes
     -----
@@ -169,16 +169,13 @@ def _solved(stage: Stage, meshes: dict[int, tuple[Sector, ...]], layers: int, an
     """
 
     def solved(level: int, number: int) -> WarmHalf:
-        each = layers_of(stage, number)
-        return warm_half(meshes[level], sheet_of(stage), each.antisymmetric if antisymmetric else each)
+        return warm_half(meshes[level], sheet_of(stage), layers_of(stage, number, antisymmetric))
 
-    coarsest, *_, finest = meshes
-    lever = stage.chain.link_lengths[2]
+    finest, lever = max(meshes), stage.chain.link_lengths[2]
     scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
-    meshed = scale * np.array([solved(level, 1).pose for level in meshes])
-    few, many = (scale * solved(coarsest, number).pose for number in levels(layers)[1:])
-    plane = pose_bands(np.array(list(meshes), dtype=float), meshed, 1.0)
-    return _Solved(solved(finest, layers), plane / scale, layer_bands(few, many) / scale)
+    meshed, layered = coarser(lambda *sizes: scale * solved(*sizes).pose, finest, layers)
+    plane = pose_bands(np.array(list(meshes), dtype=float), np.array(meshed), 1.0)
+    return _Solved(solved(finest, layers), plane / scale, layer_bands(*layered) / scale)
 
 
 def layer_bands(few: Array, many: Array) -> Array:

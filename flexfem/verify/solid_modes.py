@@ -33,7 +33,7 @@ from flexfem.verify import warning
 from flexfem.verify.errors import SAFETY, levels
 from flexfem.verify.modes import HERTZ, KILOGRAM, uncertainty
 from flexfem.verify.result import OfStage, Record, Uncertainty, about
-from flexfem.verify.solid import held_faces
+from flexfem.verify.solid import coarser, held_faces
 
 Kind: TypeAlias = Literal["in plane", "out of plane"]
 KINDS: tuple[Kind, Kind] = ("in plane", "out of plane")
@@ -197,16 +197,14 @@ def _frequencies(
     antisymmetric: bool,
     count: int,
 ) -> HalfFrequencies:
-    """Notes: as `solid.solid_bands`, by one layer on three meshes and by the last numbers of layers on the coarsest."""
+    """Modes of one half, and frequencies on what bounds them."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
 
     def solved(level: int, number: int) -> SolidModes:
-        each = layers_of(stage, number)
-        return solid_modes(meshes[level], plate, each.antisymmetric if antisymmetric else each, density, load, count)
+        return solid_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
 
-    coarsest, *_, finest = meshes
-    meshed = [solved(level, 1).frequencies * HERTZ for level in meshes]
-    layered = [solved(coarsest, number).frequencies * HERTZ for number in levels(layers)[1:]]
+    finest = max(meshes)
+    meshed, layered = coarser(lambda *sizes: solved(*sizes).frequencies * HERTZ, finest, layers)
     return HalfFrequencies(solved(finest, layers), np.array(meshed), np.array(layered))
 
 
