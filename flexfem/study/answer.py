@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +30,7 @@ from flexfem.verify.strained import Repeated, of_preloads, scaled
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
+DRAWN = 512  # of them, where each is made a stage, which is kept until the batch is answered: 60 kB
 
 
 def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> Rows:
@@ -40,7 +42,7 @@ def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> 
         ends with the time limit.
     """
     if loaded.study.model == "analytic":
-        ends = [*range(start, stop, BATCH), stop]
+        ends = [*range(start, stop, DRAWN if drawn.drawn_one_by_one(loaded.study) else BATCH), stop]
         batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
         batches = [_solved_row(loaded, values, inside) for values in sample(loaded, start, stop)]
@@ -60,14 +62,15 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         reason = _first([*_off_limits(loaded, values), *refused])
         reason = np.where(reason == "", refusals_of(loaded, values), reason)
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
-        bodies = drawn.elastic_parts(loaded, values, reason)
+        stages = cache(lambda index: stage_of(loaded, values[index]))
+        bodies = drawn.elastic_parts(loaded, stages, reason)
         found = ask_formulas(
             designs, hinges, freedoms, None if bodies is None else bodies.compliance, _repeated(loaded)
         )
         if study.driven:
-            found = found._replace(drives=drawn.driven(loaded, values, reason, designs, hinges, freedoms))
+            found = found._replace(drives=drawn.driven(loaded, stages, reason, designs, hinges, freedoms))
         if study.frequencies is not None:
-            found = found._replace(frequencies=drawn.vibrating(loaded, values, reason, designs, hinges, freedoms))
+            found = found._replace(frequencies=drawn.vibrating(loaded, stages, reason, designs, hinges, freedoms))
         if study.drift is not None:
             found = found._replace(drift=ask_drift(designs, hinges, freedoms, bodies))
         lost = np.isnan(found.stiffness[:, 0, 0])

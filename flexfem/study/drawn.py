@@ -1,9 +1,11 @@
-"""What designs of a study are asked that has them drawn one by one: reasons against a drawing go to `reason` (n,)."""
+"""What designs of a study are asked that has them drawn one by one: reasons against a drawing go to `reason` (n,).
+
+`stages` gives each of the n designs as a stage, by its place.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
@@ -22,36 +24,42 @@ from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.inertia import Payload, body_moments, hub_moments
 from flexfem.stage.schema import Stage
-from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.plan import Study
 from flexfem.verify.drive_ranges import DriveAnswers
 from flexfem.verify.modes import payload_of
 from flexfem.verify.questions import Moments, ask_drives, ask_frequencies
 
+Stages = Callable[[int], Stage]
 
-def elastic_parts(loaded: LoadedStudy, values: Array, reason: AnyArray) -> WarmBodies | None:
+
+def drawn_one_by_one(study: Study) -> bool:
+    """Whether a study of the analytic model makes a stage of every design."""
+    return study.draws or study.links or study.frequencies is not None
+
+
+def elastic_parts(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> WarmBodies | None:
     """Draw the designs not refused so far, where the study draws them; what their elastic bodies do, None without."""
-    study, n = loaded.study, len(values)
+    study, n = loaded.study, len(reason)
     bodies = WarmBodies(np.zeros((n, 9, 9)), np.zeros((n, 3, 3, 3)))
-    for index in np.flatnonzero(reason == "") if study.draws or study.links else ():
-        try:
-            stage = stage_of(loaded, values[index])
-            if study.draws:
-                check_feasible(stage)
-            if study.links:
-                bodies.compliance[index] = body_compliance(stage)
-            if study.links and study.drift is not None:
-                bodies.edges[index] = edge_motions(stage)
-        except BadInput as refusal:
-            reason[index] = str(refusal)
+
+    def draw(index: int, stage: Stage) -> None:
+        if study.draws:
+            check_feasible(stage)
+        if study.links:
+            bodies.compliance[index] = body_compliance(stage)
+        if study.links and study.drift is not None:
+            bodies.edges[index] = edge_motions(stage)
+
+    if study.draws or study.links:
+        _each(stages, reason, draw)
     return bodies if study.links else None
 
 
 def driven(
-    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
 ) -> DriveAnswers:
     """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
-    stages = cache(lambda index: stage_of(loaded, values[index]))
     drive = drives_of(loaded.stage, designs, reason, stages)
     elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
     drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
@@ -59,21 +67,20 @@ def driven(
 
 
 def vibrating(
-    loaded: LoadedStudy, values: Array, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
 ) -> Array:
     """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
-    n, links = len(values), loaded.study.links
+    n, links = len(reason), loaded.study.links
     moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
     shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
     elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
-    for index in np.flatnonzero(reason == ""):
-        try:
-            stage = stage_of(loaded, values[index])
-            moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
-            for all_of, one in zip(elastic or (), elastic_bodies(stage) if elastic else (), strict=True):
-                all_of[index] = one
-        except BadInput as refusal:
-            reason[index] = str(refusal)
+
+    def draw(index: int, stage: Stage) -> None:
+        moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
+        if elastic is not None:
+            _put(elastic, index, elastic_bodies(stage))
+
+    _each(stages, reason, draw)
     return ask_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
 
 
@@ -83,17 +90,24 @@ def payload(loaded: LoadedStudy) -> Payload | None:
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
-def _link_parts(stages: Callable[[int], Stage], reason: AnyArray, drive: StageDrive) -> LinkParts:
+def _link_parts(stages: Stages, reason: AnyArray, drive: StageDrive) -> LinkParts:
     """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
     n, stacks = len(reason), len(drive.stacks)
     shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
     found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
-    for index in np.flatnonzero(reason == ""):
+    _each(stages, reason, lambda index, stage: _put(found, index, link_parts(stage, drive_of(stage).stacks)))
+    return found
+
+
+def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
+    """Ask every design not refused so far; why one is refused goes to `reason`."""
+    for index in map(int, np.flatnonzero(reason == "")):
         try:
-            own = link_parts(stages(int(index)), drive_of(stages(int(index))).stacks)
+            draw(index, stages(index))
         except BadInput as refusal:
             reason[index] = str(refusal)
-            continue
-        for all_of, one in zip(found, own, strict=True):
-            all_of[index] = one
-    return found
+
+
+def _put(parts: LinkParts, index: int, own: LinkParts) -> None:
+    for all_of, one in zip(parts, own, strict=True):
+        all_of[index] = one
