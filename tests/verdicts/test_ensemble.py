@@ -113,8 +113,8 @@ def test_errors_of_a_batch_are_those_of_each_stage(few):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("designs = 600", "designs = 0", "ensemble.designs"),
-        ("designs = 600", "designs = 20000", "10000"),
+        ("designs = 1200", "designs = 0", "ensemble.designs"),
+        ("designs = 1200", "designs = 20000", "10000"),
         ("seed = 2003", "seed = -1", "ensemble.seed"),
         ('stage = "six"', 'stage = "both"', "ensemble.factor[3].stage"),
         ('stage = "six"', 'stage = "three"', "ensemble.factor[2] sets hinges.base.radius_mm"),
@@ -129,7 +129,7 @@ def test_errors_of_a_batch_are_those_of_each_stage(few):
 def test_an_ensemble_that_cannot_be_meant_is_refused_in_one_line(project, old, new, said):
     path = project.edit(FILE, (old, new))
     if "none of" in said:
-        path.write_text(path.read_text().replace("designs = 600", "designs = 5"))
+        path.write_text(path.read_text().replace("designs = 1200", "designs = 5"))
     with pytest.raises(BadInput) as refused:
         populate(load_claims(path))
     assert said in str(refused.value) and "\n" not in str(refused.value) and "claims.toml" in str(refused.value)
@@ -197,6 +197,6 @@ def test_another_seed_gives_the_same_verdicts(seed):
     from flexfem.verdicts.verdict import measure_claims
     from tests.verify.test_claims import DEPEND, EXPECTED, analytic_stand_in
 
-    found = measure_claims(ROOT / FILE, analytic_stand_in, lambda loaded: populate(of_size(600, seed)))
+    found = measure_claims(ROOT / FILE, analytic_stand_in, lambda loaded: populate(of_size(1200, seed)))
     expected = EXPECTED | dict.fromkeys(DEPEND, "depends on the dimensions")
     assert {each.id: each.verdict for each in found} == expected

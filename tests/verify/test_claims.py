@@ -189,7 +189,7 @@ def test_finite_elements_give_the_same_verdicts_and_the_report_keeps_its_alterna
     depend = dict.fromkeys(DEPEND, "depends on the dimensions")
     assert {each.id: each.verdict for each in report.verdicts} == EXPECTED | depend
     assert report.ensemble.metal_off < 0.02
-    assert (report.ensemble.drawn, report.ensemble.judged + report.ensemble.infeasible) == (600, 600)
+    assert (report.ensemble.drawn, report.ensemble.judged + report.ensemble.infeasible) == (1200, 1200)
     assert ClaimsReport.model_validate_json(report.model_dump_json()) == report
     linear = [each.along.x for each in report.alternatives if each.mobility == 6 and "linear triangles, " in each.name]
     assert linear == sorted(linear) and linear[0] < 0  # finer is softer
