@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -42,13 +41,15 @@ def finest_of(resolution: int | None, least: int = 2) -> int | None:
 
 
 def meshed_solid(
-    resolution: int | None, layers: int | None, least: int = 4, usual: int = SOLID_RESOLUTION
+    resolution: int | None, layers: int | None, least: int = 4, usual: int | None = None
 ) -> tuple[int, int]:
     """Triangles across every neck, from `least`, and layers in half the thickness, from 3; None takes the usual ones.
 
     Raises BadInput.
     """
-    finest = arguments.resolution(usual if resolution is None else resolution, least)
+    from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
+
+    finest = arguments.resolution((usual or SOLID_RESOLUTION) if resolution is None else resolution, least)
     return finest, arguments.layers(LAYERS if layers is None else layers, 3)
 
 
