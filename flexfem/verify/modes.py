@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -132,26 +132,9 @@ def natural_modes(
         frequencies.append(solved.frequencies * HERTZ)
         if progress is not None:
             progress(f"{found.mass.shape[0]} unknowns")
-    warnings = list(warning.of_stage(stage))
+    warnings, whole = list(warning.of_stage(stage)), total_mass(found)
     analytic = {name: values * HERTZ for name, values in analytic_frequencies(stage, payload, drives, warnings).items()}
-    whole = total_mass(found)
-    shares = 100 * solved.participation**2 / np.diag(whole)
-    each = [
-        Mode(
-            frequency=float(frequencies[-1][k]),
-            band=(mesh := uncertainty(resolution, [values[k] for values in frequencies])).band,
-            mesh=mesh,
-            share=Triple.of(shares[k]),
-            analytic={name: _finite(values, k) for name, values in analytic.items()},
-        )
-        for k in range(count)
-    ]
-    drawn = drawn_inertia(stage).matrix + payload_matrix(payload)
-    warnings += [
-        OUT_OF_PLANE,
-        *([ABOVE_THIRD] if count > RIGID_MODES else []),
-        *([NO_STACKS] if drives == "engaged" else []),
-    ]
+    warnings += [OUT_OF_PLANE, *[ABOVE_THIRD] * (count > RIGID_MODES), *[NO_STACKS] * (drives == "engaged")]
     driven = {"hash": stage.drive_hash} | stage.drive_doubts._asdict() if drives == "engaged" else {}
     record = NaturalModes(
         **about(stage) | driven,
@@ -160,16 +143,39 @@ def natural_modes(
         resolution=resolution,
         triangles=len(found.mesh.triangles),
         unknowns=found.mass.shape[0],
-        mass=float(drawn[0, 0] * KILOGRAM),
-        inertia=float(drawn[2, 2] * KILOGRAM),
-        meshed_mass=float(whole[0, 0] * KILOGRAM),
-        hub_mass=float(hub_moments(stage)[0] * mass_per_area(stage) * KILOGRAM),
-        payload_mass=payload.mass * KILOGRAM,
-        payload_inertia=payload.inertia * KILOGRAM,
-        modes=each,
+        **masses(stage, payload, whole),
+        modes=_modes(resolution, np.array(frequencies), 100 * solved.participation**2 / np.diag(whole), analytic),
         warnings=list(dict.fromkeys(warnings)),
     )
     return Vibration(found, solved, record)
+
+
+def _modes(resolution: int, frequencies: Array, shares: Array, analytic: dict[str, Array]) -> list[Mode]:
+    """By frequencies (3 meshes, k), Hz, shares (k, 3), %, on the finest, and analytic ones by model, Hz."""
+    meshed = [uncertainty(resolution, each.tolist()) for each in frequencies.T]
+    return [
+        Mode(
+            frequency=float(frequencies[-1, k]),
+            band=mesh.band,
+            mesh=mesh,
+            share=Triple.of(shares[k]),
+            analytic={name: _finite(values, k) for name, values in analytic.items()},
+        )
+        for k, mesh in enumerate(meshed)
+    ]
+
+
+def masses(stage: Stage, payload: Payload, meshed: Array) -> dict[str, Any]:
+    """What records say of masses, kg, and moments of inertia, kg mm^2; `meshed` is the mass matrix of the elements."""
+    drawn = drawn_inertia(stage).matrix + payload_matrix(payload)
+    return {
+        "mass": float(drawn[0, 0] * KILOGRAM),
+        "inertia": float(drawn[2, 2] * KILOGRAM),
+        "meshed_mass": float(meshed[0, 0] * KILOGRAM),
+        "hub_mass": float(hub_moments(stage)[0] * mass_per_area(stage) * KILOGRAM),
+        "payload_mass": payload.mass * KILOGRAM,
+        "payload_inertia": payload.inertia * KILOGRAM,
+    }
 
 
 def uncertainty(resolution: int, values: list[float]) -> Uncertainty:

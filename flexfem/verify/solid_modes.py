@@ -18,20 +18,12 @@ from flexfem.fem.response import tie_hub
 from flexfem.fem.sectors import Sector, mesh_sectors
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_modes import SolidModes, solid_modes
-from flexfem.stage.inertia import (
-    Payload,
-    carried,
-    carried_out_of_plane,
-    drawn_inertia,
-    hub_moments,
-    mass_per_area,
-    payload_matrix,
-)
+from flexfem.stage.inertia import Payload, carried, carried_out_of_plane
 from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY
 from flexfem.verify import warning
 from flexfem.verify.errors import SAFETY, levels
-from flexfem.verify.modes import HERTZ, KILOGRAM, uncertainty
+from flexfem.verify.modes import HERTZ, KILOGRAM, masses, uncertainty
 from flexfem.verify.result import OfStage, Record, Uncertainty, about
 from flexfem.verify.solid import coarser, held_faces
 
@@ -251,7 +243,7 @@ def _record(
     first: SolidMode,
 ) -> SolidNaturalModes:
     flat, tilting = halves
-    drawn, layers = drawn_inertia(stage).matrix + payload_matrix(payload), flat.equations.layers
+    layers = flat.equations.layers
     return SolidNaturalModes(
         **about(stage),
         name=stage.name,
@@ -260,13 +252,8 @@ def _record(
         heights=layers.heights[::2].tolist(),
         triangles=len(flat.mesh.triangles),
         unknowns=(flat.unknowns, tilting.unknowns),
-        mass=float(drawn[0, 0] * KILOGRAM),
-        inertia=float(drawn[2, 2] * KILOGRAM),
+        **masses(stage, payload, flat.total),
         tilting_inertia=(float(tilting.total[1, 1] * KILOGRAM), float(tilting.total[2, 2] * KILOGRAM)),
-        meshed_mass=float(flat.total[0, 0] * KILOGRAM),
-        hub_mass=float(hub_moments(stage)[0] * mass_per_area(stage) * KILOGRAM),
-        payload_mass=payload.mass * KILOGRAM,
-        payload_inertia=payload.inertia * KILOGRAM,
         payload_tilting=payload.tilting * KILOGRAM,
         modes=chosen,
         first_out_of_plane=first,
