@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem.files.keypath import path_of
 from flexfem.files.refusals import place_of
@@ -24,6 +24,12 @@ class Origin(NamedTuple):
 
     def __str__(self) -> str:
         return "" if self.path is None else self.path + ", changed" * self.changed
+
+
+def of_stage(stage: Stage) -> dict[str, Any]:
+    """What every answer says of its stage: which it is, and which of its numbers are in doubt."""
+    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(stage.origin), "name": stage.name, **doubts}
 
 
 @contextmanager

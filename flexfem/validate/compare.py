@@ -14,6 +14,7 @@ from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import Response, neck_maxima, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
 from flexfem.refused import BadInput
+from flexfem.stage.origin import of_stage
 from flexfem.stage.schema import Stage
 from flexfem.validate import calculix, frequencies, ngsolve
 from flexfem.validate.calculix import DIGITS
@@ -83,17 +84,9 @@ class Compared(NamedTuple):
     seconds: float
 
 
-def of_stage(stage: Stage, solver: str) -> dict[str, Any]:
+def about(stage: Stage, solver: str) -> dict[str, Any]:
     """What every comparison says of its stage."""
-    return {
-        "file": str(stage.origin),
-        "name": stage.name,
-        "units": "N, mm, rad; order x, y, theta; Hz",
-        "solver": solver,
-        "warnings": [],
-        "assumed": list(stage.assumed),
-        "not_stated": list(stage.not_stated),
-    }
+    return of_stage(stage) | {"units": "N, mm, rad; order x, y, theta; Hz", "solver": solver, "warnings": []}
 
 
 def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsolve") -> CrossCheck:
@@ -112,7 +105,7 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
     seconds = time.perf_counter() - started
     found, (both, checks) = compare(problem, shipped), frequencies.compared(stage, problem.mesh, solver)
     return CrossCheck(
-        **of_stage(stage, solver),
+        **about(stage, solver),
         version=found.theirs.version,
         triangles=len(problem.mesh.triangles),
         unknowns=shipped.unknowns,

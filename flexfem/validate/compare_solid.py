@@ -19,7 +19,7 @@ from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY
 from flexfem.validate import frequencies, prisms, solids
 from flexfem.validate.calculix import DIGITS
-from flexfem.validate.compare import SOLVERS, CrossCheck, of_stage, pose_difference
+from flexfem.validate.compare import SOLVERS, CrossCheck, about, pose_difference
 from flexfem.validate.records import Check
 from flexfem.validate.solids import SolidAnswer
 
@@ -58,7 +58,7 @@ def cross_check_solid(stage: Stage, resolution: int = RESOLUTION, solver: str = 
         their_seconds, what = time.perf_counter() - started, "ours by wedges of 18 nodes"
         ours = solids.ours_by_fifteen(of, layers)
     return CrossCheck(
-        **of_stage(stage, solver),
+        **about(stage, solver),
         version=theirs.version,
         triangles=len(mesh.triangles),
         unknowns=shipped.unknowns,

@@ -193,7 +193,7 @@ def by_calculix(of: Vibrating) -> Array:
 
 
 def printed_frequencies(printed: str) -> Array:
-    """ComparedFrequencies (k,), Hz, of the first table of eigenvalues in the text of a .dat file.
+    """Frequencies (k,), Hz, of the first table of eigenvalues in the text of a .dat file.
 
     Raises ComputationFailed for what are not numbers.
     """

@@ -7,7 +7,7 @@ x, y, theta.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
+from flexfem.stage.origin import of_stage
 from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 
@@ -154,9 +155,3 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
         neck_stress=case.neck_stress,
         warnings=[*doubts, *warning.of_motion(stage, case.pose, where)],
     )
-
-
-def of_stage(stage: Stage) -> dict[str, Any]:
-    """Which stage it is, and which of its numbers are in doubt."""
-    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
-    return {"file": str(stage.origin), "name": stage.name, **doubts}

@@ -8,11 +8,11 @@ import numpy as np
 
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.drives import contacts
+from flexfem.stage.origin import of_stage
 from flexfem.stage.overrides import actuators_of
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.stage.tables import of_drive, of_heat
 from flexfem.verify import warning
-from flexfem.verify.answers import of_stage
 
 
 class PlacedHinge(NamedTuple):
