@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -11,6 +12,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "docs/_ext")]
 os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ["COLUMNS"] = "110"  # of the tables that commands print
+
+STARTUP = ROOT / "build/ipython/profile_default/startup"
+STARTUP.mkdir(parents=True, exist_ok=True)
+shutil.copy(ROOT / "docs/_ext/shell_cells.py", STARTUP)
+os.environ["IPYTHONDIR"] = str(ROOT / "build/ipython")
 
 import flexfem  # noqa: E402
 
@@ -30,11 +36,9 @@ extensions = [
     "docstrings",
 ]
 extensions += [path.stem for path in sorted((ROOT / "docs/_ext").glob("generate_*.py"))]
-exclude_patterns = [
-    "_ext",
-    "jupyter_execute",
-    *(f"gallery/*.{suffix}" for suffix in ("ipynb", "py", "zip", "json", "md5")),
-]
+exclude_patterns = ["_ext", "jupyter_execute", *(f"gallery/*.{end}" for end in ("ipynb", "py", "zip", "json", "md5"))]
+if (ROOT / "docs/_ext/generate_reference.py").exists():
+    exclude_patterns.append("files/*")  # docs/reference says it
 suppress_warnings = ["config.cache", "ref.python"]  # attributes of several classes have one name
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]

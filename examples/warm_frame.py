@@ -24,5 +24,5 @@ right.plot([1e6 * each for each in frames.values()], list(moved.values()), "o-",
 for name, expansion in frames.items():
     right.annotate(name, (1e6 * expansion, moved[name]), xytext=(-6, 6), textcoords="offset points", ha="right")
 right.set(xlabel="expansion of the frame (µm/(m K))", ylabel="X per gradient along X (µm per K/mm)")
-right.set_xlim(-3, 26)
+right.set(xlim=(-3, 26), ylim=(-48, 5))
 right.grid(color="0.9")

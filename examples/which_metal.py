@@ -18,8 +18,8 @@ for name in flexfem.materials():
 
 figure, ax = pyplot.subplots(figsize=(8, 4.8), layout="constrained")
 ax.scatter(*zip(*found.values(), strict=True), color="0.2", zorder=3)
-for name, at in found.items():
-    ax.annotate(name, at, xytext=(7, -3), textcoords="offset points", fontsize=9)
+for index, (name, at) in enumerate(found.items()):
+    ax.annotate(name, at, xytext=(7, -8 if index % 2 else 3), textcoords="offset points", fontsize=9)
 ax.set(
     xlabel="range at yield in X (µm)",
     ylabel="stiffness in X (N/mm)",
