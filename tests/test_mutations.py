@@ -1473,6 +1473,20 @@ MUTATIONS = [
         "False",
         "test_a_solid_of_another_volume_is_refused",
     ),
+    Mutation(
+        "a design on a page drawn as its mirror image",
+        "_rounded",
+        "round(-PARTS * z.imag)",
+        "round(PARTS * z.imag)",
+        "test_the_drawn_outline_of_a_design_is_that_of_the_stage_with_its_factors",
+    ),
+    Mutation(
+        "designs of a front shown by their places among all",
+        "of_front",
+        "_counting(source)[found.front.places]",
+        "found.front.places",
+        "test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_constraint",
+    ),
 ]
 
 

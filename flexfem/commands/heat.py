@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
+from flexfem.commands.at_work import working
 from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted
 from flexfem.commands.solid_drift import band_texts, highest, pose_texts, print_solid_drift, write_solid
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
@@ -51,8 +52,8 @@ def drift(
         for option, value in given.items():
             if value not in (None, False):
                 raise BadInput(f"{option} with --three-dimensional, expected one of the two: it has no analytic model")
-        said = console.counted(2, "warm")
-        solid = reports.drift_fields_solid(load_feasible(stage), resolution, layers, said)
+        with working("warm", 2) as say:
+            solid = reports.drift_fields_solid(load_feasible(stage), resolution, layers, say)
         if output is not None:
             write_solid(solid, output / f"{stage.stem}-drift-solid.json")
         console.show(solid.record, json, print_solid_drift)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
+from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, StageFile, Wanted
 from flexfem.commands.solid_modes import print_solid_modes, write_solid
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
@@ -61,8 +62,8 @@ def modes(
     if three_dimensional:
         if drives != "disengaged":
             raise BadInput(f"--drives {drives} --three-dimensional, expected disengaged: stacks are of the plane")
-        said = console.counted(2, "modes")
-        solid = reports.vibration_solid(loaded, count, payload, tilting, resolution, layers, said)
+        with working("modes", 2) as say:
+            solid = reports.vibration_solid(loaded, count, payload, tilting, resolution, layers, say)
         if output is not None:
             write_solid(solid, output / f"{stage.stem}-modes-solid.json")
         console.show(solid.record, json, print_solid_modes)
@@ -70,8 +71,8 @@ def modes(
     for option, value in (("--layers", layers), ("--tilting", tilting)):
         if value is not None:
             raise BadInput(f"{option} without --three-dimensional, expected both: modes are in the plane")
-    told = console.counted(3, "meshing and solving")
-    found = reports.vibration(loaded, count, payload, drives, resolution or RESOLUTION, told)  # type: ignore[arg-type]
+    with working("meshing and solving", 3) as say:
+        found = reports.vibration(loaded, count, payload, drives, resolution or RESOLUTION, say)  # type: ignore[arg-type]
     if output is not None:
         _write(found, reports.reduced(loaded, found, damping), output / f"{stage.stem}-modes.json")
     console.show(found.record, json, print_modes)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flexfem.commands import console, stage_tables, tables
+from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_within
 from flexfem.refused import BadInput
 
@@ -86,7 +87,9 @@ def mesh(
     from flexfem.reports.given import RESOLUTION
     from flexfem.stage.schema import load_feasible
 
-    found = reports.mesh(load_feasible(stage), output, resolution or RESOLUTION)
+    loaded = load_feasible(stage)
+    with working("meshing"):
+        found = reports.mesh(loaded, output, resolution or RESOLUTION)
     console.show(found, json, stage_tables.print_mesh)
 
 
@@ -121,10 +124,12 @@ def solve(
     if layers is not None and not three_dimensional:
         raise BadInput("--layers without --three-dimensional, expected both: layers are through the thickness")
     if three_dimensional:
-        solid = reports.under_load_solid(loaded, force, displacement, resolution, layers, vtu)
+        with working("meshing and solving"):
+            solid = reports.under_load_solid(loaded, force, displacement, resolution, layers, vtu)
         console.show(solid, json, tables.print_solid)
         return
-    found = reports.under_load(loaded, force, displacement, resolution or RESOLUTION, vtu)
+    with working("meshing and solving"):
+        found = reports.under_load(loaded, force, displacement, resolution or RESOLUTION, vtu)
     console.show(found, json, tables.print_load)
 
 

@@ -9,7 +9,9 @@ import typer
 
 from flexfem import studies
 from flexfem.commands import comparisons, console
+from flexfem.commands.at_work import working
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
+from flexfem.units import Direction
 
 app = typer.Typer()
 
@@ -66,10 +68,9 @@ def budget(
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
     length, angle = amplitude_um / unit_of("amplitude_um").factor, amplitude_mrad / unit_of("amplitude_mrad").factor
-    told = console.counted(3, "meshing and solving")
-    found = reports.budget(
-        loaded, {"x": length, "y": length, "theta": angle}, progress=told, three_dimensional=three_dimensional
-    )
+    amplitudes: dict[Direction, float] = {"x": length, "y": length, "theta": angle}
+    with working("meshing and solving", 3) as say:
+        found = reports.budget(loaded, amplitudes, progress=say, three_dimensional=three_dimensional)
     if output is not None:
         from flexfem.plot.accuracy import budget_figure
 
@@ -102,7 +103,9 @@ def workspace(
     loaded = load_feasible(stage)
     check_finite(amplitude_um=amplitude_um)
     console.check_within("--load", load, LARGEST_LOAD)
-    found = reports.workspace(loaded, amplitude_um / unit_of("amplitude_um").factor, load=load)
+    largest = amplitude_um / unit_of("amplitude_um").factor
+    with working("workspace", reports.steps_of(loaded)) as say:
+        found = reports.workspace(loaded, largest, progress=say, load=load)
     if output is not None:
         from flexfem.plot.workspace import workspace_figure
 
@@ -130,7 +133,8 @@ def converge(
     from flexfem.verify.converge import RESOLUTIONS
 
     resolutions = level or RESOLUTIONS
-    found = reports.converge(load_feasible(stage), resolutions, console.counted(len(resolutions), "refining"))
+    with working("refining", len(resolutions)) as say:
+        found = reports.converge(load_feasible(stage), resolutions, say)
     if output is not None:
         from flexfem.plot.accuracy import convergence_figure
 

@@ -90,7 +90,8 @@ def _figure_section(source: Source, one: FoundFigure, reach: int, data: Markup) 
         html = notes([f"It is not drawn. {one.shown.reason}"])
         return PageSection(one.id, title, data + html, **look)
     record = record_of(source, one.figure, one.shown)
-    parts = [data, _drawn(source, one, record, reach), notes(record.caption.lines, "note"), *_numbers(source, one)]
+    said = notes(record.caption.lines if one.points is not None else (), "note")  # others have them in the figure
+    parts = [data, _drawn(source, one, record, reach), said, *_numbers(source, one)]
     return PageSection(one.id, record.caption.title, Markup("\n").join(parts), **look)
 
 
@@ -140,4 +141,4 @@ def _sources_section(loaded: LoadedStudy) -> PageSection:
         if rows
         else Markup("<p>Every number of stage and study has a source, and none is assumed.</p>")
     )
-    return PageSection("study-sources", "Numbers in doubt", html)
+    return PageSection("study-sources", "Where the numbers come from", html)

@@ -6,9 +6,10 @@ import matplotlib.figure
 
 from flexfem.plot.study_map import StudyMap, plot_map
 from flexfem.plot.study_pareto import ParetoFront, plot_front
-from flexfem.plot.style import in_house_style, new_figure
+from flexfem.plot.style import in_house_style, new_figure, wrapped
 
 WIDTH, HEIGHT = 5.4, 4.4  # in, with its legend
+ACROSS, UP, LETTERS = 4.2, 3.2, 9.5  # in, room for the names of the axes; points
 
 
 @in_house_style
@@ -21,4 +22,7 @@ def chart_figure(shown: StudyMap | ParetoFront) -> matplotlib.figure.Figure:
         plot_map(axes, shown)
     else:
         plot_front(axes, shown._replace(chosen=()))
+    for axis, room in ((axes.xaxis, ACROSS), (axes.yaxis, UP)):
+        if not axis.label.get_parse_math():
+            axis.set_label_text(wrapped(axis.get_label_text(), room, LETTERS))
     return figure

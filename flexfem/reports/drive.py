@@ -114,7 +114,7 @@ def workspace(
     Parameters
     ----------
     amplitude : mm, of displacements in X and Y; in theta 0.02 rad for every mm.
-    resolution : of the finite elements.   progress : called with a line after the mesh is solved.
+    resolution : of the finite elements.   progress : called with a line after every one of `steps_of` the stage.
     load : (3,), on the platform of a driven stage, N, N, N mm, see `reach`.
 
     Raises
@@ -127,10 +127,18 @@ def workspace(
     loaded = arguments.vectors("load", load, 1, LARGEST_LOAD)
     if loaded.any() and not stage.actuator:
         raise BadInput("load: expected none, it is for the poses of a drive and the stage has no [[actuator]]")
-    found = verify_workspace.workspace(stage, largest, arguments.resolution(resolution), solver(progress))
+    finest, say = arguments.resolution(resolution), progress or (lambda text: None)
+    found = verify_workspace.workspace(stage, largest, finest, solver(progress), lambda axis: say(f"along {axis}"))
     if not stage.actuator:
         return found.model_copy(update={"no_reach": "no [[actuator]]: which poses a drive reaches is not known"})
     try:
-        return found.model_copy(update={"reach": reach(stage, loaded, resolution=resolution)})
+        found = found.model_copy(update={"reach": reach(stage, loaded, resolution=resolution)})
     except ComputationFailed as failure:
-        return found.model_copy(update={"no_reach": str(failure)})
+        found = found.model_copy(update={"no_reach": str(failure)})
+    say("limits of the drive")
+    return found
+
+
+def steps_of(stage: Stage) -> int:
+    """How many steps `workspace` tells of: the mesh, three directions, the limits of the drive where there is one."""
+    return 5 if stage.actuator else 4

@@ -8,7 +8,7 @@ linear answer: what the hinge formulas err by is there with and without displace
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -121,9 +121,15 @@ def _box(found: Missed) -> Box:
 
 
 def workspace(
-    stage: Stage, amplitude: float = AMPLITUDE, resolution: int = RESOLUTION, solve: Solve = solve_stage
+    stage: Stage,
+    amplitude: float = AMPLITUDE,
+    resolution: int = RESOLUTION,
+    solve: Solve = solve_stage,
+    done: Callable[[Direction], object] = lambda axis: None,
 ) -> Workspace:
     """Travel of a feasible stage up to `amplitude`, mm, in X and Y, and `TURN` times that in theta, on both sides.
+
+    `done` is called with every direction once it is travelled.
 
     Raises BadInput for a stage whose model is not plane, ComputationFailed when a pose is out of reach.
     """
@@ -131,6 +137,10 @@ def workspace(
     largest = amplitude * np.array([1.0, 1.0, TURN])
     solved = solve(stage, resolution)
     small, box = (missed(of, part * largest, lever) for part in (STATED[2] / STEPS, 1.0))
+    travel = dict[Direction, Travel]()
+    for axis, far in zip(DIRECTIONS, largest, strict=True):
+        travel[axis] = _travel(stage, of, solved, axis, far)
+        done(axis)
     forces = np.asarray(np.linalg.solve(solved.response.compliance, np.diag(largest)).T, dtype=float)
     return Workspace(
         **about(stage),
@@ -142,7 +152,7 @@ def workspace(
         amplitude=dict(zip(DIRECTIONS, largest.tolist(), strict=True)),
         resolution=resolution,
         unknowns=solved.response.unknowns,
-        travel={axis: _travel(stage, of, solved, axis, far) for axis, far in zip(DIRECTIONS, largest, strict=True)},
+        travel=travel,
         small=_box(small),
         box=_box(box),
     )

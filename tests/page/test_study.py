@@ -17,7 +17,8 @@ from flexfem.page.study_asked import range_of
 from flexfem.page.study_designs import outline_paths, path_of
 from flexfem.page.study_points import of_front, of_map
 from flexfem.plot.study import named
-from flexfem.plot.study_records import Source
+from flexfem.plot.study_chart import chart_figure
+from flexfem.plot.study_records import Source, map_of
 from flexfem.stage.contour import part_of
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import load_stage
@@ -199,6 +200,19 @@ def test_of_a_long_front_some_designs_are_shown_its_ends_among_them_and_the_page
     )
 
 
+def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_constraint(tmp_path):
+    limited = GRID + FRONT + '[[constraint]]\nvalue = "kxx_n_per_mm"\nmost = 90.0\n'
+    loaded = study(tmp_path, limited)
+    stiffness = np.array([10.0, 99.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 89.0, 80.0, 11.0, 12.0])
+    source = source_of(loaded, kxx_n_per_mm=stiffness, range_x_um=stiffness)
+    status = np.array(["refused", *["ok"] * 11], dtype=object)
+    feasible = (status == "ok") & (stiffness <= 90.0)
+    source = source._replace(table=source.table._replace(status=status, feasible=feasible))
+    (found,) = findings(loaded, source.table, {})
+    points = of_front(source, loaded.study.figure[0], found, 10)
+    assert points.rows.tolist() == [8] and points.at.tolist() == [[89.0, 89.0]]
+
+
 def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_path):
     text = MAP.replace("other necks", "hinges.base.neck_mm")
     loaded = study(tmp_path, SCATTERED + text)
@@ -287,3 +301,14 @@ def test_the_outline_has_its_hub_and_three_clamped_edges():
     assert len(edges) == 3
     assert [np.hypot(*(b - a)) for a, b in edges] == pytest.approx([stage.chain.link_width] * 3, abs=0.02)
     assert paths.reach == pytest.approx(100 * np.abs(points_of(paths.metal)).max(), abs=1.5)
+
+
+def test_a_long_name_of_an_axis_is_broken_so_that_it_stays_on_the_chart(tmp_path):
+    long = "a name that goes on and on " * 6
+    text = GRID.replace("other necks", long) + MAP.replace("other necks", long)
+    source = source_of(study(tmp_path, text))
+    drawn = chart_figure(map_of(source, source.loaded.study.figure[0]))
+    drawn.draw_without_rendering()
+    box, figure = drawn.axes[0].yaxis.label.get_window_extent(), drawn.bbox
+    assert "\n" in drawn.axes[0].get_ylabel()
+    assert box.y0 >= 0 and box.y1 <= figure.y1 and box.x0 >= 0
