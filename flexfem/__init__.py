@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from flexfem.commands.baseline.regression import regression as regression
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
+    from flexfem.reference.schemas import schema_of as schema_of
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -91,6 +92,7 @@ __version__ = "0.1.0"
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
     "models": ("AnalyticModel", "ElementModel"),
+    "reference.schemas": ("schema_of",),
     "refused": ("BadInput", "ComputationFailed"),
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),

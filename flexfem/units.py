@@ -47,6 +47,8 @@ UNITS = {  # by what keys of files and columns of studies end in
     "per_n": Unit(1.0, "1/N"),
     "mpa_per_um": Unit(1e-3, "MPa/µm"),
     "mpa_per_mrad": Unit(1e-3, "MPa/mrad"),
+    "v": Unit(1.0, "V"),
+    "s": Unit(1.0, "s"),
     "hz": Unit(1 / (2 * math.pi), "Hz"),  # of rad/s
     "kg": Unit(1e3, "kg"),  # of tonne, which goes with N, mm and s
     "kg_mm2": Unit(1e3, "kg mm²"),

@@ -24,7 +24,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("cad", "verify", "validate"),
     ("study",),
     ("verdicts",),
-    ("plot",),
+    ("plot", "reference"),
     ("models",),
     ("api", "study_answers"),
     ("reports", "studies"),

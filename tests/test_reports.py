@@ -23,6 +23,7 @@ ANSWERED_BY = {  # commands whose names Python cannot have, or has for something
     "verify": "verification",
     "cross-check": "cross_check",
     "new": "new_stage",
+    "schema": "schema_of",
     "study run": "run_study",
     "study status": "study_status",
     "study clean": "clean_study",

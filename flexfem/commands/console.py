@@ -45,7 +45,7 @@ def _usable(folder: Path | None) -> Path | None:
 FOLDER = typer.Option("--output", "-o", callback=_usable, help="Folder for what is written.")
 Output = Annotated[Path, FOLDER]
 Wanted = Annotated[Path | None, FOLDER]
-StageFile = Annotated[Path, typer.Argument(help="Stage file, see geometry/README.md.", metavar="STAGE")]
+StageFile = Annotated[Path, typer.Argument(help="Stage file, see flexfem schema stage.", metavar="STAGE")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles across every neck.")]
 Analytic = Annotated[bool, typer.Option("--analytic", help="Without finite elements.")]

@@ -29,7 +29,7 @@ ADDED = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
 @app.command()
 def experiment(
     stage: StageFile,
-    fixture: Annotated[Path, typer.Argument(help="File of the set-up, see cases/README.md.", metavar="FIXTURE")],
+    fixture: Annotated[Path, typer.Argument(help="File of the set-up, see flexfem schema fixture.", metavar="FIXTURE")],
     measured: Annotated[
         Path | None, typer.Option(help="File of measured slopes; default those of the fixture, if any.")
     ] = None,

@@ -25,7 +25,7 @@ Pose = tuple[float, float, float]
 @app.command()
 def life(
     stage: Annotated[
-        Path | None, typer.Argument(help="Stage file, see geometry/README.md.", metavar="[STAGE]", show_default=False)
+        Path | None, typer.Argument(help="Stage file, see flexfem schema stage.", metavar="[STAGE]", show_default=False)
     ] = None,
     amplitude: Annotated[
         Pose | None, typer.Option(metavar="X Y THETA", help="Amplitude of the platform's pose: mm, mm, rad.")

@@ -34,7 +34,7 @@ def _begin() -> None:
 
 
 MOST_WORKERS = 1024
-StudyFile = Annotated[Path, typer.Argument(help="Study file, see cases/README.md.", metavar="STUDY")]
+StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Partial = Annotated[bool, typer.Option("--partial", help="Leave out designs that are still open.")]

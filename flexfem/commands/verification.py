@@ -18,7 +18,7 @@ app = typer.Typer()
 
 @app.command()
 def verify(
-    cases: Annotated[list[Path], typer.Argument(help="Case files, see cases/README.md.", metavar="CASE...")],
+    cases: Annotated[list[Path], typer.Argument(help="Case files, see flexfem schema case.", metavar="CASE...")],
     output: Output = studies.REPORTS,
     check: Annotated[
         bool, typer.Option("--check", help="Compare with the baselines; exit 1 if a number moved.")
@@ -144,7 +144,7 @@ def converge(
 
 @app.command()
 def claims(
-    path: Annotated[Path, typer.Argument(help="Claims file, see cases/README.md.", metavar="CLAIMS")],
+    path: Annotated[Path, typer.Argument(help="Claims file, see flexfem schema claims.", metavar="CLAIMS")],
     output: Wanted = None,
     json: Json = False,
 ) -> None:

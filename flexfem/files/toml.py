@@ -19,6 +19,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
+from flexfem.files.json_schema import keywords
 from flexfem.files.lines import MAX_DEPTH, DepthError, LineIndex, Scan, line_of
 from flexfem.files.refusals import (
     SHOWN,
@@ -51,7 +52,10 @@ def _label(value: str) -> str:
     return value
 
 
-Label: TypeAlias = Annotated[str, AfterValidator(_label)]
+_PRINTABLE = r"^[^\x00-\x1f]*\S[^\x00-\x1f]*$"
+Label: TypeAlias = Annotated[
+    str, AfterValidator(_label), keywords(minLength=1, maxLength=LABEL_LENGTH, pattern=_PRINTABLE)
+]
 
 
 KINDS = {  # by the keys that only files of that kind have

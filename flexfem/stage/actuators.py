@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.json_schema import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
-from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, at_least, converted
+from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, Poisson, at_least, converted
 from flexfem.stage.materials import Material
 from flexfem.stage.tables import HingeName
 
@@ -28,12 +29,15 @@ BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke a
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
 Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
 Stroke: TypeAlias = Annotated[
-    float, Field(gt=0, le=1e4), at_least(1e-3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+    float, Field(gt=0, le=1e4), *at_least(1e-3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
 ]
 Rate: TypeAlias = Annotated[
-    float, Field(gt=0, le=1e6), at_least(1e-6), *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3)
+    float, Field(gt=0, le=1e6), *at_least(1e-6), *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3)
 ]
-Force: TypeAlias = Annotated[float, Field(gt=0, le=1e6), at_least(1e-6)]
+Force: TypeAlias = Annotated[float, Field(gt=0, le=1e6), *at_least(1e-6)]
+Preload: TypeAlias = Annotated[float, Field(ge=0, le=1e6)]
+Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
+StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
 
 
 class StackRating(NamedTuple):
@@ -68,13 +72,13 @@ GEOMETRY = Numbers._fields[:5]  # where the contact is
 class CataloguedStack(Dimensioned):
     """A stack of the shipped catalogue: stroke in mm, force in N, at its highest voltage, with their source."""
 
-    name: Label
-    maker: Label
-    voltage: float = Field(alias="voltage_v", gt=0, le=2000)
-    stroke: Stroke = Field(alias="stroke_um")
-    tolerance: Stroke = Field(alias="tolerance_um")
-    blocking_force: Force = Field(alias="blocking_force_n")
-    source: Label
+    name: Label = Field(description="By which stage files name it", examples=["AE0505D16"])
+    maker: Label = Field(description="Who makes it", examples=["NEC/Tokin"])
+    voltage: float = Field(alias="voltage_v", gt=0, le=2000, description="The highest", examples=[150.0])
+    stroke: Stroke = Field(alias="stroke_um", description="Free stroke at that voltage", examples=[17.4])
+    tolerance: Stroke = Field(alias="tolerance_um", description="Of the stroke, less than it", examples=[2.0])
+    blocking_force: Force = Field(alias="blocking_force_n", description="At that voltage", examples=[935.0])
+    source: Label = Field(description="Where the numbers come from", examples=["data sheet of the maker"])
 
     @model_validator(mode="after")
     def _plausible(self) -> CataloguedStack:
@@ -85,50 +89,149 @@ class CataloguedStack(Dimensioned):
         return self
 
 
-class _Catalogue(Table):
-    stack: tuple[CataloguedStack, ...]
+class Catalogue(Table):
+    """The file of all stacks that are known by name."""
+
+    stack: tuple[CataloguedStack, ...] = Field(description="A stack, as many as wanted")
 
 
 @cache
 def catalogue() -> dict[str, CataloguedStack]:
     """The shipped stacks by name. Raises BadInput for a number out of range."""
-    return {stack.name: stack for stack in validate(_Catalogue, CATALOGUE).stack}
+    return {stack.name: stack for stack in validate(Catalogue, CATALOGUE).stack}
+
+
+_OWN = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
+_BALL = ("ball_youngs_modulus_gpa", "ball_poissons_ratio")
+
+
+def _pushes(body: str) -> Rule:
+    return {"properties": {"between": {"items": [{}, {"const": body}]}}, "required": ["between"]}
+
+
+_RULES = (
+    when(
+        has("point_mm"),
+        both(has("direction_deg"), without("hinge", "arm_mm", "side", "tilt_deg")),
+        both(has("hinge", "arm_mm", "side"), without("direction_deg")),
+    ),
+    *(when(both(_pushes(link), has("hinge")), says("hinge", *ends)) for link, ends in ENDS.items()),
+    when(_pushes("platform"), without("hinge")),
+    {"not": _pushes("frame")},
+    when(
+        has("stack"),
+        without(*_OWN),
+        both(has(_OWN[0]), either(*(both(has(one), without(other)) for one, other in (_OWN[1:], _OWN[:0:-1])))),
+    ),
+    when(has("ball_radius_mm"), both(has("preload_n"), without("contact_stiffness_n_per_um")), without(*_BALL)),
+)
 
 
 class Actuator(Dimensioned):
-    """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad.
+    """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
 
-    between : the body that carries the stack and the one that it pushes.
-    hinge, arm, side, tilt : of the contact on a link: so far along its middle from the neck of this hinge at one of its
-        ends, on its left or right seen from the base, pushed inwards at right angles or, by `tilt`, counter-clockwise
-        of that. The contact goes where the link goes.
-    point, direction : instead, of a contact anywhere, in the frame of chain 1.
-    pair : a partner on the opposite side pushes the other way along the same line; the two are commanded together.
-    stack : name in the catalogue, else `stroke` with `stiffness` or `blocking_force`.
-    contact_stiffness : of the contact, or of a ball of `ball_radius` by Hertz, at the preload; neither: rigid.
-    preload : force of every stack at rest.
-    friction : coefficient of Coulomb's friction at the contact.
-    """
+    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
 
-    name: Label
-    between: tuple[Body, Body]
-    hinge: HingeName | None = None
-    arm: Length | None = Field(default=None, alias="arm_mm")
-    side: Literal["left", "right"] | None = None
-    tilt: Tilt | None = Field(default=None, alias="tilt_deg")
-    point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm")
-    direction: Angle | None = Field(default=None, alias="direction_deg")
-    pair: bool = False
-    stack: Label | None = None
-    stroke: Stroke | None = Field(default=None, alias="stroke_um")
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um")
-    blocking_force: Force | None = Field(default=None, alias="blocking_force_n")
-    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um")
-    ball_radius: Length | None = Field(default=None, alias="ball_radius_mm")
-    ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
-    ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
-    preload: float = Field(default=0.0, alias="preload_n", ge=0, le=1e6)
-    friction: float | None = Field(default=None, ge=0, le=2)
+    name: Label = Field(
+        description="By which it is named: `actuator.base.preload_n`; no other has it", examples=["base"]
+    )
+    between: tuple[Body, Body] = Field(
+        description="The body that carries the stack, and the one that it pushes",
+        examples=[["frame", "link 1"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    hinge: HingeName | None = Field(
+        default=None, description="Of a contact on a link: the hinge at one of its ends from which `arm_mm` counts"
+    )
+    arm: Length | None = Field(
+        default=None,
+        alias="arm_mm",
+        description="How far along the middle of the link, from the neck of `hinge`, the contact is; it goes where "
+        "the link goes",
+        examples=[10.0],
+    )
+    side: Literal["left", "right"] | None = Field(
+        default=None, description="Of the link, seen from the base, on which the contact is"
+    )
+    tilt: Tilt | None = Field(
+        default=None,
+        alias="tilt_deg",
+        description="By which the push is turned out of the inward normal of the link, counter-clockwise; by default "
+        "none",
+        examples=[5.0],
+    )
+    point: tuple[Coordinate, Coordinate] | None = Field(
+        default=None,
+        alias="point_mm",
+        description="Instead of `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, "
+        "in the frame of chain 1, whose origin is the platform centre",
+        examples=[[-40.0, 12.0]],
+    )
+    direction: Angle | None = Field(
+        default=None,
+        alias="direction_deg",
+        description="With `point_mm`: where the body is pushed, counter-clockwise from the x axis of chain 1",
+        examples=[90.0],
+    )
+    pair: bool = Field(
+        default=False,
+        description="Whether a partner on the opposite side of the body pushes back along the same line; the two are "
+        "commanded against each other, about half their stroke",
+    )
+    stack: StackName | None = Field(default=None, description="A name of the catalogue", examples=["AE0505D16"])
+    stroke: Stroke | None = Field(
+        default=None,
+        alias="stroke_um",
+        description="Instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`: free stroke at the highest "
+        "voltage",
+        examples=[17.4],
+    )
+    stiffness: Rate | None = Field(
+        default=None,
+        alias="stiffness_n_per_um",
+        description="Of the stack: blocking force over stroke",
+        examples=[53.7],
+    )
+    blocking_force: Force | None = Field(
+        default=None, alias="blocking_force_n", description="Of the stack at the highest voltage", examples=[935.0]
+    )
+    contact_stiffness: Rate | None = Field(
+        default=None,
+        alias="contact_stiffness_n_per_um",
+        description="Of the contact, instead of a ball; without either the contact is rigid",
+        examples=[40.0],
+    )
+    ball_radius: Length | None = Field(
+        default=None,
+        alias="ball_radius_mm",
+        description="Of a ball between stack and body, by Hertz at the preload on the stage's metal",
+        examples=[2.0],
+    )
+    ball_youngs_modulus: Modulus | None = Field(
+        default=None,
+        alias="ball_youngs_modulus_gpa",
+        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
+        examples=[206.0],
+    )
+    ball_poissons_ratio: Poisson | None = Field(
+        default=None,
+        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
+        examples=[0.3],
+    )
+    preload: Preload = Field(
+        default=0.0,
+        alias="preload_n",
+        description="Force of every stack at rest, at most its blocking force: a contact can push only, and is lost "
+        "when it is used up. The two stacks of a pair bear it between them; that of a single stack stresses the "
+        "necks",
+        examples=[50.0],
+    )
+    friction: Friction | None = Field(
+        default=None,
+        description="Coefficient of Coulomb's friction at the contact: `flexfem command` says what it leaves of the "
+        "pose. Not stated: nothing is said",
+        examples=[0.15],
+    )
 
     @field_validator("stack")
     @classmethod

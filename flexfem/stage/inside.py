@@ -22,6 +22,7 @@ from pydantic import (
     ValidationInfo,
 )
 
+from flexfem.files.json_schema import COUNT, Keywords, keywords
 from flexfem.files.keypath import KeyPath, key_path
 from flexfem.files.refusals import merged, one_line, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Table
@@ -59,21 +60,22 @@ def converted(inside: Callable[[float], float], back: Callable[[float], float]) 
     return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
 
 
-def at_least(smallest: float) -> AfterValidator:
-    """Refuse what is so small that the unit must be wrong."""
+def at_least(smallest: float) -> tuple[AfterValidator, Keywords]:
+    """Annotations of a number: refuse what is so small that the unit must be wrong."""
 
     def checked(value: float) -> float:
         if value < smallest:
             raise refusal(f"at least {smallest:g}: less is a unit mistake")
         return value
 
-    return AfterValidator(checked)
+    return AfterValidator(checked), keywords(minimum=smallest)
 
 
-Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), at_least(1e-6)]  # 1 nm to 10 m
+Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), *at_least(1e-6)]  # 1 nm to 10 m
 Modulus: TypeAlias = Annotated[
-    float, Field(gt=0, le=2000), at_least(1e-3), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
+    float, Field(gt=0, le=2000), *at_least(1e-3), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
 ]
+Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
 LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
 
 
@@ -88,6 +90,7 @@ Expansion: TypeAlias = Annotated[
     float,
     Field(ge=0, le=LARGEST_EXPANSION),
     AfterValidator(_an_expansion),
+    keywords(anyOf=[{"const": 0}, {"minimum": LEAST_EXPANSION}]),
     *converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6),
 ]
 Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache
+from itertools import combinations
 from types import UnionType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
@@ -194,6 +196,26 @@ def starred(pattern: str) -> tuple[str, ...]:
     if tables[:1] not in (["hinges"], ["override"]) or "*" in last:
         return ()
     return tuple(path for path in keys() if _matches(path_of(path), (*tables, last)))
+
+
+def starred_patterns() -> tuple[str, ...]:
+    """Every pattern with stars that names key paths, but for those of actuators."""
+    found = dict[str, None]()
+    for path in keys():
+        *tables, last = path.split(".")
+        about = {"hinges": (1,), "override": (1, 2)}.get(path.partition(".")[0], ())
+        for stars in (starring for count in range(1, len(about) + 1) for starring in combinations(about, count)):
+            found[".".join([*("*" if k in stars else part for k, part in enumerate(tables)), last])] = None
+    return tuple(each for each in found if starred(each))
+
+
+def actuator_pattern(stars: bool) -> str:
+    """Regular expression of the key paths of actuators; `stars`: one for the chain, too."""
+    chains = "".join(map(str, CHAINS)) + "*" * stars
+    plain = [re.escape(key) for key, place in _actuator_keys() if place is None]
+    placed = [rf"{re.escape(key)}\[{place}\]" for key, place in _actuator_keys() if place is not None]
+    name = r'([^.\[\]"]+|"([^"\\]|\\.)*")'
+    return rf"^(override\.[{chains}]\.)?actuator\.{name}\.({'|'.join([*plain, *placed])})$"
 
 
 def _matches(path: KeyPath, wanted: tuple[str, ...]) -> bool:

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from pydantic import Field, ValidationError, create_model, model_validator
+from pydantic import ConfigDict, Field, ValidationError, create_model, model_validator
 
+from flexfem.files.json_schema import Rule, ruled
 from flexfem.files.keypath import key_path
 from flexfem.files.lines import LineIndex
 from flexfem.files.refusals import place_of, problem_of, refusal, shown
 from flexfem.files.toml import Label, Path, Table, read_toml, validate
 from flexfem.refused import BadInput
-from flexfem.stage.materials import KEYS, Material, Registered
+from flexfem.stage.materials import KEYS, Material, Registered, whole_fatigue
 
 
 class Entry(Material):
@@ -22,9 +23,23 @@ class Entry(Material):
     source : of all its numbers, but for those that `sources` names by key.
     """
 
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _without_its_name(schema)))
+
     name: Label = "of a file"
-    source: Label
-    sources: Mapping[str, Label] = Field(default_factory=dict)
+    source: Label = Field(
+        description='Where its numbers come from; begins with "assumed" when they are', examples=["works certificate 7"]
+    )
+    sources: Mapping[str, Label] = Field(
+        default_factory=dict,
+        description="Of single numbers by their key, where they have another source",
+        examples=[{"poissons_ratio": "assumed: as of others"}],
+    )
+
+    @model_validator(mode="after")
+    def _goes_by_its_table(self) -> Entry:
+        if "name" in self.model_fields_set:
+            raise refusal("no name: a material goes by the name of its table", "name")
+        return self
 
     @model_validator(mode="after")
     def _sources_are_of_keys(self) -> Entry:
@@ -32,6 +47,12 @@ class Entry(Material):
             if key not in KEYS:
                 raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
         return self
+
+
+def _without_its_name(schema: Rule) -> None:
+    del schema["properties"]["name"]
+    schema["properties"]["sources"]["propertyNames"] = {"enum": list(KEYS)}
+    schema["allOf"] = [whole_fatigue()]
 
 
 def read_materials(path: Path) -> dict[str, Registered]:

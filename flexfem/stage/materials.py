@@ -14,14 +14,15 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, model_validator
 
 from flexfem import own
+from flexfem.files.json_schema import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
-from flexfem.stage.inside import INSIDE, Dimensioned, Expansion, Modulus
+from flexfem.stage.inside import INSIDE, Dimensioned, Expansion, Modulus, Poisson
 
 NEAREST = 5  # names listed beside one that is not known
 
@@ -32,13 +33,16 @@ SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson
 STRENGTHS = (0.5, 50.0)
 UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
 
-Cycles: TypeAlias = Annotated[float, Field(gt=0, le=1e12)]
+Cycles: TypeAlias = Annotated[float, Field(gt=0, le=1e12), keywords(**COUNT)]
 
 
 def _falls(exponent: float) -> float:
     if not STEEPEST <= exponent <= FLATTEST:
         raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
     return exponent
+
+
+Exponent: TypeAlias = Annotated[float, AfterValidator(_falls), keywords(minimum=STEEPEST, maximum=FLATTEST)]
 
 
 def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bool_]:
@@ -50,25 +54,54 @@ def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bo
 class Material(Dimensioned):
     """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3.
 
-    The name of a registered material alone gives its numbers; other numbers beside such a name are refused.
-
-    expansion : coefficient of linear thermal expansion, 1/K; None where it is not stated: answers on heat alone ask it.
-    fatigue_strength_coefficient, fatigue_strength_exponent : of Basquin's law `sigma_a = sigma'_f (2 N)^b`, MPa and
-        negative, of unnotched specimens at zero mean stress; None where they are not known.
-    walker_exponent : gamma of Walker's equation for mean stress; None takes 0.5, that of Smith, Watson and Topper.
-    fatigue_range : cycles from and to which the law was fitted; None where the source does not say.
+    The name of a registered material alone gives its numbers; other numbers beside such a name are refused. `expansion`
+    in 1/K, `fatigue_strength_coefficient` in MPa; None where a number is not stated.
     """
 
-    name: Label
-    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa")
-    poissons_ratio: float = Field(ge=0, lt=0.5)
-    density: float = Field(alias="density_kg_m3", gt=0)
-    yield_strength: float = Field(alias="yield_strength_mpa", gt=0)
-    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k")
-    fatigue_strength_coefficient: float | None = Field(default=None, alias="fatigue_strength_coefficient_mpa", gt=0)
-    fatigue_strength_exponent: Annotated[float, AfterValidator(_falls)] | None = None
-    walker_exponent: float | None = Field(default=None, gt=0, le=1)
-    fatigue_range: tuple[Cycles, Cycles] | None = Field(default=None, alias="fatigue_range_cycles")
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _as_files_say(schema)))
+
+    name: Label = Field(
+        description="Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, "
+        "with the numbers beside it",
+        examples=["al-7075-t6"],
+    )
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", description="Young's modulus E", examples=[71.7])
+    poissons_ratio: Poisson = Field(description="Poisson's ratio", examples=[0.33])
+    density: float = Field(alias="density_kg_m3", gt=0, description="Mass density", examples=[2810.0])
+    yield_strength: float = Field(alias="yield_strength_mpa", gt=0, description="Yield strength", examples=[503.0])
+    expansion: Expansion | None = Field(
+        default=None,
+        alias="expansion_um_per_m_k",
+        description="Coefficient of linear thermal expansion. Drift alone asks for it: no other answer, and no hash "
+        "of one, follows it",
+        examples=[23.6],
+    )
+    fatigue_strength_coefficient: float | None = Field(
+        default=None,
+        alias="fatigue_strength_coefficient_mpa",
+        gt=0,
+        description="sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. "
+        "Lives alone ask for it: `flexfem life`, and studies with `[life]`",
+        examples=[900.0],
+    )
+    fatigue_strength_exponent: Exponent | None = Field(
+        default=None, description="b of Basquin's law", examples=[-0.102], json_schema_extra=COUNT
+    )
+    walker_exponent: float | None = Field(
+        default=None,
+        gt=0,
+        le=1,
+        description="Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, "
+        "Watson and Topper",
+        examples=[0.5],
+        json_schema_extra=COUNT,
+    )
+    fatigue_range: tuple[Cycles, Cycles] | None = Field(
+        default=None,
+        alias="fatigue_range_cycles",
+        description="From and to how many cycles Basquin's law was fitted; by default 1e3 to 1e6, assumed",
+        examples=[[1e3, 1e6]],
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -117,6 +150,26 @@ class Material(Dimensioned):
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
 FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
+_FILE: Rule = {
+    "type": "string",
+    "description": "TOML file of your own, beside the stage file, that has the material of this name and its numbers",
+    "examples": ["my-materials.toml"],
+}
+
+
+def whole_fatigue() -> Rule:
+    """Both constants of Basquin's law, where one of the fatigue keys is given."""
+    coefficient, *others = (Material.model_fields[name].alias or name for name in FATIGUE)
+    return when(without(coefficient, *others), {}, has(coefficient, others[0]))
+
+
+def _as_files_say(schema: Rule) -> None:
+    """A registered name, a name and the file that has it, or all numbers."""
+    numbers = [key for key in schema["required"] if key != "name"]
+    schema["properties"] = {"name": schema["properties"]["name"], "file": _FILE, **schema["properties"]}
+    schema["required"] = ["name"]
+    known = either(has("file"), says("name", *materials()), has(*numbers))
+    schema["allOf"] = [when(has("file"), only("name", "file")), known, whole_fatigue()]
 
 
 def _keys(info: ValidationInfo) -> tuple[str, ...]:

@@ -4,45 +4,56 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from flexfem.files.json_schema import Rule, both, has, ruled, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import problem_of, refusal, suggestion
 from flexfem.files.toml import Label
-from flexfem.stage.actuators import Actuator, Coordinate, Force, Rate, Stroke, Tilt
+from flexfem.stage.actuators import Actuator, Coordinate, Force, Friction, Preload, Rate, StackName, Stroke, Tilt
 from flexfem.stage.cache import once
-from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus
+from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, Poisson
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Hinge, HingeName
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
 
 
+def _as_of(table: type[BaseModel], name: str) -> Any:
+    """The key of a table, which an override need not give."""
+    key = table.model_fields[name]
+    return Field(default=None, alias=key.alias, description=key.description, examples=key.examples)
+
+
 class Override(Dimensioned):
     """What differs at one of the nine hinges, or at an actuator on one chain; None keeps the value of its table."""
 
-    chain: int = Field(ge=1, le=3)
-    hinge: HingeName | None = None
-    actuator: Label | None = None
-    radius: Length | None = Field(default=None, alias="radius_mm")
-    neck: Length | None = Field(default=None, alias="neck_mm")
-    prismatic: bool | None = None
-    axis: Angle | None = Field(default=None, alias="axis_deg")
-    arm: Length | None = Field(default=None, alias="arm_mm")
-    side: Literal["left", "right"] | None = None
-    tilt: Tilt | None = Field(default=None, alias="tilt_deg")
-    point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm")
-    direction: Angle | None = Field(default=None, alias="direction_deg")
-    stack: Label | None = None
-    stroke: Stroke | None = Field(default=None, alias="stroke_um")
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um")
-    blocking_force: Force | None = Field(default=None, alias="blocking_force_n")
-    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um")
-    ball_radius: Length | None = Field(default=None, alias="ball_radius_mm")
-    ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa")
-    ball_poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
-    preload: float | None = Field(default=None, alias="preload_n", ge=0, le=1e6)
-    friction: float | None = Field(default=None, ge=0, le=2)
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _about_one_thing(schema)))
+
+    chain: int = Field(ge=1, le=3, description="The chain that it is about", examples=[2])
+    hinge: HingeName | None = Field(default=None, description="The hinge of that chain that it is about")
+    actuator: Label | None = Field(
+        default=None, description="Instead of `hinge`: the name of the actuator that it is about", examples=["base"]
+    )
+    radius: Length | None = _as_of(Hinge, "radius")
+    neck: Length | None = _as_of(Hinge, "neck")
+    prismatic: bool | None = _as_of(Hinge, "prismatic")
+    axis: Angle | None = _as_of(Hinge, "axis")
+    arm: Length | None = _as_of(Actuator, "arm")
+    side: Literal["left", "right"] | None = _as_of(Actuator, "side")
+    tilt: Tilt | None = _as_of(Actuator, "tilt")
+    point: tuple[Coordinate, Coordinate] | None = _as_of(Actuator, "point")
+    direction: Angle | None = _as_of(Actuator, "direction")
+    stack: StackName | None = _as_of(Actuator, "stack")
+    stroke: Stroke | None = _as_of(Actuator, "stroke")
+    stiffness: Rate | None = _as_of(Actuator, "stiffness")
+    blocking_force: Force | None = _as_of(Actuator, "blocking_force")
+    contact_stiffness: Rate | None = _as_of(Actuator, "contact_stiffness")
+    ball_radius: Length | None = _as_of(Actuator, "ball_radius")
+    ball_youngs_modulus: Modulus | None = _as_of(Actuator, "ball_youngs_modulus")
+    ball_poissons_ratio: Poisson | None = _as_of(Actuator, "ball_poissons_ratio")
+    preload: Preload | None = _as_of(Actuator, "preload")
+    friction: Friction | None = _as_of(Actuator, "friction")
 
     @model_validator(mode="after")
     def _of_one_thing(self) -> Override:
@@ -79,6 +90,15 @@ class Override(Dimensioned):
 ABOUT_IT = ("chain", "hinge", "actuator")
 OF_HINGES = tuple(Hinge.model_fields)
 OF_ACTUATORS = tuple(name for name in Override.model_fields if name not in (*ABOUT_IT, *OF_HINGES))
+
+
+def _about_one_thing(schema: Rule) -> None:
+    """A hinge or an actuator, with something that differs there and nothing of the other."""
+    hinge, actuator = ([Override.model_fields[n].alias or n for n in of] for of in (OF_HINGES, OF_ACTUATORS))
+    schema["allOf"] = [
+        when(has("actuator"), without("hinge", *hinge), both(has("hinge"), without(*actuator))),
+        {"minProperties": 3},
+    ]
 
 
 def check_overrides(stage: Stage) -> None:

@@ -53,16 +53,35 @@ class Stage(Dimensioned, Sourced):
 
     kind: ClassVar[str] = "stage file"
 
-    name: Label
-    model: Plane = "plane_stress"
-    thickness: Length = Field(alias="thickness_mm")
-    material: Material
-    chain: Chain
-    hinges: Hinges
-    platform: Platform
-    frame: Frame = Field(default_factory=Frame)
-    override: tuple[Override, ...] = ()
-    actuator: tuple[Actuator, ...] = ()
+    name: Label = Field(description="Shown in tables and figures", examples=["my stage"])
+    model: Plane = Field(
+        default="plane_stress",
+        description="How the stage is made a plane problem, in both models: `plane_stress`, the paper's; "
+        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances corrected for their thickness by "
+        "three-dimensional finite elements, in the analytic model alone, because the finite elements of the stage "
+        "are plane",
+    )
+    thickness: Length = Field(alias="thickness_mm", description="b, out of plane", examples=[10.0])
+    material: Material = Field(description="What the stage is made of, isotropic")
+    chain: Chain = Field(description="Chain 1; the others are the same, turned by 120 and 240 degrees")
+    hinges: Hinges = Field(description="The hinges of every chain, from the base to the platform")
+    platform: Platform = Field(description="The disc that is moved")
+    frame: Frame = Field(
+        default_factory=Frame,
+        description="What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with "
+        "`[drift]`",
+    )
+    override: tuple[Override, ...] = Field(
+        default=(),
+        description="What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is "
+        "about, keys of that hinge or actuator with their values there. As many as wanted, in any order, each about "
+        "something else",
+    )
+    actuator: tuple[Actuator, ...] = Field(
+        default=(),
+        description="A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They "
+        "make the stage a driven one; what is asked of the passive stage does not depend on them",
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -29,39 +29,68 @@ CHAINS = (1, 2, 3)
 class Chain(Dimensioned):
     """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
 
-    link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm")
-    joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg")
-    link_width: Length = Field(alias="link_width_mm")
+    link_lengths: tuple[Length, Length, Length] = Field(
+        alias="link_lengths_mm",
+        description="l1 base to elbow hinge, l2 elbow to platform hinge, l3 platform hinge to platform centre",
+        examples=[[30.0, 32.0, 24.0]],
+    )
+    joint_angles: tuple[Angle, Angle, Angle] = Field(
+        alias="joint_angles_deg",
+        description="phi_1, phi_2, phi_3 at rest, counter-clockwise, each relative to the link before it; the first to "
+        "the x axis",
+        examples=[[180.0, -90.0, 90.0]],
+    )
+    link_width: Length = Field(
+        alias="link_width_mm", description="Width of links, clamped pads and lugs of the platform", examples=[9.0]
+    )
 
 
 class Hinge(Dimensioned):
     """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
 
-    radius: Length = Field(alias="radius_mm")
-    neck: Length = Field(alias="neck_mm")
-    prismatic: bool = False
-    axis: Angle | None = Field(default=None, alias="axis_deg")
+    radius: Length = Field(alias="radius_mm", description="R of the two circular cuts", examples=[4.0])
+    neck: Length = Field(
+        alias="neck_mm", description="t, the narrowest width, which the two cuts leave", examples=[0.5]
+    )
+    prismatic: bool = Field(default=False, description="Whether the model lets it stretch as well as turn")
+    axis: Angle | None = Field(
+        default=None,
+        alias="axis_deg",
+        description="Direction of the neck in the frame of chain 1, turned with each chain; by default of base and "
+        "elbow hinge along link 1, of the platform hinge along link 2",
+        examples=[180.0],
+    )
 
 
 class Hinges(Dimensioned):
     """The three hinges every chain has unless an override says otherwise."""
 
-    base: Hinge
-    elbow: Hinge
-    platform: Hinge
+    base: Hinge = Field(description="The hinge at the clamped pad; link 1 starts here")
+    elbow: Hinge = Field(description="The hinge between link 1 and link 2")
+    platform: Hinge = Field(description="The hinge between link 2 and the platform")
 
 
 class Platform(Dimensioned):
     """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
 
-    radius: Length = Field(alias="radius_mm")
-    hub_radius: Length = Field(alias="hub_radius_mm")
+    radius: Length = Field(alias="radius_mm", description="Of the disc", examples=[17.0])
+    hub_radius: Length = Field(
+        alias="hub_radius_mm",
+        description="Of the hole in it, taken as filled by a rigid disc: loads act there, the pose is read there",
+        examples=[8.0],
+    )
 
 
 class Frame(Dimensioned):
     """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
 
-    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k")
+    expansion: Expansion | None = Field(
+        default=None,
+        alias="expansion_um_per_m_k",
+        description="Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is "
+        "assumed to expand as the stage does",
+        examples=[12.0],
+    )
 
 
 def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:

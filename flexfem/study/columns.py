@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import compress
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import one_line, refusal
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
-from flexfem.stage.keys import LASTING, keys, meant, starred
+from flexfem.stage.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
 from flexfem.stage.schema import Label, Stage
 from flexfem.units import unit_of
 
@@ -57,35 +58,98 @@ COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *RANGES, *ENVELOPE)
 _ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
 
+NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
+
+
+def _key_schema(patterns: bool) -> Rule:
+    """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
+    known = {path: None for path in keys()}
+    if patterns:
+        known |= dict.fromkeys(starred_patterns())
+    return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
+
+
+Number: TypeAlias = Annotated[float, keywords(**OF_THE_KEY)]
+KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
+KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
+
+
+def of_kind(kind: Kind) -> Rule:
+    """A factor of a kind, in JSON schema: its keys, and no others."""
+    needed, possible = _KEYS_OF[kind]
+    return both(has(*needed), without(*({*_OTHERS} - {*needed, *possible})))
+
+
+_OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)
+FACTOR_RULES = (
+    when(has("key"), without("keys"), has("keys")),
+    when(
+        says("distribution", "normal"),
+        of_kind("normal"),
+        when(
+            says("distribution", "uniform"),
+            of_kind("uniform"),
+            when(has("values"), of_kind("values"), when(without(*_OTHERS), {}, of_kind("range"))),
+        ),
+    ),
+)
+
+
 class Factor(Table):
-    """One factor; all numbers in the units of the stage file.
+    """One factor: a list, a range (`start` to `end`) or a distribution; with none of them a table of designs has it.
 
-    Attributes
-    ----------
-    key, keys : what it sets; one of the two. A star in `key` stands for as many factors.
-    label : name of its column, the key by default.
-    values : a list: the points of a grid, or equally likely.
-    start, end, scale, points : a range (`from`, `to` in the file); points in a grid only.
-    distribution, mean, sd, lower, upper : normal, truncated where a bound is given, or uniform.
-
-    With none of these, its values are given by a table of designs.
+    All numbers are in the units of the stage file.
     """
 
-    named: ClassVar[tuple[str, ...]] = ("key", "keys", "label")  # fields that say what it is of, whatever its kind
+    named: ClassVar[tuple[str, ...]] = NAMED
 
-    key: Label | None = None
-    keys: tuple[Label, ...] | None = Field(default=None, min_length=1, max_length=MANY_KEYS)
-    label: Label | None = None
-    values: tuple[float, ...] | None = Field(default=None, min_length=1, max_length=MANY)
-    start: float | None = Field(default=None, alias="from")
-    end: float | None = Field(default=None, alias="to")
-    scale: Literal["linear", "log"] = "linear"
-    points: int | None = Field(default=None, ge=2, le=MANY)
-    distribution: Literal["normal", "uniform"] | None = None
-    mean: float | None = None
-    sd: float | None = Field(default=None, gt=0)
-    lower: float | None = None
-    upper: float | None = None
+    model_config = ConfigDict(json_schema_extra=ruled(*FACTOR_RULES))
+
+    key: KeyPattern | None = Field(
+        default=None,
+        description="A number of the stage file by its key path; of one of the nine hinges, whether or not the stage "
+        "file overrides it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as "
+        "many independent factors. A hinge with an override of its own in the stage file does not follow "
+        "`hinges.elbow.neck_mm`",
+        examples=["hinges.base.radius_mm"],
+    )
+    keys: tuple[KeyName, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY_KEYS,
+        description="Instead of `key`: several that take one value",
+        examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]],
+    )
+    label: Label | None = Field(
+        default=None, description="Name of the column; by default the key", examples=["neck of the base hinge"]
+    )
+    values: tuple[Number, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY,
+        description="A list: the points of a grid, else equally likely",
+        examples=[[0.3, 0.5, 0.8]],
+    )
+    start: Number | None = Field(
+        default=None, alias="from", description="With `to`: where a range begins", examples=[0.3]
+    )
+    end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
+    scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
+    points: int | None = Field(
+        default=None, ge=2, le=MANY, description="Of a range in a grid, and of nothing else: how many", examples=[5]
+    )
+    distribution: Literal["normal", "uniform"] | None = Field(
+        default=None,
+        description="`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, "
+        "`upper`. A list or range stays within the limits of its key; a distribution may leave them, and a design "
+        "outside is a row `refused` with its reason",
+    )
+    mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
+    sd: Annotated[float, Field(gt=0), keywords(**OF_THE_KEY)] | None = Field(
+        default=None, description="Standard deviation", examples=[0.005]
+    )
+    lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
+    upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
 
     @model_validator(mode="after")
     def _names_keys(self) -> Factor:
@@ -218,7 +282,7 @@ def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
         raise refusal("no star in keys: all of them take one value", *at)
     if key not in keys():
-        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see geometry/README.md'}", *at)
+        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
 
 
 def outputs_of(

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Iterable, Iterator
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.files.json_schema import Rule, both, has, only, ruled, says, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown, suggestion
 from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label
-from flexfem.study.columns import WAYS, Factor, columns_of, outputs_of, unasked
+from flexfem.study.columns import NAMED, WAYS, Factor, columns_of, outputs_of, unasked
 from flexfem.study.expression import names_in
 from flexfem.study.tables import (
     MOST,
@@ -32,7 +33,7 @@ from flexfem.study.tables import (
     normal_correlation,
 )
 from flexfem.verify import warning
-from flexfem.verify.case import known_formula
+from flexfem.verify.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
 
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
@@ -56,32 +57,108 @@ _APPLIES = {  # keys that not every model takes
 }
 
 
+_GIVEN = {"not": only(*NAMED)}  # of a factor that says its values
+
+
+def _rules() -> Iterator[Rule]:
+    """Between keys of a study, in JSON schema."""
+    every: set[str] = {"analytic", "fe", "verify", "three_dimensional"}
+    for key, models in _APPLIES.items():
+        yield when(says("model", *sorted(every - {*models})), without(key))
+    yield LINKS
+    yield when(says("check", "closed_form"), says("model", "analytic"))
+    driven = {"properties": {"drive": says("actuators", True)}, "required": ["drive"]}
+    yield when(driven, says("model", "analytic"))
+    of_grid = both(without("distribution"), when(has("from"), has("points")), _GIVEN)
+    others = {"grid": of_grid, "table": only(*NAMED)}
+    for method in get_args(Method):
+        of_factor = others.get(method, both(without("points"), _GIVEN))
+        correlated = without("correlation") if method in UNCORRELATED else {}
+        sampled = {"properties": {"sampling": says("method", method)}, "required": ["sampling"]}
+        yield when(sampled, both({"properties": {"factor": {"items": of_factor}}}, correlated))
+
+
 class Study(Sourced):
-    """What a study file says; see cases/README.md for every key."""
+    """What a study file says."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(*_rules()))
 
     kind: ClassVar[str] = "study file"
 
-    name: Label
-    stage: Label
-    model: Literal["analytic", "fe", "verify", "three_dimensional"]
-    formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
-    mobility: Literal[3, 6, 12, 21] | None = None
-    links: bool = False
-    resolution: int = Field(default=4, ge=4, le=64)
-    layers: int = Field(default=2, ge=1, le=16)
-    bands: bool = True
-    check: Literal["closed_form", "drawing"] | None = None
-    time_limit: float = Field(default=60.0, gt=0, le=86_400, alias="time_limit_s")
-    sampling: Sampling
-    factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
-    correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
-    drive: Drive | None = None
-    frequencies: Frequencies | None = None
-    life: Lasting | None = None
-    drift: Drifting | None = None
-    output: tuple[Output, ...] = Field(default=(), max_length=50)
-    constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
-    figure: tuple[Figure, ...] = Field(default=(), max_length=50)
+    name: Label = Field(description="Title of figures", examples=["Stiffness against range at yield"])
+    stage: Label = Field(description="File of the base stage, relative to the study's", examples=["stage.toml"])
+    model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(
+        description="What answers: `analytic`; `fe`, finite elements in the stage's plane model; "
+        "`three_dimensional`, of the stage extruded; `verify`, the error percentages of the one against the other",
+        examples=["analytic"],
+    )
+    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
+    mobility: Mobility | None = Field(
+        default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
+    )
+    links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
+    resolution: int = Field(
+        default=4, ge=4, le=64, description="Triangles across every neck, with `fe`, `verify`, `three_dimensional`"
+    )
+    layers: int = Field(
+        default=2,
+        ge=1,
+        le=16,
+        description="In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a "
+        "design with alike chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s",
+    )
+    bands: bool = Field(
+        default=True, description="Whether `verify` finds the mesh band of each percentage, from three meshes"
+    )
+    check: Literal["closed_form", "drawing"] | None = Field(
+        default=None,
+        description="Whether every design is drawn to see that no bodies overlap; by default `closed_form` with "
+        "`analytic`, and what is meshed is always drawn",
+    )
+    time_limit: float = Field(
+        default=60.0,
+        gt=0,
+        le=86_400,
+        alias="time_limit_s",
+        description="For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s "
+        "longer is killed and replaced, on this machine or of Dask. Counted from when the worker has loaded the "
+        "design; time in which it, or the whole run, is stopped does not count",
+    )
+    sampling: Sampling = Field(description="Which designs. At most 10^9 of them")
+    factor: tuple[Factor, ...] = Field(
+        min_length=1, max_length=100, description="What differs between designs; numbers in the unit of the key"
+    )
+    correlation: tuple[Correlation, ...] = Field(
+        default=(),
+        max_length=500,
+        description="Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with "
+        "`saltelli` (Sobol indices split the variance among independent factors), `grid` or `table`",
+    )
+    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    frequencies: Frequencies | None = Field(
+        default=None,
+        description="Asks for natural frequencies in the plane, with a payload or without; the table may be empty. "
+        "`material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with "
+        "`three_dimensional`",
+    )
+    life: Lasting | None = Field(
+        default=None,
+        description="Asks for fatigue lives at an amplitude of the pose. The material needs fatigue constants, which "
+        "factors can then set. Not with `three_dimensional`",
+    )
+    drift: Drifting | None = Field(
+        default=None,
+        description="With `analytic`: asks for the drift with temperature; the table has no keys. The stage must "
+        "state both coefficients of expansion, which factors can then set: `material.expansion_um_per_m_k`, "
+        "`frame.expansion_um_per_m_k`. With `links` every pad is drawn, up to 0.15 s a design more",
+    )
+    output: tuple[Output, ...] = Field(
+        default=(), max_length=50, description="A derived output, found from the answers when the table is collected"
+    )
+    constraint: tuple[Constraint, ...] = Field(
+        default=(), max_length=50, description="Ends for an expression, between which a design counts"
+    )
+    figure: tuple[Figure, ...] = Field(default=(), max_length=50, description="What `flexfem study plot` draws")
 
     @model_validator(mode="after")
     def _keys_of_its_model(self) -> Study:

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, get_args
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.json_schema import (
+    COUNT,
+    OF_THE_KEY,
+    Rule,
+    beside,
+    both,
+    either,
+    has,
+    keywords,
+    only,
+    ruled,
+    says,
+    when,
+)
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table
 from flexfem.stage.schema import Label
@@ -40,21 +54,56 @@ def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: 
             raise refusal(f"no {name} with {choice}", name)
 
 
+def _wanted(method: Method) -> tuple[str, ...]:
+    """The keys that a method needs beside it; it takes no others."""
+    size = {"saltelli": "base"}.get(method, "designs")
+    return {"grid": (), "table": ("file",)}.get(method, (size, "seed"))
+
+
+def _of_method(method: Method) -> Rule:
+    held = [{"properties": {"designs": {"maximum": MOST_HELD}}}] if method in HELD else []
+    return when(says("method", method), both(has(*_wanted(method)), only("method", *_wanted(method)), *held))
+
+
 class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
 
-    method: Method
-    file: Label | None = None
-    designs: int | None = Field(default=None, ge=1, le=MOST)
-    base: int | None = Field(default=None, ge=2, le=MOST)
-    seed: int | None = Field(default=None, ge=0, lt=2**63)
+    model_config = ConfigDict(json_schema_extra=ruled(*(_of_method(method) for method in get_args(Method))))
+
+    method: Method = Field(
+        description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
+        "`saltelli`, for sensitivity; or `table`, your own designs",
+        examples=["sobol"],
+    )
+    file: Label | None = Field(
+        default=None,
+        description="With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row "
+        "group at a time), beside the study file; one row a design, one column a factor, named by its label or key, "
+        "in file units. Factors then have a key alone. An edited table is another study",
+        examples=["designs.csv"],
+    )
+    designs: int | None = Field(
+        default=None,
+        ge=1,
+        le=MOST,
+        description="How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most "
+        f"{MOST_HELD}. More designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their "
+        "parts. A grid has none",
+        examples=[256],
+    )
+    base: int | None = Field(
+        default=None,
+        ge=2,
+        le=MOST,
+        description="With `saltelli`, instead: a power of two; there are base × (factors + 2) designs",
+        examples=[64],
+    )
+    seed: int | None = Field(default=None, ge=0, lt=2**63, description="What designs are drawn from", examples=[1])
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
-        size = {"saltelli": "base"}.get(self.method, "designs")
-        wanted = {"grid": (), "table": ("file",)}.get(self.method, (size, "seed"))
-        _require_keys(self, f'method = "{self.method}"', wanted, ("method",))
+        _require_keys(self, f'method = "{self.method}"', _wanted(self.method), ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method in HELD and (self.designs or 0) > MOST_HELD:
@@ -63,15 +112,34 @@ class Sampling(Table):
 
 
 class Drive(Table):
-    """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone.
+    """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
 
-    actuators : ask about the actuators of the base stage.
-    stroke_um, lever_arm_mm : of a piezo, and from the base hinge to where it pushes link 1, in units of the file.
-    """
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            beside({"stroke_um": ["lever_arm_mm"], "lever_arm_mm": ["stroke_um"]}),
+            either(says("actuators", True), has("stroke_um")),
+        )
+    )
 
-    actuators: bool = False
-    stroke_um: float | None = Field(default=None, gt=0, le=1e6)
-    lever_arm_mm: float | None = Field(default=None, gt=0, le=1e4)
+    actuators: bool = Field(
+        default=False,
+        description="With `analytic`: asks about the base stage's own `[[actuator]]` tables, outputs "
+        "`drive_range_x_um` and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: "
+        "`actuator.base.arm_mm`, and on one chain `override.2.actuator.base.preload_n` (a star for the chain); a "
+        "number that the actuator does not state is none. The drive is part of such a study's identity. Contacts on "
+        "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
+        "drawn, 6 ms each",
+    )
+    stroke_um: float | None = Field(
+        default=None,
+        gt=0,
+        le=1e6,
+        description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
+        examples=[17.4],
+    )
+    lever_arm_mm: float | None = Field(
+        default=None, gt=0, le=1e4, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
+    )
 
     @model_validator(mode="after")
     def _asks_something(self) -> Drive:
@@ -92,32 +160,56 @@ class Drive(Table):
 
 
 class Frequencies(Table):
-    """Natural frequencies of the platform in the plane are asked for, with a payload on it or without.
+    """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg, payload_kg_mm2 : mass, and moment of inertia about the platform centre, in units of the file.
-    """
-
-    payload_kg: float = Field(default=0.0, ge=0, le=1e4)
-    payload_kg_mm2: float = Field(default=0.0, ge=0, le=1e10)
+    payload_kg: float = Field(
+        default=0.0, ge=0, le=1e4, description="Mass on the platform at its centre", examples=[0.2]
+    )
+    payload_kg_mm2: float = Field(
+        default=0.0, ge=0, le=1e10, description="Its moment of inertia about that", examples=[40.0]
+    )
 
 
 class Drifting(Table):
     """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
 
 
+_AMPLITUDES = ("amplitude_x_um", "amplitude_y_um", "amplitude_theta_mrad")
+
+
+def _not_zero(key: str) -> Rule:
+    return {"required": [key], "properties": {key: {"not": {"const": 0}}}}
+
+
 class Lasting(Table):
-    """Fatigue lives are asked for, at an amplitude of the platform, and the amplitude for a wanted life.
+    """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
 
-    amplitude_... : of the pose about its mean, in units of the file.   ratio : least over greatest displacement.
-    cycles : the wanted life.   notch_sensitivity : see `fatigue.counted`.
-    """
+    model_config = ConfigDict(json_schema_extra=ruled(either(*map(_not_zero, _AMPLITUDES))))
 
-    amplitude_x_um: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
-    amplitude_y_um: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
-    amplitude_theta_mrad: float = Field(default=0.0, ge=-FARTHEST, le=FARTHEST)
-    ratio: float = Field(default=-1.0, ge=-1, le=0.99)
-    cycles: float = Field(default=1e6, gt=0, le=1e12)
-    notch_sensitivity: float = Field(default=1.0, ge=0, le=1)
+    amplitude_x_um: float = Field(
+        default=0.0,
+        ge=-FARTHEST,
+        le=FARTHEST,
+        description="Of the pose in x; one of the three or more",
+        examples=[20.0],
+    )
+    amplitude_y_um: float = Field(
+        default=0.0, ge=-FARTHEST, le=FARTHEST, description="Of the pose in y", examples=[20.0]
+    )
+    amplitude_theta_mrad: float = Field(
+        default=0.0, ge=-FARTHEST, le=FARTHEST, description="Of the pose in theta", examples=[0.5]
+    )
+    ratio: float = Field(
+        default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
+    )
+    cycles: float = Field(default=1e6, gt=0, le=1e12, description="The wanted life", json_schema_extra=COUNT)
+    notch_sensitivity: float = Field(
+        default=1.0,
+        ge=0,
+        le=1,
+        description="What of the stress concentration counts: 0 nothing, 1 all of it",
+        json_schema_extra=COUNT,
+    )
 
     @model_validator(mode="after")
     def _moves(self) -> Lasting:
@@ -144,25 +236,38 @@ def _expression(text: str) -> str:
     return text
 
 
-Expression = Annotated[str, AfterValidator(_expression)]
+Expression = Annotated[str, AfterValidator(_expression), keywords(minLength=1)]
 
 
 class Output(Table):
     """A derived output: a column `name`, arithmetic on other columns and keys, shown with `label` and `unit`."""
 
-    name: str = Field(pattern=NAME)
-    expression: Expression
-    label: Label | None = None
-    unit: Label | None = None
+    name: str = Field(pattern=NAME, description="Of its column", examples=["kxx_over_ktt"])
+    expression: Expression = Field(
+        description="Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, "
+        "max; names with blanks in backticks",
+        examples=["kxx_n_per_mm / ktt_n_mm_per_rad"],
+    )
+    label: Label | None = Field(default=None, description="In figures", examples=["Kxx over Ktt"])
+    unit: Label | None = Field(default=None, description="In figures", examples=["rad/mm²"])
 
 
 class Constraint(Table):
     """Ends between which an expression of columns and keys must lie for a design to count."""
 
-    value: Expression
-    least: float | None = None
-    most: float | None = None
-    label: Label | None = None
+    model_config = ConfigDict(json_schema_extra=ruled(either(has("least"), has("most"))))
+
+    value: Expression = Field(
+        description="An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything "
+        "is solved (not with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts "
+        "and maps leave it out and count it",
+        examples=["hinges.base.neck_mm / hinges.base.radius_mm"],
+    )
+    least: float | None = Field(
+        default=None, description="The lower end", examples=[0.05], json_schema_extra=OF_THE_KEY
+    )
+    most: float | None = Field(default=None, description="The upper end", examples=[0.2], json_schema_extra=OF_THE_KEY)
+    label: Label | None = Field(default=None, description="In messages", examples=["t/R of the base hinges"])
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Constraint:
@@ -193,8 +298,14 @@ class Constraint(Table):
 class Correlation(Table):
     """Two factors, by their columns, and the rank correlation (Spearman's) that they are drawn with."""
 
-    factors: tuple[Label, Label]
-    coefficient: float = Field(gt=-1, lt=1)
+    factors: tuple[Label, Label] = Field(
+        description="Two columns",
+        examples=[["neck of base", "radius of base"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    coefficient: float = Field(
+        gt=-1, lt=1, description="Their rank correlation (Spearman's)", examples=[0.6], json_schema_extra=COUNT
+    )
 
     @model_validator(mode="after")
     def _of_two(self) -> Correlation:
@@ -218,18 +329,36 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
     return matrix
 
 
+def _of_kind(kind: FigureKind) -> Rule:
+    needed, possible = _KEYS_OF[kind]
+    return when(says("kind", kind), both(has(*needed), only("kind", "title", *needed, *possible)))
+
+
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    kind: FigureKind
-    title: Label | None = None
-    x: Label | None = None
-    y: Label | None = None
-    value: Label | None = None
-    values: tuple[Label, ...] | None = Field(default=None, min_length=1, max_length=12)
-    x_better: Better = "larger"
-    y_better: Better = "larger"
-    drawn: int = Field(default=4, ge=1, le=12)
+    model_config = ConfigDict(json_schema_extra=ruled(*(_of_kind(kind) for kind in get_args(FigureKind))))
+
+    kind: FigureKind = Field(
+        description="`map` of an output over two factors, in whose cells means over the other factors are; "
+        "`distribution` and `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns",
+        examples=["pareto"],
+    )
+    title: Label | None = Field(default=None, description="Of the figure", examples=["Stiffness against range"])
+    x: Label | None = Field(default=None, description="Column, of a map a factor", examples=["range_x_um"])
+    y: Label | None = Field(default=None, description="Another, of a map a factor", examples=["kxx_n_per_mm"])
+    value: Label | None = Field(default=None, description="Of a map: the output", examples=["kxx_n_per_mm"])
+    values: tuple[Label, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=12,
+        description="Of a `distribution` or `sensitivity`: outputs",
+        examples=[["kxx_n_per_mm", "range_x_um"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    x_better: Better = Field(default="larger", description="Of a front: which `x` is wanted")
+    y_better: Better = Field(default="larger", description="Of a front: which `y` is wanted")
+    drawn: int = Field(default=4, ge=1, le=12, description="Of a front: how many designs are drawn beside it")
 
     @model_validator(mode="after")
     def _keys_of_its_kind(self) -> Figure:

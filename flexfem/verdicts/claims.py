@@ -8,16 +8,17 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
+from flexfem.files.json_schema import COUNT, Keywords, either, has, keywords, only, ruled, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Table, bad_key, validate
 from flexfem.refused import BadInput
 from flexfem.stage.schema import Label, Stage, load_feasible
-from flexfem.study.columns import WAYS, Column, Factor, acting, columns_of, unasked, with_mean
+from flexfem.study.columns import FACTOR_RULES, WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
 
 Side: TypeAlias = Literal["three", "six"]
@@ -31,18 +32,40 @@ def _known_measure(name: str) -> str:
     return name
 
 
+_LIMITED = either(has("low_percent"), has("high_percent"))
+_RULES = (
+    when(has("equals"), without("low_percent", "high_percent", "missing")),
+    when(has("missing"), without("low_percent", "high_percent")),
+    either(_LIMITED, has("equals"), has("missing")),
+)
+
+
 class Claim(Table):
     """One claim: what is measured and which numbers (per cent, or `equals`) bear it out; `missing` leaves it open."""
 
-    id: Label
-    statement: Label
-    where: Label
-    measure: Annotated[str, AfterValidator(_known_measure)]
-    reading: Label | None = None
-    low_percent: float | None = None
-    high_percent: float | None = None
-    equals: tuple[float, ...] | None = Field(default=None, min_length=1)
-    missing: Label | None = None
+    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
+
+    id: Label = Field(description="Its name, which no other claim has", examples=["six-commanded"])
+    statement: Label = Field(description="What is claimed, in your words", examples=["the error is about 10 %"])
+    where: Label = Field(description="Where it stands", examples=["Section V"])
+    measure: Annotated[str, AfterValidator(_known_measure), Keywords(lambda: {"enum": list(MEASURES)})] = Field(
+        description="The measurement that decides"
+    )
+    reading: Label | None = Field(
+        default=None,
+        description="How the statement is read, where it can be read in several ways",
+        examples=["all commands"],
+    )
+    low_percent: float | None = Field(default=None, description="The least that bears it out", examples=[8.0])
+    high_percent: float | None = Field(default=None, description="The most that bears it out", examples=[12.0])
+    equals: tuple[Annotated[float, keywords(**COUNT)], ...] | None = Field(
+        default=None, min_length=1, description="Instead of limits: the numbers that bear it out", examples=[[3.0, 6.0]]
+    )
+    missing: Label | None = Field(
+        default=None,
+        description="Instead of limits: what is missing to decide, so that it stays open",
+        examples=["Table II"],
+    )
 
     @model_validator(mode="after")
     def _one_expectation(self) -> Claim:
@@ -67,8 +90,8 @@ class Claim(Table):
 class StagePair(Table):
     """The paper's two stages, as files relative to the file of claims."""
 
-    three: Label
-    six: Label
+    three: Label = Field(description="File of the stage of mobility three", examples=["mobility3.toml"])
+    six: Label = Field(description="File of the stage of mobility six", examples=["mobility6.toml"])
 
 
 class EnsembleFactor(Factor):
@@ -76,7 +99,11 @@ class EnsembleFactor(Factor):
 
     named: ClassVar[tuple[str, ...]] = (*Factor.named, "stage")
 
-    stage: Side | None = None
+    stage: Side | None = Field(default=None, description="Of which stage it is a factor; by default of both alike")
+
+    model_config = ConfigDict(
+        json_schema_extra=ruled(*FACTOR_RULES, {"not": only(*Factor.named, "stage")}, without("points"))
+    )
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> EnsembleFactor:
@@ -95,9 +122,19 @@ class EnsembleFactor(Factor):
 class Ensemble(Table):
     """Plausible stages: `designs` pairs of them, drawn independently from a `seed`, the rest as in the stage files."""
 
-    designs: int = Field(ge=1, le=MOST_DESIGNS)
-    seed: int = Field(ge=0, lt=2**63)
-    factor: tuple[EnsembleFactor, ...] = Field(min_length=1, max_length=100)
+    designs: int = Field(
+        ge=1,
+        le=MOST_DESIGNS,
+        description="How many pairs are drawn, independently; those that cannot be made are left out and counted",
+        examples=[200],
+    )
+    seed: int = Field(ge=0, lt=2**63, description="What they are drawn from", examples=[1])
+    factor: tuple[EnsembleFactor, ...] = Field(
+        min_length=1,
+        max_length=100,
+        description="A number that differs between pairs, as a factor of a study; the rest is as in the two stage "
+        "files",
+    )
 
     @model_validator(mode="after")
     def _keys_are_set_once(self) -> Ensemble:
@@ -116,12 +153,20 @@ class Claims(Sourced):
 
     kind: ClassVar[str] = "claims file"
 
-    name: Label
-    amplitude_um: float = Field(gt=0, le=1e6)
-    amplitude_mrad: float = Field(gt=0, le=1e3)
-    stages: StagePair
-    ensemble: Ensemble | None = None
-    claim: tuple[Claim, ...] = Field(min_length=1, max_length=100)
+    name: Label = Field(description="Of the page of verdicts", examples=["Claims of the paper"])
+    amplitude_um: float = Field(gt=0, le=1e6, description="Largest command in x and y", examples=[50.0])
+    amplitude_mrad: float = Field(gt=0, le=1e3, description="Largest command in theta", examples=[1.0])
+    stages: StagePair = Field(description="The two stages, by files relative to this one")
+    ensemble: Ensemble | None = Field(
+        default=None,
+        description="Plausible stages over which claims are judged. Without it verdicts are on the two stages alone, "
+        "and say so",
+    )
+    claim: tuple[Claim, ...] = Field(
+        min_length=1,
+        max_length=100,
+        description="What is claimed, the measurement that decides, and the numbers that bear it out",
+    )
 
     @model_validator(mode="after")
     def _ids_differ(self) -> Claims:

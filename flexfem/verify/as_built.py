@@ -36,10 +36,17 @@ Deviation: TypeAlias = Annotated[float, Field(ge=0, le=1e7), *converted(lambda u
 class MeasuredNeck(Table):
     """One neck as measured, mm, and the standard deviation of that."""
 
-    chain: int = Field(ge=1, le=3)
-    hinge: HingeName
-    neck: Neck = Field(alias="neck_um")
-    sd: Deviation = Field(default=0.0, alias="sd_um")
+    chain: int = Field(ge=1, le=3, description="The chain of the hinge", examples=[2])
+    hinge: HingeName = Field(description="Which of its hinges")
+    neck: Neck = Field(
+        alias="neck_um", description="As measured; half to twice the drawn one, or it is refused", examples=[512.0]
+    )
+    sd: Deviation = Field(
+        default=0.0,
+        alias="sd_um",
+        description="Standard deviation of the measurement, of all nine necks or of none; at most a fifth of the neck",
+        examples=[3.0],
+    )
 
 
 class Necks(Sourced):
@@ -47,7 +54,9 @@ class Necks(Sourced):
 
     kind: ClassVar[str] = "necks file"
 
-    neck: tuple[MeasuredNeck, ...]
+    neck: tuple[MeasuredNeck, ...] = Field(
+        description="A neck as measured; each of the nine once", json_schema_extra={"minItems": 9, "maxItems": 9}
+    )
 
     @model_validator(mode="after")
     def _every_hinge_once(self) -> Necks:

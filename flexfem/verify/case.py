@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from flexfem.analytic.formulas import formula
+from flexfem.analytic.formulas import formula, formulas
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
+from flexfem.files.json_schema import Keywords, both, either, has, ruled, says, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table, validate
@@ -36,14 +37,24 @@ def known_formula(name: str) -> str:
     return name
 
 
+Mobility: TypeAlias = Literal[3, 6, 12, 21]
+FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
+OF_MODEL = "Of the analytic model; by default the stage's own"
+FORMULA = "Hinge formula of the analytic model"
+ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model elastic, too"
+LINKS = when(says("links", True), says("mobility", 21))
+
+
 class Curve(Table):
     """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
 
-    label: Label
-    stage: Label
-    mobility: Literal[3, 6, 12, 21] | None = None
-    formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
-    links: bool = False
+    model_config = ConfigDict(json_schema_extra=ruled(LINKS))
+
+    label: Label = Field(description="In the legend, used once", examples=["closed hinge formula"])
+    stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
+    mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
+    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
+    links: bool = Field(default=False, description=f"{ELASTIC}; in a linear case")
 
     @model_validator(mode="after")
     def _links_go_with_all_freedoms(self) -> Curve:
@@ -52,34 +63,75 @@ class Curve(Table):
         return self
 
 
-class Case(Sourced):
-    """A comparison as in Figs. 5 to 7.
+_NONLINEAR = says("analysis", "nonlinear")
+_RULES = (
+    when(
+        says("direction", "theta"),
+        both(has("amplitude_mrad"), without("amplitude_um")),
+        both(has("amplitude_um"), without("amplitude_mrad")),
+    ),
+    when(_NONLINEAR, {"not": says("drive", "joints", "strokes")}),
+    when(_NONLINEAR, {"properties": {"curve": {"items": {"not": says("links", True)}}}}),
+    when(
+        says("model", "three_dimensional"),
+        {"not": either(_NONLINEAR, says("drive", "joints", "strokes"))},
+        without("layers"),
+    ),
+)
 
-    Attributes
-    ----------
-    amplitude_um, amplitude_mrad : the largest commanded displacement, in um for x and y, in mrad for theta.
-    points : odd number of commanded displacements between minus and plus the amplitude.
-    analysis : `nonlinear` takes the force from the exact equilibrium of the pseudo-rigid stage instead of (18), and
-        the displacement from geometrically nonlinear finite elements.
-    drive : what the finite elements are given: the `force` of (18) on the platform, or, of the pose commanded, the
-        rotations of the hinges that the model calls independent (`joints`), or the `strokes` of the stage's stacks.
-    model : the finite elements: in the stage's own plane problem (`fe`), or of the stage extruded.
-    resolution : triangles across every neck.   layers : in half the thickness, in three dimensions.
-    """
+
+class Case(Sourced):
+    """A comparison as in Figs. 5 to 7; numbers in the units of the file."""
 
     kind: ClassVar[str] = "case file"
 
-    name: Label
-    direction: Direction
-    amplitude_um: float | None = Field(default=None, gt=0, le=1e6)
-    amplitude_mrad: float | None = Field(default=None, gt=0, le=1e3)
-    points: int = Field(ge=3, le=10_001)
-    analysis: Analysis = "linear"
-    drive: Drive = "force"
-    model: Elements = "fe"
-    resolution: int = Field(default=RESOLUTION, ge=4, le=64)  # two coarser levels follow from it
-    layers: int = Field(default=LAYERS, ge=3, le=16)  # as do two smaller numbers
-    curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
+    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
+
+    name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
+    direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])
+    amplitude_um: float | None = Field(
+        default=None, gt=0, le=1e6, description="Commands in x or y run from minus to plus this", examples=[50.0]
+    )
+    amplitude_mrad: float | None = Field(
+        default=None, gt=0, le=1e3, description="Commands in theta run from minus to plus this", examples=[1.0]
+    )
+    points: int = Field(ge=3, le=10_001, description="How many commands", examples=[21])
+    analysis: Analysis = Field(
+        default="linear",
+        description="`nonlinear`: exact equilibrium of the pseudo-rigid stage against geometrically nonlinear finite "
+        "elements; the mesh bands are those of the linear problem",
+    )
+    drive: Drive = Field(
+        default="force",
+        description="What the finite elements are given: `force`, that of (18) on the platform; `joints`, the "
+        "rotations that the model computes for the pose by (29) and (30), imposed on the base hinges with mobility "
+        "three, else on base and elbow hinges; `strokes`, those of the stage's `[[actuator]]`, by least energy. The "
+        "last two are linear only",
+    )
+    model: Elements = Field(
+        default="fe",
+        description="The finite elements: `fe`, in the stage's own plane model; `three_dimensional`, of the stage "
+        "extruded, both faces free, with the force on the platform and linear alone. The analytic model follows the "
+        "stage file's `model` in both, so here that may be `corrected`, too",
+    )
+    resolution: int = Field(
+        default=RESOLUTION,  # two coarser levels follow from it
+        ge=4,
+        le=64,
+        description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
+        "meshes are made for the error bars",
+    )
+    layers: int = Field(
+        default=LAYERS,  # as do two smaller numbers
+        ge=3,
+        le=16,
+        description="In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands",
+    )
+    curve: tuple[Curve, ...] = Field(
+        min_length=1,
+        max_length=20,
+        description="A curve of the figure: a stage, and the analytic model that commands it",
+    )
 
     @model_validator(mode="before")
     @classmethod

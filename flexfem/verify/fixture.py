@@ -4,42 +4,77 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
+from flexfem.files.json_schema import Rule, beside, both, either, has, ruled, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.stage.actuators import Coordinate, Rate, Stroke
-from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, at_least, converted
+from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, Poisson, at_least, converted
 
 POINTS = 100_000  # readings of one direction, repeats included
 
 Reading: TypeAlias = Annotated[float, Field(ge=0, le=1e3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)]
 Newton: TypeAlias = Annotated[float, Field(ge=0, le=1e3)]
-Spring: TypeAlias = Annotated[float, Field(gt=0, le=1e9), at_least(1e-6)]
-Torsion: TypeAlias = Annotated[float, Field(gt=0, le=1e12), at_least(1e-3)]
+Spring: TypeAlias = Annotated[float, Field(gt=0, le=1e9), *at_least(1e-6)]
+Torsion: TypeAlias = Annotated[float, Field(gt=0, le=1e12), *at_least(1e-3)]
+
+
+_DRAWN_POLE = ("diameter_mm", "height_mm", "youngs_modulus_gpa", "poissons_ratio")
+_SPRINGS = ("bending_stiffness_n_per_mm", "torsional_stiffness_n_mm_per_rad")
+_SPRUNG = both(has(*_SPRINGS), without(*_DRAWN_POLE, "push_height_mm"))
+_DRAWN = both(has(*_DRAWN_POLE), without(*_SPRINGS))
+_DRAWN_BAR = ("width_mm", "thickness_mm", "youngs_modulus_gpa")
 
 
 class Pole(Dimensioned):
-    """A round pole, clamped upright on the platform at `offset` (x, y), mm, from its centre.
+    """A round pole, clamped upright on the platform; mm, MPa, N/mm and N mm/rad."""
 
-    diameter, height, youngs_modulus, poissons_ratio : of a prismatic one; the bar is at its end, and what reads the
-        pole reads there. It is pushed at `push_height`, by default at its end.
-    bending_stiffness, torsional_stiffness : instead, N/mm and N mm/rad, of its end, where it is pushed and read.
-    """
+    model_config = ConfigDict(json_schema_extra=ruled(when(has(_SPRINGS[0]), _SPRUNG, _DRAWN)))
 
-    diameter: Length | None = Field(default=None, alias="diameter_mm")
-    height: Length | None = Field(default=None, alias="height_mm")
-    push_height: Length | None = Field(default=None, alias="push_height_mm")
-    youngs_modulus: Modulus | None = Field(default=None, alias="youngs_modulus_gpa")
-    poissons_ratio: float | None = Field(default=None, ge=0, lt=0.5)
-    bending_stiffness: Spring | None = Field(default=None, alias="bending_stiffness_n_per_mm")
-    torsional_stiffness: Torsion | None = Field(default=None, alias="torsional_stiffness_n_mm_per_rad")
-    offset: tuple[Coordinate, Coordinate] = Field(default=(0.0, 0.0), alias="offset_mm")
+    diameter: Length | None = Field(
+        default=None, alias="diameter_mm", description="Of a round pole, with its height and metal", examples=[10.0]
+    )
+    height: Length | None = Field(
+        default=None,
+        alias="height_mm",
+        description="Of its end, which bears the bar and is what LVDTs read",
+        examples=[40.0],
+    )
+    push_height: Length | None = Field(
+        default=None,
+        alias="push_height_mm",
+        description="Where the actuator pushes it in X and Y; by default at its end",
+        examples=[30.0],
+    )
+    youngs_modulus: Modulus | None = Field(
+        default=None, alias="youngs_modulus_gpa", description="Young's modulus of the pole", examples=[206.0]
+    )
+    poissons_ratio: Poisson | None = Field(default=None, description="Poisson's ratio of the pole", examples=[0.3])
+    bending_stiffness: Spring | None = Field(
+        default=None,
+        alias="bending_stiffness_n_per_mm",
+        description="Instead of dimensions: of its end, pushed and read there",
+        examples=[4800.0],
+    )
+    torsional_stiffness: Torsion | None = Field(
+        default=None,
+        alias="torsional_stiffness_n_mm_per_rad",
+        description="Instead of dimensions: of its end about its axis",
+        examples=[1.9e6],
+    )
+    offset: tuple[Coordinate, Coordinate] = Field(
+        default=(0.0, 0.0),
+        alias="offset_mm",
+        description="x, y of its axis from the platform's centre: the moment about the centre is then not force "
+        "times arm",
+        examples=[[0.5, -0.3]],
+    )
 
     @model_validator(mode="after")
     def _by_dimensions_or_by_stiffness(self) -> Pole:
@@ -67,18 +102,35 @@ class Pole(Dimensioned):
 
 
 class Bar(Dimensioned):
-    """A horizontal bar on the pole's end, pushed at right angles at `arm` from the pole, `angle` from the x axis.
+    """A horizontal bar on the pole's end, pushed at right angles at `arm`, mm, from the pole; `stiffness` in N/mm."""
 
-    width, thickness, youngs_modulus : of a rectangular one, its width in the plane in which it bends.
-    stiffness : instead, N/mm, at the push.   Neither : rigid.
-    """
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            when(has("stiffness_n_per_mm"), without(*_DRAWN_BAR), when({"not": without(*_DRAWN_BAR)}, has(*_DRAWN_BAR)))
+        )
+    )
 
-    arm: Length = Field(alias="arm_mm")
-    angle: Angle = Field(default=0.0, alias="angle_deg")
-    width: Length | None = Field(default=None, alias="width_mm")
-    thickness: Length | None = Field(default=None, alias="thickness_mm")
-    youngs_modulus: Modulus | None = Field(default=None, alias="youngs_modulus_gpa")
-    stiffness: Spring | None = Field(default=None, alias="stiffness_n_per_mm")
+    arm: Length = Field(
+        alias="arm_mm", description="From the pole to the push, which is at right angles to the bar", examples=[50.0]
+    )
+    angle: Angle = Field(
+        default=0.0, alias="angle_deg", description="Direction of the bar, from the x axis", examples=[30.0]
+    )
+    width: Length | None = Field(
+        default=None, alias="width_mm", description="Of its section, in the plane in which it bends", examples=[12.0]
+    )
+    thickness: Length | None = Field(
+        default=None, alias="thickness_mm", description="Of its section, the other side", examples=[8.0]
+    )
+    youngs_modulus: Modulus | None = Field(
+        default=None, alias="youngs_modulus_gpa", description="Young's modulus of the bar", examples=[206.0]
+    )
+    stiffness: Spring | None = Field(
+        default=None,
+        alias="stiffness_n_per_mm",
+        description="Instead of its section: at the push; without either it is rigid",
+        examples=[900.0],
+    )
 
     @model_validator(mode="after")
     def _by_dimensions_or_by_stiffness(self) -> Bar:
@@ -94,51 +146,76 @@ class Bar(Dimensioned):
 class Pusher(Dimensioned):
     """The actuator that pushes: stroke, mm, and stiffness, N/mm."""
 
-    name: Label
-    stroke: Stroke = Field(alias="stroke_um")
-    stiffness: Rate = Field(alias="stiffness_n_per_um")
+    name: Label = Field(description="Which it is", examples=["P-841.30"])
+    stroke: Stroke = Field(alias="stroke_um", description="The largest", examples=[45.0])
+    stiffness: Rate = Field(
+        alias="stiffness_n_per_um",
+        description="Costs force per stroke, and changes no slope; so does that of the sensor",
+        examples=[19.0],
+    )
 
 
 class Lvdt(Dimensioned):
-    """Displacement sensors on the ground: standard deviation of a reading and its step, mm.
+    """Displacement sensors on the ground: standard deviation of a reading, its step, and the arm, mm."""
 
-    at : whether they read the pole (and the bar on it) or the platform itself.
-    rotation : from the difference of two of them, at both ends of the bar, or from one of them over its arm, which
-        takes what the pole is translated for rotation.
-    arm : of those that read rotation, mm; default that of the push.
-    """
-
-    at: Literal["pole", "platform"] = "pole"
-    rotation: Literal["both ends", "one end"] = "both ends"
-    arm: Length | None = Field(default=None, alias="arm_mm")
-    noise: Reading = Field(alias="noise_um")
-    resolution: Reading = Field(default=0.0, alias="resolution_um")
+    at: Literal["pole", "platform"] = Field(
+        default="pole",
+        description="What they read: `pole`, and the bar on it, or `platform`, which leaves the pole out of the "
+        "readings",
+    )
+    rotation: Literal["both ends", "one end"] = Field(
+        default="both ends",
+        description="From the difference of two of them at both ends of the bar, or from one at one end, which takes "
+        "translation for rotation",
+    )
+    arm: Length | None = Field(
+        default=None,
+        alias="arm_mm",
+        description="How far from the pole those are that read rotation; by default at the push",
+        examples=[50.0],
+    )
+    noise: Reading = Field(alias="noise_um", description="Standard deviation of a reading", examples=[0.05])
+    resolution: Reading = Field(
+        default=0.0, alias="resolution_um", description="Step of a reading, 0 for none", examples=[0.01]
+    )
 
 
 class ForceSensor(Dimensioned):
-    """The force/torque sensor that the actuator is rooted in: standard deviation of a reading and its step, N.
+    """The force/torque sensor that the actuator is rooted in: noise and step, N; stiffness, N/mm, None for rigid."""
 
-    stiffness : of it and of what carries it, N/mm; None for rigid.
-    """
-
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um")
-    noise: Newton = Field(alias="noise_n")
-    resolution: Newton = Field(default=0.0, alias="resolution_n")
+    stiffness: Rate | None = Field(
+        default=None,
+        alias="stiffness_n_per_um",
+        description="Of the sensor and of what carries it; by default rigid",
+        examples=[10.0],
+    )
+    noise: Newton = Field(alias="noise_n", description="Standard deviation of a reading", examples=[0.02])
+    resolution: Newton = Field(
+        default=0.0, alias="resolution_n", description="Step of a reading, 0 for none", examples=[0.005]
+    )
 
 
 class Run(Dimensioned):
     """What is commanded: `increments` of the stroke, mm each, from rest, `repeats` times; and how slopes are judged."""
 
-    increments: int = Field(ge=2, le=10_000)
-    increment: Stroke = Field(alias="increment_um")
-    repeats: int = Field(default=1, ge=1, le=1000)
-    seed: int = Field(default=0, ge=0, le=2**63 - 1)
-    confidence_percent: float = Field(default=95.0, ge=50, le=99.9)
+    increments: int = Field(ge=2, le=10_000, description="How many strokes, from rest", examples=[20])
+    increment: Stroke = Field(
+        alias="increment_um", description="Of the stroke; all of them within that of the actuator", examples=[2.0]
+    )
+    repeats: int = Field(default=1, ge=1, le=1000, description="How often all strokes are commanded")
+    seed: int = Field(default=0, ge=0, le=2**63 - 1, description="Of the noise")
+    confidence_percent: float = Field(default=95.0, ge=50, le=99.9, description="Of the intervals of slopes")
 
     @property
     def strokes(self) -> Array:
         """Commanded strokes (increments + 1,), mm, from rest."""
         return np.asarray(self.increment * np.arange(self.increments + 1.0), dtype=np.float64)
+
+
+MEASURED = (
+    "Measured slopes, one or more, each with its standard deviation where that is known. They are compared with the "
+    "reciprocal of the compliance: a push leaves the other directions free"
+)
 
 
 class Slopes(NamedTuple):
@@ -148,15 +225,29 @@ class Slopes(NamedTuple):
     sd: Array
 
 
+def _slope(key: str, description: str, example: float) -> Any:
+    return Field(default=None, alias=key, description=description, examples=[example])
+
+
+def _one_or_more(schema: Rule) -> None:
+    slopes = [key for key in schema["properties"] if "_sd_" not in key]
+    deviations = {key: [key.replace("_sd", "")] for key in schema["properties"] if "_sd_" in key}
+    schema["allOf"] = [either(*map(has, slopes)), beside(deviations)]
+
+
 class MeasuredSlopes(Dimensioned):
     """Measured slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
 
-    kxx: Spring | None = Field(default=None, alias="kxx_n_per_mm")
-    kxx_sd: Spring | None = Field(default=None, alias="kxx_sd_n_per_mm")
-    kyy: Spring | None = Field(default=None, alias="kyy_n_per_mm")
-    kyy_sd: Spring | None = Field(default=None, alias="kyy_sd_n_per_mm")
-    ktt: Torsion | None = Field(default=None, alias="ktt_n_mm_per_rad")
-    ktt_sd: Torsion | None = Field(default=None, alias="ktt_sd_n_mm_per_rad")
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _one_or_more(schema)))
+
+    kxx: Spring | None = _slope("kxx_n_per_mm", "Slope as pushed in x", 1480.0)
+    kxx_sd: Spring | None = _slope("kxx_sd_n_per_mm", "Standard deviation of `kxx_n_per_mm`, less than it", 12.0)
+    kyy: Spring | None = _slope("kyy_n_per_mm", "Slope as pushed in y", 1490.0)
+    kyy_sd: Spring | None = _slope("kyy_sd_n_per_mm", "Standard deviation of `kyy_n_per_mm`, less than it", 12.0)
+    ktt: Torsion | None = _slope("ktt_n_mm_per_rad", "Moment over rotation as pushed at the bar", 1.1e6)
+    ktt_sd: Torsion | None = _slope(
+        "ktt_sd_n_mm_per_rad", "Standard deviation of `ktt_n_mm_per_rad`, less than it", 1.5e4
+    )
 
     @model_validator(mode="after")
     def _each_with_what_it_is_of(self) -> MeasuredSlopes:
@@ -182,14 +273,14 @@ class Fixture(Dimensioned, Sourced):
 
     kind: ClassVar[str] = "fixture file"
 
-    name: Label
-    pole: Pole
-    bar: Bar
-    actuator: Pusher
-    lvdt: Lvdt
-    sensor: ForceSensor
-    run: Run
-    measured: MeasuredSlopes | None = None
+    name: Label = Field(description="Of the set-up", examples=["set-up of Fig. 10"])
+    pole: Pole = Field(description="What is pushed: a pole upright on the platform, by its dimensions or its stiffness")
+    bar: Bar = Field(description="What is pushed for a moment: a bar on the end of the pole")
+    actuator: Pusher = Field(description="What pushes")
+    lvdt: Lvdt = Field(description="Displacement sensors on the ground")
+    sensor: ForceSensor = Field(description="Force/torque sensor that the actuator is rooted in")
+    run: Run = Field(description="What is commanded, and how slopes are judged")
+    measured: MeasuredSlopes | None = Field(default=None, description=MEASURED)
 
     @model_validator(mode="after")
     def _within_the_stroke(self) -> Fixture:
@@ -206,8 +297,8 @@ class Measurement(Dimensioned, Sourced):
 
     kind: ClassVar[str] = "measured file"
 
-    name: Label
-    measured: MeasuredSlopes
+    name: Label = Field(description="Of the measurement", examples=["stage 3, first day"])
+    measured: MeasuredSlopes = Field(description=MEASURED)
 
 
 def read_fixture(path: str | os.PathLike[str]) -> Fixture:

@@ -187,7 +187,7 @@ def test_no_quantile_is_infinite_whatever_the_seed_draws(studies: Any) -> None:
 
 
 def test_a_grid_counts_its_last_factor_fastest(studies) -> None:
-    """As cases/README.md says; 2 x 3 points, so that no other order looks alike."""
+    """As the schema says of `grid`; 2 x 3 points, so that no other order looks alike."""
     neck = 'key = "hinges.base.neck_mm"\nvalues = [0.5, 0.4]'
     loaded = studies.of(
         'method = "grid"', neck, 'key = "thickness_mm"\nfrom = 8.0\nto = 18.0\npoints = 3\nscale = "log"'

@@ -1,0 +1,1 @@
+"""What every file may say: JSON schemas and reference pages, made from the models that read the files."""

@@ -1,0 +1,101 @@
+"""The formats of files by name: which model reads them, and what they are for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from pydantic import BaseModel
+
+from flexfem.refused import BadInput
+from flexfem.stage.actuators import Catalogue
+from flexfem.stage.material_files import Entry
+from flexfem.stage.schema import Stage
+from flexfem.study.plan import Study
+from flexfem.verdicts.claims import Claims
+from flexfem.verify.as_built import Necks
+from flexfem.verify.case import Case
+from flexfem.verify.fixture import Fixture, Measurement
+
+
+class Format(NamedTuple):
+    """A format: the model of a file, or of every table of it; its title, and what it is for.
+
+    named : what tables are named after, where their names are the user's.   entry : what such a table is.
+    """
+
+    model: type[BaseModel]
+    title: str
+    about: str
+    named: str | None = None
+    entry: str = ""
+
+
+FORMATS: Mapping[str, Format] = MappingProxyType(
+    {
+        "stage": Format(
+            Stage,
+            "Stage file",
+            "One TOML file a stage. `flexfem new` writes one to start from; `flexfem check` reads one, refuses with "
+            "file, line, key and value what cannot be made, and prints what it means.",
+        ),
+        "case": Format(
+            Case,
+            "Case file",
+            "One TOML file a comparison: a platform displacement is commanded, (18) says which force should produce "
+            "it, that force is applied to the finite-element stage, and the difference is the error. `flexfem "
+            "verify` answers.",
+        ),
+        "study": Format(
+            Study,
+            "Study file",
+            "One TOML file a study: many designs of one base stage, and which model answers them. `flexfem study run` "
+            "runs it.",
+        ),
+        "claims": Format(
+            Claims,
+            "Claims file",
+            "What a text claims, with the numbers that would bear it out and the measurement that decides. `flexfem "
+            "claims` judges it.",
+        ),
+        "fixture": Format(
+            Fixture,
+            "Fixture file",
+            "One TOML file a set-up of the stiffness experiment, for `flexfem experiment`. Out-of-plane tilt of the "
+            "stage, contacts, friction, hysteresis and drift are not in it.",
+        ),
+        "measured": Format(
+            Measurement,
+            "Measured slopes",
+            "Measured slopes alone, without the set-up, for `flexfem identify` and `flexfem experiment --measured`; "
+            "the table `[measured]` is that of a set-up.",
+        ),
+        "material": Format(
+            Entry,
+            "Materials file",
+            "Materials of your own, a table each, beside a stage file that names one: `name` and `file` in "
+            "`[material]`.",
+            named="material",
+            entry="The numbers of one material",
+        ),
+        "stack": Format(
+            Catalogue,
+            "Stack catalogue",
+            "The piezo stacks that stage files name; `flexfem/data/stacks.toml` is shipped.",
+        ),
+        "necks": Format(
+            Necks,
+            "Measured necks",
+            "The nine necks of a stage as measured, for `flexfem stiffness --necks`; a CSV file with these columns "
+            "does, too.",
+        ),
+    }
+)
+
+
+def format_of(name: str) -> Format:
+    """The format of a name. Raises BadInput, saying which there are."""
+    if name not in FORMATS:
+        raise BadInput(f"format {name!r} is not known, expected one of: {', '.join(FORMATS)}")
+    return FORMATS[name]

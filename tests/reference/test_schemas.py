@@ -1,0 +1,350 @@
+"""JSON schemas against what reads the files: two independent validators, shipped files, broken ones, random changes."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import re
+import subprocess
+import sysconfig
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import jsonschema
+import pytest
+from pydantic import ValidationError
+
+from flexfem.files.json_schema import UNIT
+from flexfem.files.writing import toml_text
+from flexfem.reference.formats import FORMATS
+from flexfem.reference.keys import example_of, tables_of
+from flexfem.reference.schemas import FILE, schema_of, write_schemas
+from flexfem.refused import BadInput
+from flexfem.stage.material_files import read_materials
+from flexfem.stage.schema import load_stage
+from flexfem.units import UNITS
+
+ROOT = Path(__file__).parents[2]
+TAPLO = Path(sysconfig.get_path("scripts")) / "taplo"
+SHIPPED = {
+    "stage": [*sorted((ROOT / "geometry").glob("*.toml")), ROOT / "flexfem/data/new-stage.toml"],
+    "case": [*sorted((ROOT / "cases").glob("[fj][io][gi]*.toml")), ROOT / "flexfem/data/new-case.toml"],
+    "study": [
+        *sorted((ROOT / "cases").glob("study-*.toml")),
+        *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
+        ROOT / "flexfem/data/new-study.toml",
+    ],
+    "claims": [ROOT / "cases/claims.toml"],
+    "fixture": [ROOT / "cases/fixture.toml"],
+    "material": [ROOT / "flexfem/data/materials.toml"],
+    "stack": [ROOT / "flexfem/data/stacks.toml"],
+}
+NECK = {"neck_um": 507.0, "sd_um": 3.0}
+MADE = {
+    "measured": {"name": "day 1", "measured": {"kxx_n_per_mm": 1480.0, "kxx_sd_n_per_mm": 11.0}},
+    "necks": {"neck": [{"chain": c, "hinge": h, **NECK} for c in (1, 2, 3) for h in ("base", "elbow", "platform")]},
+}
+
+
+@cache
+def validator(name):
+    return jsonschema.Draft7Validator(schema_of(name))
+
+
+@cache
+def shipped(name):
+    return tomllib.loads(SHIPPED[name][0].read_text()) if name in SHIPPED else MADE[name]
+
+
+def accepts(name, content):
+    """Whether flexfem reads the content, what other files hold left aside."""
+    model, named = FORMATS[name].model, FORMATS[name].named
+    try:
+        for each in [content] if named is None else content.values():
+            model.model_validate(each)
+    except ValidationError:
+        return False
+    return True
+
+
+def checked_by_taplo(folder, schema, *paths):
+    found = subprocess.run([TAPLO, "check", "--schema", f"file://{schema}", *paths], capture_output=True, cwd=folder)
+    return found.returncode == 0
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_shipped_files_are_accepted_by_both_validators(name, tmp_path):
+    jsonschema.Draft7Validator.check_schema(schema_of(name))
+    (schema,) = write_schemas([name], tmp_path)
+    assert schema.name == FILE.format(name) and json.loads(schema.read_text()) == schema_of(name)
+    paths = SHIPPED.get(name, [tmp_path / "made.toml"])
+    (tmp_path / "made.toml").write_text(toml_text(shipped(name)))
+    for path in paths:
+        assert [error.message for error in validator(name).iter_errors(tomllib.loads(path.read_text()))] == [], path
+    assert checked_by_taplo(tmp_path, schema, *paths)
+
+
+def changed(name, *changes):
+    """The first shipped file with values replaced at paths of keys; None takes the key away."""
+    content = copy.deepcopy(shipped(name))
+    for path, value in changes:
+        *tables, key = path
+        table = content
+        for each in tables:
+            table = table[each] if isinstance(each, int) else table.setdefault(each, {})
+        if value is None:
+            del table[key]
+        else:
+            table[key] = value
+    content.pop("provenance", None)
+    return content
+
+
+METAL = {
+    "name": "mine",
+    "youngs_modulus_gpa": 70.0,
+    "poissons_ratio": 0.3,
+    "density_kg_m3": 2700.0,
+    "yield_strength_mpa": 300.0,
+}
+ACTUATOR = {"name": "a", "between": ["frame", "link 1"], "hinge": "base", "arm_mm": 9.0, "side": "left"}
+STACK = {"stack": "AE0505D16"}
+OWN = {"stroke_um": 17.4, "stiffness_n_per_um": 50.0}
+RANGE = {"key": "thickness_mm", "from": 8.0, "to": 12.0}
+SOBOL = (("sampling",), {"method": "sobol", "designs": 16, "seed": 3})
+CONTRADICTIONS = {
+    "length in metres": ("stage", (("thickness_mm",), 1e-9)),
+    "negative neck": ("stage", (("hinges", "elbow", "neck_mm"), -0.5)),
+    "text for a number": ("stage", (("chain", "link_width_mm"), "9")),
+    "two link lengths": ("stage", (("chain", "link_lengths_mm"), [30.0, 32.0])),
+    "key of another table": ("stage", (("platform", "neck_mm"), 0.5)),
+    "missing key": ("stage", (("hinges", "base", "radius_mm"), None)),
+    "unknown material alone": ("stage", (("material",), {"name": "al-7075-t7"})),
+    "half of the material": ("stage", (("material",), {"name": "mine", "youngs_modulus_gpa": 70.0})),
+    "modulus in MPa": ("stage", (("material", "youngs_modulus_gpa"), 71700.0)),
+    "fatigue exponent alone": ("stage", (("material",), METAL | {"fatigue_strength_exponent": -0.1})),
+    "expansion per kelvin": ("stage", (("frame",), {"expansion_um_per_m_k": 12e-6})),
+    "override of nothing": ("stage", (("override",), [{"chain": 2, "hinge": "base"}])),
+    "override of a hinge's arm": ("stage", (("override",), [{"chain": 2, "hinge": "base", "arm_mm": 9.0}])),
+    "override of two things": (
+        "stage",
+        (("override",), [{"chain": 1, "hinge": "base", "actuator": "base", "neck_mm": 0.5}]),
+    ),
+    "pushed frame": ("stage", (("actuator",), [ACTUATOR | STACK | {"between": ["link 1", "frame"]}])),
+    "one body": ("stage", (("actuator",), [ACTUATOR | STACK | {"between": ["link 1", "link 1"]}])),
+    "hinge of another link": ("stage", (("actuator",), [ACTUATOR | STACK | {"hinge": "platform"}])),
+    "hinge on the platform": ("stage", (("actuator",), [ACTUATOR | STACK | {"between": ["frame", "platform"]}])),
+    "two places": ("stage", (("actuator",), [ACTUATOR | STACK | {"point_mm": [1.0, 2.0], "direction_deg": 3.0}])),
+    "point without direction": (
+        "stage",
+        (("actuator",), [{"name": "a", "between": ["frame", "platform"], "point_mm": [1.0, 2.0], **STACK}]),
+    ),
+    "stack and numbers": ("stage", (("actuator",), [ACTUATOR | STACK | OWN])),
+    "stack not in the catalogue": ("stage", (("actuator",), [ACTUATOR | {"stack": "AE0505D17"}])),
+    "stroke alone": ("stage", (("actuator",), [ACTUATOR | {"stroke_um": 17.4}])),
+    "three numbers of a stack": ("stage", (("actuator",), [ACTUATOR | OWN | {"blocking_force_n": 870.0}])),
+    "ball without preload": ("stage", (("actuator",), [ACTUATOR | STACK | {"ball_radius_mm": 2.0}])),
+    "ball's metal without a ball": ("stage", (("actuator",), [ACTUATOR | STACK | {"ball_poissons_ratio": 0.3}])),
+    "two contacts": (
+        "stage",
+        (
+            ("actuator",),
+            [ACTUATOR | STACK | {"ball_radius_mm": 2.0, "preload_n": 9.0, "contact_stiffness_n_per_um": 5.0}],
+        ),
+    ),
+    "blank name": ("stage", (("name",), "  ")),
+    "name of two lines": ("stage", (("name",), "two\nlines")),
+    "amplitude of another unit": ("case", (("direction",), "theta")),
+    "even resolution too low": ("case", (("resolution",), 2)),
+    "unknown formula": ("case", (("curve", 0, "formula"), "paros-weissbord")),
+    "links of mobility six": ("case", (("curve", 0, "links"), True)),
+    "nonlinear joints": ("case", (("analysis",), "nonlinear"), (("drive",), "joints")),
+    "nonlinear links": (
+        "case",
+        (("analysis",), "nonlinear"),
+        (("curve", 0, "links"), True),
+        (("curve", 0, "mobility"), 21),
+    ),
+    "layers in the plane": ("case", (("layers",), 4)),
+    "strokes in three dimensions": ("case", (("model",), "three_dimensional"), (("drive",), "strokes")),
+    "no curve": ("case", (("curve",), [])),
+    "misspelt factor": ("study", (("factor",), [RANGE | {"key": "thicknes_mm"}]), SOBOL),
+    "star among keys": ("study", (("factor",), [{"keys": ["hinges.*.neck_mm"], "from": 0.4, "to": 0.6}]), SOBOL),
+    "key and keys": ("study", (("factor",), [RANGE | {"keys": ["thickness_mm"]}]), SOBOL),
+    "range without an end": ("study", (("factor",), [{"key": "thickness_mm", "from": 8.0}]), SOBOL),
+    "values and a range": ("study", (("factor",), [RANGE | {"values": [8.0, 9.0]}]), SOBOL),
+    "normal without sd": ("study", (("factor",), [{"key": "thickness_mm", "distribution": "normal"}]), SOBOL),
+    "points of a sample": ("study", (("factor",), [RANGE | {"points": 4}]), SOBOL),
+    "grid without points": ("study", (("factor",), [RANGE]), (("sampling",), {"method": "grid"})),
+    "factor without values": ("study", (("factor",), [{"key": "thickness_mm"}]), SOBOL),
+    "saltelli with designs": ("study", (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1})),
+    "layers of an analytic study": ("study", (("model",), "analytic"), (("layers",), 3)),
+    "links without mobility": ("study", (("model",), "analytic"), (("links",), True), (("mobility",), 6)),
+    "drift of finite elements": ("study", (("model",), "fe"), (("drift",), {})),
+    "arm without a stroke": ("study", (("drive",), {"lever_arm_mm": 9.0})),
+    "life at rest": ("study", (("life",), {"ratio": 0.1})),
+    "front without y": ("study", (("figure",), [{"kind": "pareto", "x": "range_x_um"}])),
+    "map of values": ("study", (("figure",), [{"kind": "map", "x": "a", "y": "b", "value": "c", "values": ["d"]}])),
+    "constraint without an end": ("study", (("constraint",), [{"value": "range_x_um"}])),
+    "name of a column with a blank": ("study", (("output",), [{"name": "a b", "expression": "kxx_n_per_mm"}])),
+    "claim with two expectations": ("claims", (("claim", 0, "equals"), [3.0]), (("claim", 0, "missing"), "a table")),
+    "unknown measure": ("claims", (("claim", 0, "measure"), "mobilty")),
+    "points of an ensemble": ("claims", (("ensemble", "factor", 0, "points"), 5)),
+    "pole drawn and sprung": ("fixture", (("pole", "bending_stiffness_n_per_mm"), 4e3)),
+    "half of a bar": ("fixture", (("bar", "width_mm"), None)),
+    "confidence of 100 %": ("fixture", (("run", "confidence_percent"), 100.0)),
+    "deviation without a slope": ("measured", (("measured",), {"kxx_n_per_mm": 9.0, "kyy_sd_n_per_mm": 1.0})),
+    "no slope": ("measured", (("measured",), {})),
+    "material without a source": ("material", (("al-6061-t6", "source"), None)),
+    "source of no number": ("material", (("al-6061-t6", "sources"), {"yield_mpa": "a book"})),
+    "name beside the table's": ("material", (("al-6061-t6", "name"), "al-6061-t6")),
+    "stack of 1 MV": ("stack", (("stack", 0, "voltage_v"), 1e6)),
+    "eight necks": ("necks", (("neck",), MADE["necks"]["neck"][:8])),
+    "fourth chain": ("necks", (("neck", 0, "chain"), 4)),
+}
+
+
+@pytest.mark.parametrize("what", CONTRADICTIONS)
+def test_what_a_schema_can_say_is_refused_by_schema_and_by_flexfem(what):
+    name, *changes = CONTRADICTIONS[what]
+    content = changed(name, *changes)
+    assert not accepts(name, content)
+    assert not validator(name).is_valid(content)
+
+
+def numbers_of(schema, key=""):
+    """Every number of a schema by its key."""
+    if schema.get("type") in ("number", "integer"):
+        yield key, schema
+    for name, inner in schema.get("properties", {}).items():
+        yield from numbers_of(inner, name)
+    for name in ("items", "additionalProperties"):
+        if isinstance(schema.get(name), dict):
+            yield from numbers_of(schema[name], key)
+
+
+def leaves_of(schema):
+    """Every key that is no table of keys, by its name."""
+    for name, inner in schema.get("properties", {}).items():
+        member = inner.get("items", inner)
+        if "properties" not in member:
+            yield name, inner
+        yield from leaves_of(member)
+    if isinstance(schema.get("additionalProperties"), dict):
+        yield from leaves_of(schema["additionalProperties"])
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_key_is_described_has_an_example_and_every_number_a_known_unit(name):
+    known = {str(unit) for unit in UNITS.values()} | {"1", "of the key"}
+    for key, number in numbers_of(schema_of(name)):
+        assert number[UNIT] in known, key
+        ending = [str(unit) for suffix, unit in UNITS.items() if key.endswith(f"_{suffix}")]
+        assert number[UNIT] in ending if ending else number[UNIT] in ("1", "of the key"), key
+    found = list(leaves_of(schema_of(name)))
+    assert len(found) >= 4 or name == "measured"
+    for key, leaf in found:
+        assert len(leaf["description"]) >= 5, key
+        assert not leaf["description"].endswith("."), key
+        assert list(jsonschema.Draft7Validator(leaf).iter_errors(example_of(leaf))) == [], key
+    for table in tables_of(name):
+        assert table.about, table.header
+
+
+VALUES = [
+    0, 1, 3, 21, -1.0, 0.0, 0.4, 2.5, 60.0, 1e-7, 1e5, True, False, "", "x", "theta", "fe", "three_dimensional",
+    "analytic", "verify", "nonlinear", "joints", "base", "link 1", "platform", "al-6061-t6", "calibrated", "normal",
+    "uniform", "log", "table", "monte_carlo", "hinges.*.neck_mm", "override.2.elbow.neck_mm", "actuator.base.arm_mm",
+    "override.*.actuator.base.point_mm[0]", "chain.link_lengths_mm[1]", "kxx_n_per_mm", [], [1.0, 2.0],
+    [3.0, 5.0, 9.0], {},
+]  # fmt: skip
+
+
+def places_of(content):
+    """Every table and array in the content, itself among them."""
+    yield content
+    for each in content.values() if isinstance(content, dict) else content:
+        if isinstance(each, dict | list):
+            yield from places_of(each)
+
+
+def varied(name, draw):
+    """The shipped content with some keys gone, some of other tables or formats, and some values of others."""
+    content = copy.deepcopy(shipped(name))
+    content.pop("provenance", None)
+    for _ in range(draw.randint(1, 2)):
+        place = draw.choice(list(places_of(content)))
+        if isinstance(place, dict) and draw.random() < 0.5:
+            key, leaf = draw.choice(keys_of(name))
+            place[key] = example_of(leaf) if draw.random() < 0.6 else copy.deepcopy(draw.choice(VALUES))
+        elif place:
+            key = draw.choice(list(place) if isinstance(place, dict) else range(len(place)))
+            if draw.random() < 0.4:
+                del place[key]
+            else:
+                place[key] = copy.deepcopy(draw.choice(VALUES))
+    return content
+
+
+@cache
+def keys_of(name):
+    return list(leaves_of(schema_of(name)))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_whatever_flexfem_accepts_the_schema_accepts(name):
+    draw, taken, refused = random.Random(f"schema of {name}"), 0, 0
+    for _ in range(250):
+        content = varied(name, draw)
+        if accepts(name, content):
+            taken += 1
+            assert [error.message for error in validator(name).iter_errors(content)] == [], content
+        else:
+            refused += not validator(name).is_valid(content)
+    assert taken >= 10 and refused >= 100
+
+
+def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
+    (tmp_path / "metals.toml").write_text(
+        toml_text({"mine": {**METAL, "source": "a book"}} | {}).replace('name = "mine"', "")
+    )
+    assert read_materials(tmp_path / "metals.toml")["mine"].source == "a book"
+    content = changed("stage", (("material",), {"name": "mine", "file": "metals.toml"}))
+    path = tmp_path / "stage.toml"
+    path.write_text(toml_text(content))
+    assert load_stage(path).material.yield_strength == 300.0 and validator("stage").is_valid(content)
+    content["material"]["density_kg_m3"] = 2700.0
+    path.write_text(toml_text(content))
+    with pytest.raises(BadInput, match=r"beside material\.name alone"):
+        load_stage(path)
+    assert not validator("stage").is_valid(content)
+
+
+def test_a_name_in_a_table_of_materials_is_refused(tmp_path):
+    path = tmp_path / "metals.toml"
+    path.write_text(toml_text({"mine": {**METAL, "source": "a book"}}))
+    with pytest.raises(BadInput, match=r"expected no name: a material goes by the name of its table"):
+        read_materials(path)
+
+
+@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "two places", "half of a bar"])
+def test_taplo_refuses_what_the_schema_refuses(what, tmp_path):
+    name, *changes = CONTRADICTIONS[what]
+    (schema,) = write_schemas([name], tmp_path)
+    for content, sound in ((changed(name, *changes), False), (changed(name), True)):
+        (tmp_path / "file.toml").write_text(toml_text(content))
+        assert checked_by_taplo(tmp_path, schema, tmp_path / "file.toml") is sound
+
+
+def test_a_new_file_names_the_line_by_which_editors_find_its_schema(flexfem, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert flexfem("new", "mine.toml", "--case", "--study")[0] == flexfem("schema", "-o", ".")[0] == 0
+    for name, neck in (("mine.toml", "neck_mm"), ("mine-case.toml", "points"), ("mine-study.toml", "designs")):
+        text = Path(name).read_text()
+        (line,) = re.findall(r"#:schema [\w.-]+$", text, re.MULTILINE)
+        for said, sound in ((text, True), (re.sub(rf"^{neck} = \S+", f"{neck} = -1", text, flags=re.MULTILINE), False)):
+            Path(name).write_text(f"{line}\n{said}")
+            found = subprocess.run([TAPLO, "check", name], capture_output=True)
+            assert (found.returncode == 0) is sound, found.stderr
