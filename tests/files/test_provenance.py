@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from functools import cache
 from pathlib import Path
 
@@ -11,11 +10,10 @@ import pytest
 
 from flexfem.commands.comparisons import print_results
 from flexfem.files.provenance import is_assumed
-from flexfem.files.refusals import Problem, needed
 from flexfem.plot.text import doubt_note, markdown_report
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.stage.schema import load_stage
 from flexfem.study.loaded import load_study
-from flexfem.verify.case import Case, LoadedCase
+from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 
 ROOT = Path(__file__).parents[2]
@@ -88,19 +86,6 @@ def test_a_study_without_provenance_says_so(project):
 )
 def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
     assert doubt_note(assumed, not_stated) == note
-
-
-@pytest.mark.parametrize(
-    ("page", "file", "besides"), [("geometry", Stage, {"chain", "between"}), ("cases", Case, None)]
-)
-def test_pages_mark_the_keys_that_a_file_must_give(page, file, besides):
-    """The first table of each page; of overrides `chain`, of actuators `between`, one amplitude of two."""
-    table = (ROOT / page / "README.md").read_text().partition("| key | meaning |\n")[2].partition("\n\n")[0]
-    marked = set(re.findall(r"`(\w+)` \*", table))
-    must = {key.rpartition(".")[2] for key in needed(Problem("missing", (), ""), file)}
-    if besides is None:
-        must, besides = must - {"curve"}, {"amplitude_mrad", "label", "stage"}
-    assert marked == must | besides
 
 
 def test_assumed_is_what_begins_with_that_word():
