@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from flexfem.commands.baseline.regression import regression as regression
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
-    from flexfem.reference.schemas import schema_of as schema_of
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -53,6 +52,7 @@ if TYPE_CHECKING:
     from flexfem.reports.modes import vibration_solid as vibration_solid
     from flexfem.reports.part import export as export
     from flexfem.reports.part import new_stage as new_stage
+    from flexfem.reports.part import schema_of as schema_of
     from flexfem.reports.part import view as view
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
@@ -92,7 +92,6 @@ __version__ = "0.1.0"
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
     "models": ("AnalyticModel", "ElementModel"),
-    "reference.schemas": ("schema_of",),
     "refused": ("BadInput", "ComputationFailed"),
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),
@@ -105,7 +104,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "reports.life": ("life",),
     "reports.load": ("under_load", "under_load_solid"),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
-    "reports.part": ("export", "new_stage", "view"),
+    "reports.part": ("export", "new_stage", "schema_of", "view"),
     "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
     "reports.validation": ("benchmark", "cross_check"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),

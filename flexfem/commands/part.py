@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexfem.commands import console
+from flexfem.commands import console, reference
 from flexfem.commands.console import Json, StageFile, Wanted
 from flexfem.commands.tables import people, print_ending
 from flexfem.units import LENGTH
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flexfem.reports.part import View
 
 app = typer.Typer()
+app.command()(reference.schema)
 
 
 @app.command()

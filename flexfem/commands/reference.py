@@ -14,10 +14,7 @@ from flexfem.commands.tables import people
 if TYPE_CHECKING:
     from flexfem.reference.keys import KeyTable
 
-app = typer.Typer()
 
-
-@app.command()
 def schema(
     format_name: Annotated[
         str | None,

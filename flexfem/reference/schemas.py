@@ -22,17 +22,7 @@ NUMBERS = ("number", "integer")
 
 
 def schema_of(name: str) -> dict[str, Any]:
-    """The JSON schema of a format: whatever flexfem accepts, it accepts.
-
-    Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
-    there is no such format.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.schema_of("stage")["properties"]["thickness_mm"]["x-unit"]
-    'mm'
-    """
+    """The JSON schema of a format. Raises BadInput when there is no such format."""
     of = format_of(name)
     raw = of.model.model_json_schema(by_alias=True)
     whole = _plain(raw, raw.get("$defs", {}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.files.refusals import checked_path
@@ -56,6 +56,27 @@ def new_stage(path: PathLike, case: bool = False, study: bool = False) -> NewFil
     from flexfem.files.templates import write_new
 
     return write_new(checked_path(path), case, study)
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """The JSON schema, draft 7, of a kind of file: whatever flexfem accepts, it accepts.
+
+    Parameters
+    ----------
+    name : "stage", "case", "study", "claims", "fixture", "measured", "material", "stack" or "necks".
+
+    Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
+    there is no such kind.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.schema_of("stage")["properties"]["thickness_mm"]["x-unit"]
+    'mm'
+    """
+    from flexfem.reference import schemas
+
+    return schemas.schema_of(name)
 
 
 class View(NamedTuple):
