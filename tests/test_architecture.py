@@ -53,9 +53,10 @@ def tree_of(module: Path) -> ast.Module:
 def imports(module: Path, types: bool = True) -> tuple[str, ...]:
     """Names that a module imports anywhere in it; without `types`, only those that are there when it runs."""
     found, tree = list[str](), tree_of(module)
-    checking = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    nodes = list(ast.walk(tree))
+    checking = [node for node in nodes if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"]
     unseen = set() if types else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in unseen:
             continue
         if isinstance(node, ast.Import):

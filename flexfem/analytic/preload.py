@@ -206,17 +206,20 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
         end = v + 1j * chain.turn * origin[-1]
         at.pose[mine] = origin[-1].real, origin[-1].imag, np.sum(phi)
         at.G[mine, chain.place] = end.real, end.imag, chain.turn
-        pulls = chain.turn[:, None] * (np.conj(complex(*wrench[mine][:2])) * 1j * end).real
+        before, after = [chain.turn], [(np.conj(complex(*wrench[mine][:2])) * 1j * end).real]
         for contact in chain.contacts:
-            rate, second = _opening(chain, contact, spun, origin, v)
-            at.J[contact.stack, chain.place] = rate
-            pulls += force[contact.stack] * second
-        at.pulls.append(_both(pulls))
+            at.J[contact.stack, chain.place], nearer, farther = _opening(chain, contact, spun, origin, v)
+            before.append(force[contact.stack] * nearer)
+            after.append(farther)
+        at.pulls.append(_both(np.transpose(before) @ np.array(after)))
     return at
 
 
-def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray) -> tuple[Array, Array]:
-    """First (k,) and second derivatives of the opening of a stack by the joints; these (k, k) as an upper triangle.
+def _opening(
+    chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray
+) -> tuple[Array, Array, Array]:
+    """Derivative (k,) of the opening of a stack by the joints, and two vectors (k,), the first by the joint nearer
+    the base, the second by the farther one, whose products are its second derivatives.
 
     Notes
     -----
@@ -229,7 +232,7 @@ def _opening(chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArra
     here = v + 1j * chain.turn * pivot
     rate, swing = (np.conj(push) * here).real, of.sign * (np.conj(push) * 1j * here).real
     nearer, farther = (chain.turn, swing) if of.on_far else (-swing, chain.turn)
-    return of.sign * (of.far - of.near) * rate, np.outer((1 - of.near) * nearer, of.far * farther)
+    return of.sign * (of.far - of.near) * rate, (1 - of.near) * nearer, of.far * farther
 
 
 def _both(upper: Array) -> Array:

@@ -16,6 +16,7 @@ from flexfem.refused import ComputationFailed
 EXACT = 1e-9  # of limits and of the largest coordinate: what programs may break them by, and hulls may miss
 FLAT = 1e-7  # of the largest coordinate: a set no wider in some direction has no extent in it
 MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier does not bind
+ASKED = 12  # decimals of a direction, largest part one, by which it is known when it is asked for again
 MOST = 200  # rounds of refinement; the shipped stages take six
 
 
@@ -54,19 +55,27 @@ class Programs:
         self.rows, self.bounds = rows / size[:, None], limits.bounds / size
         self.taken = np.arange(len(rows)) < 2 * len(unit)
         self.equal: dict[str, Array] = {}
+        self._known: dict[tuple[float, ...], Extreme] = {}
         if fixed is not None and at is not None and len(fixed):
             self.equal = {"A_eq": fixed * unit, "b_eq": at}
 
     def farthest(self, c: Array) -> Extreme:
         """The x that makes c (m,) @ x largest. Raises NothingAllowed."""
         cost = c * self.unit
+        cost = cost / (np.max(np.abs(cost)) or 1.0)
+        asked = tuple(np.round(cost, ASKED) + 0.0)
+        if asked not in self._known:
+            self._known[asked] = self._extreme(cost)
+        return self._known[asked]
+
+    def _extreme(self, cost: Array) -> Extreme:
         while True:
-            found = self._solve(-cost / (np.max(np.abs(cost)) or 1.0))
+            found = self._solve(-cost)
             broken = self.rows @ found.x - self.bounds
             broken[self.taken] = 0.0
             if not np.any(broken > EXACT):
                 break
-            worst = np.argsort(broken)[-2 * len(c) :]
+            worst = np.argsort(broken)[-2 * len(cost) :]
             self.taken[worst[broken[worst] > EXACT]] = True
         multipliers = -found.ineqlin.marginals
         binding = np.flatnonzero(self.taken)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
