@@ -4,7 +4,7 @@ What does the drive reach?
 
 Poses in X and Y that six pairs of stacks reach together, within their strokes, contacts that only push, blocking
 forces and yield; and how far along X when the stacks push link 1 farther from the base hinge. All numbers of the drive
-are assumed. The figure numbers its edges as `section` lists them, with the limits that stop each.
+are assumed. The figure numbers the edges counter-clockwise, as `section` lists them.
 """
 
 from matplotlib import pyplot

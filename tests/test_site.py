@@ -43,6 +43,28 @@ def test_every_public_name_is_documented_once_and_says_what_it_is():
         assert (getattr(flexfem, name).__doc__ or "").strip(), name
 
 
+def test_names_of_a_docstring_get_lines_of_their_own(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs/_ext")
+    restated = import_module("docstrings").restated
+    given = [
+        "Sum.",
+        "",
+        "Parameters",
+        "----------",
+        "a : one.   b, c : two,",
+        "    three.",
+        "",
+        "Notes",
+        "-----",
+        "d : e",
+    ]
+    wanted = ["a", "    one.", "b, c", "    two,", "    three."]
+    assert restated(given) == [*given[:4], *wanted, "", "Notes", "-----", "d : e"]
+    assert restated(["Sum.", "x : (3,), mm,", "    y : no name.", "Last."]) == [
+        "Sum.", "", "* **x**: (3,), mm,", "  y : no name.", "", "Last."
+    ]  # fmt: skip
+
+
 def blocks(page, language):
     """Code of a page in one language, block by block."""
     return re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)

@@ -7,9 +7,10 @@ docstring of a class, names become a list.
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 NAMES = r"\*{0,2}[A-Za-z_]\w*(?:(?:, | and )\*{0,2}\w+)*"
 ENTRY = re.compile(rf"({NAMES}) : (.*)")
