@@ -11,6 +11,7 @@ from sphinx.application import Sphinx
 
 SHOWN = {
     "README": "front",
+    "examples": "gallery/index",
     "CONVENTIONS": "conventions",
     "CHANGELOG": "changelog",
     "geometry/README": "files/stages",
