@@ -37,8 +37,6 @@ extensions = [
 ]
 extensions += [path.stem for path in sorted((ROOT / "docs/_ext").glob("generate_*.py"))]
 exclude_patterns = ["_ext", "jupyter_execute", *(f"gallery/*.{end}" for end in ("ipynb", "py", "zip", "json", "md5"))]
-if (ROOT / "docs/_ext/generate_reference.py").exists():
-    exclude_patterns.append("files/*")  # docs/reference says it
 suppress_warnings = ["config.cache", "ref.python"]  # attributes of several classes have one name
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]

@@ -17,7 +17,6 @@ SHOWN = {
     "geometry/README": "files/stages",
     "cases/README": "files/cases",
 }
-MADE = {"geometry/README": "reference/stage", "cases/README": "reference/case"}  # instead, once they are made
 
 
 def lead_inside(app: Sphinx, doctree: nodes.document) -> None:
@@ -26,9 +25,7 @@ def lead_inside(app: Sphinx, doctree: nodes.document) -> None:
     for node in doctree.findall(addnodes.pending_xref):
         if node.get("reftype") == "myst":
             target = str(node["reftarget"]).removesuffix(".md")
-            name = target.removeprefix(f"{root.as_posix()}/")
-            made = MADE.get(name, "")
-            shown = made if made in app.env.found_docs else SHOWN.get(name)
+            shown = SHOWN.get(target.removeprefix(f"{root.as_posix()}/"))
             if shown:
                 node["refdomain"], node["reftarget"], node["reftargetid"] = "doc", shown, None
 
