@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from flexfem.files.writing import markdown_table
 from flexfem.validate.records import Finding
-from flexfem.validate.registry import BENCHMARKS, BenchmarkTable
+from flexfem.validate.registry import BENCHMARKS
 
 HEAD = ("quantity", "target", "target ±", "ours", "difference", "allowed ±", "unknowns", "")
 VERIFIES: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -45,24 +45,23 @@ VERIFIES: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 
 
-def manual(table: BenchmarkTable, figures: Mapping[str, str] = MappingProxyType({})) -> str:
-    """The verification manual in Markdown; `figures`: of problems by name, a path each."""
-    failed = sum(not finding.passed for finding in table.findings)
-    count = len(table.findings)
+def manual(found: Mapping[str, Sequence[Finding]], figures: Mapping[str, str] = MappingProxyType({})) -> str:
+    """The verification manual in Markdown, of findings by the name of their problem; `figures`: a path each."""
+    findings = [finding for each in found.values() for finding in each]
+    failed, count = sum(not finding.passed for finding in findings), len(findings)
     said = f"{failed} of {count} fail" if failed else f"All {count} agree"
     blocks = [
         "# Verification manual",
         f"What `flexfem benchmark` finds. Every target is published or exact, none is a value of our own. {said} "
         "within what is allowed: a limit stated beside the target, in its unit, from the error that the mesh is "
         "expected to have and from the digits that the source prints.",
-        *(block for name in table.seconds for block in _section(name, table.findings, figures.get(name))),
+        *(block for name, own in found.items() for block in _section(name, own, figures.get(name))),
     ]
     return "\n\n".join(blocks) + "\n"
 
 
-def _section(name: str, findings: list[Finding], figure: str | None) -> Iterator[str]:
+def _section(name: str, own: Sequence[Finding], figure: str | None) -> Iterator[str]:
     title, verifies = VERIFIES[name]
-    own = [finding for finding in findings if finding.name == name]
     yield f"## {title}"
     yield f"Verifies {verifies}. {(BENCHMARKS[name].__doc__ or '').strip()}"
     yield f"`flexfem benchmark --name {name}`"
