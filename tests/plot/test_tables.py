@@ -207,6 +207,7 @@ def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
     assert text.rstrip().endswith("tangent compliance by up to 0.678 %")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch):
     asked = []
 

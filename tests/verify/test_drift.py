@@ -130,6 +130,7 @@ def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zer
     assert found[1, 0] == pytest.approx(1e-12)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_command_prints_and_keeps_what_the_function_gives(stage, tmp_path, capsys):
     from flexfem.commands import cli
 

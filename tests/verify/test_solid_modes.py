@@ -86,6 +86,7 @@ def test_from_face_to_face_a_mode_is_even_or_odd(found: Any) -> None:
     assert found.heights.shape == (field.shape[1],)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_command_prints_and_writes(small: None, flexfem: Any, tmp_path: Path) -> None:
     command = ("modes", STAGE, "--three-dimensional", "--count", 3, "--payload", 0.3, 20, "-o", tmp_path)
     code, out, err = flexfem(*command)
