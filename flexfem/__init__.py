@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from flexfem.commands.baseline.regression import regression as regression
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
+    from flexfem.page.report import report as report
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -92,6 +93,7 @@ __version__ = "0.1.0"
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
     "models": ("AnalyticModel", "ElementModel"),
+    "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),

@@ -51,6 +51,41 @@ class Mutation(NamedTuple):
 
 MUTATIONS = [
     Mutation(
+        "names of files are markup on a page",
+        "templates",
+        "Environment(loader=_a, autoescape=True, undefined=_b, trim_blocks=True, lstrip_blocks=True)",
+        "Environment(loader=_a, autoescape=False, undefined=_b, trim_blocks=True, lstrip_blocks=True)",
+        "test_a_hostile_name_of_a_stage_is_text",
+    ),
+    Mutation(
+        "the pointed-at error of a curve in mm beside the name of another unit",
+        "_of_curves",
+        "significant(error * unit.factor)",
+        "significant(error)",
+        "test_a_spot_tells_command_error_and_band",
+    ),
+    Mutation(
+        "a page counts the assumed numbers of the stage without those of its drive",
+        "doubted",
+        "[*found.assumed, *_a]",
+        "[*found.assumed]",
+        "test_assumed_numbers_are_counted_first_and_listed",
+    ),
+    Mutation(
+        "figures of a page share the ids of their parts",
+        "_detach",
+        "part.set(key, f'{prefix}-{value}')",
+        "part.set(key, value)",
+        "test_two_figures_share_no_id_and_refer_to_their_own",
+    ),
+    Mutation(
+        "a spot of a figure upside down",
+        "placed_spots",
+        "height - middle[1] * scale",
+        "middle[1] * scale",
+        "test_a_spot_is_where_its_point_is",
+    ),
+    Mutation(
         "a library broken off by Ctrl-C while it is imported",
         "_imports",
         "frame.f_code.co_filename != IMPORTER",

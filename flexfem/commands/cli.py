@@ -12,7 +12,20 @@ from typing import Annotated, Any
 
 import typer
 
-from flexfem.commands import drive, experiment, heat, life, modes, part, stage, streams, study, validation, verification
+from flexfem.commands import (
+    drive,
+    experiment,
+    heat,
+    life,
+    modes,
+    page,
+    part,
+    stage,
+    streams,
+    study,
+    validation,
+    verification,
+)
 from flexfem.commands.grouped import GroupedCommands
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import manifest
@@ -22,7 +35,7 @@ ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(
     help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=GroupedCommands
 )
-for group in (part, stage, drive, heat, life, modes, experiment, verification, validation):
+for group in (part, page, stage, drive, heat, life, modes, experiment, verification, validation):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
 

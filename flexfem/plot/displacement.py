@@ -64,7 +64,7 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
         plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=result.models[label].hub_radius)
         _name_largest(axes, result.models[label], fields[label], factor)
-    _draw_scale(figure, norm)
+    draw_scale(figure, norm)
     return figure
 
 
@@ -175,7 +175,7 @@ def _name_largest(axes: Axes, model: CurveModels, fields: Fields, factor: float)
     axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor="#B00000", zorder=6)
 
 
-def _draw_scale(figure: Figure, norm: LogNorm) -> None:
+def draw_scale(figure: Figure, norm: LogNorm) -> None:
     """Colour bar below the panels."""
     place: Any = {"ax": figure.axes, "location": "bottom", "aspect": 38, "shrink": 6.0 / figure.get_figwidth()}
     bar = figure.colorbar(ScalarMappable(norm, COLOURS), extend="min", **place)

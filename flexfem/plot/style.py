@@ -6,6 +6,7 @@ import io
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache, wraps
 from typing import Any, ParamSpec
 
@@ -44,6 +45,7 @@ NOTE_COLOUR = "#B00000"
 INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
 MARGIN = 0.3  # in, left and right of the header
 RESOLUTION = {"png": 150, "pdf": 200}  # dots per inch, in a PDF of the rasterised meshes only
+_SAID: ContextVar[list[str] | None] = ContextVar("said", default=None)
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": "flexfem", "Producer": "matplotlib"},
@@ -68,6 +70,17 @@ def in_house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
             return draw(*args, **kwargs)
 
     return styled
+
+
+@contextmanager
+def headless() -> Iterator[list[str]]:
+    """Let figures drawn meanwhile have no header; yields the lines that the last one would have had below its title."""
+    lines: list[str] = []
+    token = _SAID.set(lines)
+    try:
+        yield lines
+    finally:
+        _SAID.reset(token)
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -114,6 +127,10 @@ def header(
     figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str], not_stated: Sequence[str] = ()
 ) -> float:
     """Write title, lines below it and the note on numbers in doubt; returns the height used, in inches."""
+    said = _SAID.get()
+    if said is not None:
+        said[:] = lines
+        return 0.0
     width, height = figure.get_size_inches()
     note = doubt_note(assumed, not_stated)
     room = width - 2 * MARGIN

@@ -4,6 +4,7 @@
 
   // tables: a button in every heading sorts the rows by its column
   const number = /^[^\d+\-\u2212]*([+\-\u2212]?\d[\d,]*\.?\d*)(?:(?:e|\u00d710)([+\-\u2212\u207b]?[\d\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+))?/i;
+  const bare = /^\u00b1?[+\-\u2212]?\d/; // what begins as a number
   const raised = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
   const plain = (text) => text.replace(/[\u2212\u207b]/g, "-").replace(/,/g, "")
     .replace(/[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]/g, (letter) => raised.indexOf(letter));
@@ -22,8 +23,9 @@
     for (const each of table.tHead.rows[0].cells) each.removeAttribute("aria-sort");
     heading.setAttribute("aria-sort", down ? "descending" : "ascending");
     const body = table.tBodies[0];
-    const numeric = heading.classList.contains("number");
-    const rows = [...body.rows].map((row) => [keyOf(row.cells[column], numeric), row]);
+    const cells = [...body.rows].map((row) => row.cells[column]);
+    const numeric = heading.classList.contains("number") || cells.every((cell) => bare.test(keyOf(cell, false)));
+    const rows = cells.map((cell) => [keyOf(cell, numeric), cell.parentElement]);
     rows.sort((a, b) => (down ? order(b[0], a[0]) : order(a[0], b[0])));
     body.append(...rows.map((each) => each[1]));
     told.textContent = `sorted by ${heading.textContent}, ${down ? "descending" : "ascending"}`;
@@ -68,6 +70,10 @@
     const plate = group.closest(".plate");
     let at = -1;
     plate.tabIndex = 0;
+    const hint = document.createElement("span");
+    hint.className = "hint";
+    hint.textContent = " Point at it, or tab to it and use the arrow keys, to read values.";
+    plate.closest("figure").querySelector("figcaption").append(hint);
     plate.addEventListener("blur", hide);
     plate.addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
@@ -82,9 +88,4 @@
     });
   }
   addEventListener("keydown", (event) => { if (event.key === "Escape") hide(); });
-
-  // on paper everything folded away is shown
-  addEventListener("beforeprint", () => {
-    for (const each of document.querySelectorAll("details.print")) each.open = true;
-  });
 })();

@@ -1,0 +1,127 @@
+"""What a page says when it is asked: drive, large displacements, natural modes, drift, fatigue life."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from flexfem.page.drawn import shown_figure
+from flexfem.page.section import PageSection, notes, table
+from flexfem.plot.drift import drift_figure
+from flexfem.plot.life import life_figure
+from flexfem.plot.modes import modes_figure
+from flexfem.plot.reach import reach_figure
+from flexfem.plot.text import significant
+from flexfem.plot.workspace import workspace_figure
+from flexfem.units import COMMANDS, STRESS, UNITS, Unit
+from flexfem.verify.limits import grouped
+
+if TYPE_CHECKING:
+    from flexfem.verify.drift import DriftFields, WarmStage
+    from flexfem.verify.life import Life, Witness
+    from flexfem.verify.modes import Vibration
+    from flexfem.verify.pose_set import Extent
+    from flexfem.verify.reach import Reach
+    from flexfem.verify.workspace import Workspace
+
+SYMBOLS = {"x": "X", "y": "Y", "theta": "θ"}
+CASES = {"uniform": "1 K everywhere", "x": "1 K/mm along X", "y": "1 K/mm along Y"}
+
+
+def _extent(of: Extent | None, unit: Unit) -> str:
+    return (
+        "none" if of is None else f"{significant(unit.factor * of.low)} to {significant(unit.factor * of.high)} {unit}"
+    )
+
+
+def drive_section(found: Reach, actuators: Markup) -> PageSection:
+    """The actuators, how far they move the platform, and what stops them."""
+    rows = []
+    for (axis, each), unit in zip(found.ranges.items(), COMMANDS, strict=True):
+        stop = "" if each.held is None else grouped(each.held.high_by)
+        rows.append([SYMBOLS[axis], _extent(each.held, unit), _extent(each.free, unit), stop])
+    head = ["direction", "others at zero", "others free", "stopped, at zero, by limits of"]
+    data = table(head, rows, caption="How far the drive reaches", sortable=False)
+    figure = shown_figure(
+        "reach-figure",
+        lambda: reach_figure(found),
+        f"Poses that the drive reaches; by axis: {_said(rows)}.",
+        caption="",
+    )
+    return PageSection("drive", "Drive", actuators + data + figure + notes(found.warnings))
+
+
+def _said(rows: list[list[str]]) -> str:
+    return "; ".join(f"{row[0]} {row[1]}" for row in rows)
+
+
+def modes_section(found: Vibration) -> PageSection:
+    """Natural frequencies in the plane, with their shapes."""
+    of = found.record
+    rows = [
+        [
+            str(number),
+            f"{one.frequency:.6g}",
+            significant(one.band, 2),
+            *(f"{value:.2f}" for value in one.share.model_dump().values()),
+        ]
+        for number, one in enumerate(of.modes, start=1)
+    ]
+    head = ["mode", f"frequency ({UNITS['hz']})", f"± ({UNITS['hz']})", "mass in X (%)", "in Y (%)", "inertia in θ (%)"]
+    data = table(head, rows, numbers=5, caption="Natural frequencies in the plane, effective modal masses")
+    figure = shown_figure("modes-figure", lambda: modes_figure(found), "Shapes of the modes listed in the table.")
+    return PageSection("modes", "Natural modes", data + figure + notes(of.warnings))
+
+
+def drift_section(found: DriftFields) -> PageSection:
+    """The pose per kelvin and per gradient of temperature."""
+    of, rows = found.record, []
+    for name, case in of.cases.items():
+        for model, one in (("analytic", case.analytic), ("finite elements", case.elements)):
+            if one is not None:
+                rows.append([CASES[name], model, *_warm(one)])
+    head = ["change of temperature", "model", *(f"{SYMBOLS[a]} ({u})" for a, u in zip(SYMBOLS, HEAT, strict=True))]
+    data = table([*head, f"highest neck stress ({STRESS})"], rows, numbers=4)
+    figure = shown_figure(
+        "drift-figure", lambda: drift_figure(found), "The warm stage under each change of temperature."
+    )
+    return PageSection("drift", "Drift by temperature", data + figure + notes(of.warnings))
+
+
+HEAT = (UNITS["um"], UNITS["um"], Unit(UNITS["urad_per_k"].factor, "µrad"))
+
+
+def _warm(of: WarmStage) -> list[str]:
+    scale = [value * unit.factor for value, unit in zip(of.pose, HEAT, strict=True)]
+    tiny = 1e-9 * max(map(abs, scale))
+    pose = ["0" if abs(value) <= tiny else significant(value) for value in scale]
+    return [*pose, significant(max(value for row in of.stress for value in row))]
+
+
+def workspace_section(found: Workspace) -> PageSection:
+    """What large displacements change."""
+    said = "Tangent stiffness and errors of linear theory over the command, a row for each direction."
+    figure = shown_figure("workspace-figure", lambda: workspace_figure(found), said)
+    return PageSection("workspace", "Large displacements", figure + notes(found.warnings))
+
+
+def life_section(found: Life) -> PageSection:
+    """Cycles that the necks bear at the amplitude that was asked."""
+    rows = [_life(each) for each in (found.analytic, found.elements) if each is not None]
+    head = ["model", "first neck", f"equivalent stress ({STRESS})", "cycles", "from", "to", "yield over stress"]
+    data = table(head, rows, numbers=5, sortable=False)
+    figure = shown_figure("life-figure", lambda: life_figure(found), "The S-N curve of the metal with the necks on it.")
+    return PageSection("life", "Fatigue life", data + figure + notes(found.warnings))
+
+
+def _life(of: Witness) -> list[str]:
+    neck = of.necks[of.first]
+    cycles = ["endless" if value is None else significant(value, 3) for value in (of.cycles, of.fewest, of.most)]
+    return [
+        of.model,
+        f"{neck.hinge} hinge, chain {neck.chain}",
+        significant(neck.equivalent),
+        *cycles,
+        significant(of.safety, 3),
+    ]

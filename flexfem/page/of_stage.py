@@ -1,0 +1,55 @@
+"""The parts of a page of a stage, each computed when it comes to be put on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem import api
+from flexfem.page import answers, motion
+from flexfem.page.section import PageSection
+from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
+from flexfem.reports import drive, heat, life, modes, verification
+from flexfem.reports.stage import stiffness, summary
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexfem.stage.schema import Stage
+    from flexfem.verify.stage_report import StageReport
+
+Part = tuple[str, Callable[[], PageSection | None]]
+
+
+def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], amplitude: ArrayLike | None) -> list[Part]:
+    """What makes the sections of a stage that were asked, and those that are always there; see `report.report`."""
+
+    def elements() -> PageSection:
+        both = summary(stage, elements=True)
+        assert both.elements is not None
+        own = stiffness(stage).stiffness
+        return answers.elements_section(api.solve(stage), both.elements, api.errors(stage), own)
+
+    def driven() -> PageSection | None:
+        return motion.drive_section(drive.reach(stage, resolution=None), drive_table(found)) if stage.actuator else None
+
+    makers: dict[str, Callable[[], PageSection | None]] = {
+        "analytic": lambda: answers.analytic_section(stiffness(stage), summary(stage)),
+        "elements": elements,
+        "budget": lambda: answers.budget_section(verification.budget(stage, three_dimensional=False)),
+        "stress": lambda: answers.stress_section(stage, api.solve(stage)),
+        "drive": driven,
+        "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
+        "modes": lambda: motion.modes_section(modes.vibration(stage)),
+        "drift": lambda: motion.drift_section(heat.drift_fields(stage)),
+        "life": lambda: motion.life_section(life.life(stage, np.asarray(amplitude))),
+    }
+    wanted = [name for name in makers if name in sections and (name != "drive" or stage.actuator)]
+    return [
+        ("asked", lambda: asked_section(stage, found, wanted)),
+        ("drawing", lambda: drawing_section(stage, found)),
+        *((name, makers[name]) for name in wanted),
+        ("sources", lambda: provenance_section(stage, found)),
+    ]

@@ -1,0 +1,236 @@
+"""One page of a stage, of stored results or claims: what is asked is computed, put together and written as one file."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexfem import studies
+from flexfem.files.refusals import checked_path
+from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.writing import check_folder, write_atomically
+from flexfem.page.assemble import Page, html_of
+from flexfem.page.section import PageSection
+from flexfem.refused import BadInput
+from flexfem.reports.given import PathLike
+from flexfem.studies import REPORTS
+from flexfem.verify.result import stamp, versions
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexfem.verdicts.records import ClaimsReport
+
+STANDARD = ("analytic", "elements", "budget", "stress", "drive")
+MORE = ("workspace", "modes", "drift", "life")
+SECTIONS = (*STANDARD, *MORE)
+
+
+Part = tuple[str, Callable[[], PageSection | None]]  # a name, and what makes the section
+
+
+class PageReport(NamedTuple):
+    """The page that was written: its file, its size in bytes, the sections that it has."""
+
+    written: str
+    bytes: int
+    sections: list[str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class Subject(NamedTuple):
+    """What a page is about.
+
+    kind : of its files, in words.   assumed, not_stated : key paths of numbers in doubt.
+    parts : by name what makes each section, in order; a part that does not apply gives None.
+    """
+
+    title: str
+    kind: str
+    assumed: list[str]
+    not_stated: list[str]
+    parts: list[Part]
+
+
+Through = Callable[[Sequence[Part]], Iterable[Part]]
+
+
+def report(
+    paths: PathLike | Sequence[PathLike],
+    output: PathLike,
+    sections: Sequence[str] = STANDARD,
+    amplitude: ArrayLike | None = None,
+    through: Through = iter,
+    folder: PathLike = REPORTS,
+) -> PageReport:
+    """Write one self-contained page, which opens offline, of a stage, of a study or of stored results and claims.
+
+    Parameters
+    ----------
+    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify` and
+        claims of `flexfem claims`, both JSON.
+    output : the file to write, .html.
+    sections : of a stage, of `STANDARD` and `MORE`; the drawing and the sources of its numbers are always there.
+    amplitude : (3,), mm, mm, rad, of the platform, fully reversed, for the section `life`.
+    through : is given the parts of the page by name and yields each before it is computed, to tell how far it is.
+    folder : of a study, where `flexfem study run` keeps what is done.
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As the functions that answer each section; then nothing is written.
+    """
+    files = [
+        checked_path(each)
+        for each in ([paths] if isinstance(paths, str | Path) or hasattr(paths, "__fspath__") else paths)
+    ]
+    target = checked_path(output)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise BadInput(f"{target}: expected a file that ends in .html")
+    _check_sections(sections, amplitude)
+    check_folder(target.parent)
+    subject = _subject(files, sections, amplitude, checked_path(folder))
+    made = [section for _, make in through(subject.parts) if (section := make()) is not None]
+    command = command_line(files, target, sections, amplitude, checked_path(folder))
+    page = Page(
+        title=subject.title,
+        subtitle=f"{subject.kind}: {', '.join(map(str, files))}",
+        doubts=doubts_line(subject),
+        sections=made,
+        command=command,
+        made=stamp(),
+        versions=versions(),
+    )
+    content = html_of(page).encode()
+    write_atomically(target, lambda file: file.write(content))
+    names = [each.title for each in made]
+    return PageReport(str(target), len(content), names, [], subject.assumed, subject.not_stated)
+
+
+def doubts_line(subject: Subject) -> str:
+    """What a page says first of numbers in doubt; "" without any."""
+    assumed, unknown = len(subject.assumed), len(subject.not_stated)
+    said = [f"{assumed} of the numbers behind this page are assumed"] if assumed else []
+    said += (
+        [f"{unknown} have no stated source" if said else f"{unknown} of its numbers have no stated source"]
+        if unknown
+        else []
+    )
+    return f"{'; '.join(said)}. They are listed under “Where the numbers come from”." if said else ""
+
+
+def command_line(
+    files: Sequence[Path],
+    target: Path,
+    sections: Sequence[str] = STANDARD,
+    amplitude: ArrayLike | None = None,
+    folder: Path = REPORTS,
+) -> str:
+    """The command that makes a page again, for a shell."""
+    words = ["flexfem", "report", *map(str, files), "-o", str(target)]
+    if tuple(sections) != STANDARD:
+        words += ["--sections", ",".join(sections)]
+    if amplitude is not None:
+        import numpy as np
+
+        words += ["--amplitude", *(repr(float(value)) for value in np.asarray(amplitude))]
+    if folder != REPORTS:
+        words += ["--folder", str(folder)]
+    return shlex.join(words)
+
+
+def _check_sections(sections: Sequence[str], amplitude: ArrayLike | None) -> None:
+    unknown = [each for each in sections if each not in SECTIONS]
+    if unknown:
+        raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
+    if "life" in sections and amplitude is None:
+        raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
+
+
+def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLike | None, folder: Path) -> Subject:
+    """What the files are, told by their content. Raises BadInput."""
+    if not files:
+        raise BadInput("no file, expected a stage file, a study file, or results of flexfem verify")
+    stored = [path for path in files if path.suffix.lower() == ".json"]
+    if len(stored) == len(files):
+        return _stored(files)
+    if len(files) > 1:
+        raise BadInput(f"{files[0]} and {len(files) - 1} more, expected one stage or study file, or results as .json")
+    kind = kind_of(read_toml(files[0]).data, "stage file")
+    if kind == "study file":
+        return _study(files[0], folder)
+    if kind != "stage file":
+        raise BadInput(
+            f"{files[0]}: this is a {kind or 'TOML file'}, expected a stage file, a study file or results as .json"
+        )
+    from flexfem.page.of_stage import stage_parts
+    from flexfem.page.stage import doubted
+    from flexfem.reports.stage import check
+    from flexfem.stage.schema import load_feasible
+
+    stage = load_feasible(files[0])
+    found = check(stage)
+    return Subject(stage.name, "Stage", *doubted(found), stage_parts(stage, found, sections, amplitude))
+
+
+def _study(path: Path, folder: Path) -> Subject:
+    from flexfem.page.study import study_parts
+
+    found, status = studies.study_findings(path, folder), studies.study_status(path, folder)
+    parts: list[Part] = [*study_parts(found.source, found.found, status)]
+    return Subject(found.source.loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
+
+
+def _stored(files: Sequence[Path]) -> Subject:
+    from flexfem.page import results as of_results
+    from flexfem.verify.result_files import read_result
+
+    claims = [path for path in files if _is_claims(path)]
+    results = [read_result(path) for path in files if path not in claims]
+    reports = [_read_claims(path) for path in claims]
+    parts: list[Part] = []
+    if results:
+        parts += [("errors", lambda: of_results.errors_section(results))]
+        for number, result in enumerate(results, start=1):
+            parts.append((result.name, lambda one=result, k=number: of_results.curves_section(one, k)))  # type: ignore[misc]
+    for number, each in enumerate(reports, start=1):
+        parts.append(("verdicts", lambda one=each, k=number: _numbered(of_results.claims_section(one), k)))  # type: ignore[misc]
+    if results:
+        parts += [("models", lambda: of_results.models_section(results))]
+    every = [*results, *reports]
+    parts += [("sources", lambda: of_results.doubts_section(results, reports))]
+    found = ([key for each in every for key in getattr(each, kind)] for kind in ("assumed", "not_stated"))
+    assumed, not_stated = (list(dict.fromkeys(keys)) for keys in found)
+    title = results[0].name if len(every) == 1 and results else reports[0].name if len(every) == 1 else "Verification"
+    return Subject(title, "Stored results", assumed, not_stated, parts)
+
+
+def _numbered(section: PageSection, number: int) -> PageSection:
+    return replace(section, id=f"{section.id}-{number}")
+
+
+def _is_claims(path: Path) -> bool:
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return False  # `read_result` says what is wrong
+    return isinstance(data, dict) and "verdicts" in data
+
+
+def _read_claims(path: Path) -> ClaimsReport:
+    from pydantic import ValidationError
+
+    from flexfem.verdicts.records import ClaimsReport
+
+    try:
+        return ClaimsReport.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise BadInput(f"{path}: not what this version of flexfem claims stores: {where}: {first['msg']}") from None
