@@ -177,12 +177,6 @@ def told(items: Sequence[Item], description: str) -> Iterator[Item]:
         yield from progress.track(items, description=description)
 
 
-def counted(steps: int, description: str) -> Callable[[str], None]:
-    """What says on standard error how far a command is, at every one of `steps` calls, with a word on each."""
-    done = iter(range(1, steps + 1))
-    return lambda text: print(f"{description} {next(done)}/{steps}: {text}", file=sys.stderr)
-
-
 def now_and_then(description: str, every: int = 50) -> Callable[[int, int], None]:
     """What says on a terminal how far a command is, told how many of how many are done."""
 

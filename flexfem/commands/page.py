@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +10,8 @@ import typer
 
 from flexfem import studies
 from flexfem.commands import console
+from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, check_within
-from flexfem.commands.streams import raw
 from flexfem.commands.tables import people, print_ending
 
 if TYPE_CHECKING:
@@ -51,13 +50,10 @@ def report(
 
 def _told(parts: Sequence[tuple[str, Any]]) -> Iterator[tuple[str, Any]]:
     """The parts one by one; says on standard error which is made."""
-    if raw(sys.stderr).isatty():
-        yield from console.told(parts, "report")
-        return
-    say = console.counted(len(parts), "report")
-    for part in parts:
-        say(part[0])
-        yield part
+    with working("report", len(parts)) as say:
+        for part in parts:
+            say(part[0])
+            yield part
 
 
 def print_page(of: PageReport) -> None:

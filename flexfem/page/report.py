@@ -164,6 +164,8 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLik
         raise BadInput(f"{files[0]} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = kind_of(read_toml(files[0]).data, "stage file")
     if kind == "study file":
+        if tuple(sections) != STANDARD or amplitude is not None:
+            raise BadInput(f"{files[0]}: sections or an amplitude, expected none: this is a study, they are of a stage")
         return _study(files[0], folder)
     if kind != "stage file":
         raise BadInput(
