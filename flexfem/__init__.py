@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flexfem.api import solve as solve
     from flexfem.commands.baseline.regression import baseline as baseline
     from flexfem.commands.baseline.regression import regression as regression
+    from flexfem.designs import design as design
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
@@ -92,6 +93,7 @@ __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
+    "designs": ("design",),
     "models": ("AnalyticModel", "ElementModel"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),

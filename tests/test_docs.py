@@ -16,6 +16,7 @@ import pytest
 
 from flexfem.stage.schema import load_stage
 from flexfem.study.loaded import load_study
+from flexfem.synthesis.requirements import load_requirements
 from flexfem.verify.fixture import read_fixture
 
 ROOT = Path(__file__).parent.parent
@@ -41,7 +42,8 @@ def now(source):
     if path == "drive":
         return load_stage(ROOT / name).drive_hash[:16]
     if not path:
-        return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
+        load = load_study if "study-" in name else load_requirements if "cases/design-" in name else load_stage
+        return load(ROOT / name).hash[:16]
     found = accepted(name)
     for part in re.findall(r"\[(\d+)\]|([^.\[\]]+)", path):
         found = found[int(part[0])] if part[0] else found[part[1]]

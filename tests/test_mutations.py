@@ -521,7 +521,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a frame of no stated expansion accepted in studies",
-        "_require_model",
+        "require_model",
         "require_expansion(stage, frame=True)",
         "require_expansion(stage)",
         "test_a_stage_without_a_coefficient_is_refused_in_one_line",

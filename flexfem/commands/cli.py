@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from flexfem.commands import (
+    design,
     drive,
     experiment,
     heat,
@@ -35,7 +36,7 @@ ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(
     help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=GroupedCommands
 )
-for group in (part, page, stage, drive, heat, life, modes, experiment, verification, validation):
+for group in (part, page, stage, design, drive, heat, life, modes, experiment, verification, validation):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
 

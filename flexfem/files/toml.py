@@ -63,6 +63,7 @@ KINDS = {  # by the keys that only files of that kind have
     "case file": ("direction", "curve", "points"),
     "claims file": ("claim", "stages"),
     "study file": ("sampling", "factor", "figure", "model"),
+    "requirements file": ("free", "require", "objective"),
     "fixture file": ("pole", "bar", "lvdt", "sensor", "run"),
     "measured file": ("measured",),
     "necks file": ("neck",),

@@ -14,6 +14,7 @@ _HOMES = {
     "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
     "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
     "curves": ("plot_displaced", "plot_errors"),
+    "design": ("plot_history", "plot_margins", "plot_tradeoff"),
     "dimensions": ("plot_dimensions",),
     "displacement": ("plot_displacement",),
     "drift": ("plot_drift",),

@@ -123,7 +123,7 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
         stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
-    _require_model(path, study, stage)
+    require_model(path, study, stage)
     columns: list[Column] = []
     for index, factor in enumerate(study.factor):
         try:
@@ -135,7 +135,7 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     return loaded
 
 
-def _require_model(path: str | os.PathLike[str], study: Study, stage: Stage) -> None:
+def require_model(path: str | os.PathLike[str], study: Study, stage: Stage) -> None:
     """Raise BadInput where the base stage is none for the model of the study, or has no drive that it asks for."""
     said = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
     if study.model in ("fe", "verify") and stage.model == "corrected":

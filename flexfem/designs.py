@@ -1,0 +1,93 @@
+"""Design from Python: requirements in, a stage with the proof of it out."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexfem.refused import BadInput
+
+if TYPE_CHECKING:
+    from flexfem.study.pool import Pool
+    from flexfem.synthesis.result import Designed
+
+PathLike = str | os.PathLike[str]
+
+
+def design(
+    requirements: PathLike,
+    output: PathLike | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    say: Callable[[str], object] = lambda text: None,
+) -> Designed:
+    """Find the best stage that meets requirements, or the one that misses least, and check it by finite elements.
+
+    Parameters
+    ----------
+    requirements : their file.
+    output : folder for the stage file, `<stem>-stage.toml`, and the record, `<stem>-design.json`; a search that was
+        stopped goes on there where it was. None writes nothing.
+    workers : processes for finite elements, 1 for this one.   scheduler : address of a Dask cluster instead.
+    say : is told in a line now and then how far it is.
+
+    Returns
+    -------
+    The record; `stage` of it is the text of a stage file, with what was designed in its provenance.
+
+    Raises
+    ------
+    BadInput : the file cannot be used; one line with file, line, key and what was expected.
+    ComputationFailed : finite elements of a proposed design fail, or workers are lost.
+    """
+    from flexfem.files.refusals import checked_path
+    from flexfem.files.writing import check_folder
+    from flexfem.synthesis.elements import ProposedElements
+    from flexfem.synthesis.outcome import designed
+    from flexfem.synthesis.requirements import load_requirements
+    from flexfem.synthesis.store import Store
+
+    loaded = load_requirements(checked_path(requirements))
+    folder = None if output is None else checked_path(output)
+    if folder is not None:
+        check_folder(folder)
+    store = Store(None if folder is None else folder / f".{loaded.path.stem}-design.found")
+    with _pool(workers, scheduler, say) as pool:
+        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
+    if folder is not None:
+        write_design(found, folder)
+        store.forget()
+    return found
+
+
+def write_design(found: Designed, folder: Path) -> list[Path]:
+    """Write the stage file and the record of a design; returns their paths. Raises BadInput."""
+    from flexfem.files.writing import write_atomically
+    from flexfem.verify.result import write_record
+
+    stem = Path(found.file).stem
+    stage = folder / f"{stem}-stage.toml"
+    write_atomically(stage, lambda file: file.write(found.stage.encode()))
+    return [stage, write_record(found, folder / f"{stem}-design.json")]
+
+
+@contextmanager
+def _pool(workers: int, scheduler: str | None, say: Callable[[str], object]) -> Iterator[Pool | None]:
+    """Workers of a cluster, or processes of this machine; None for this process alone. Raises BadInput."""
+    from flexfem.study.cluster import DaskPool
+    from flexfem.study.pool import LocalPool
+
+    if scheduler is not None and workers != 1:
+        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
+    if scheduler is None and workers == 1:
+        yield None
+        return
+    pool = DaskPool(scheduler, say) if scheduler is not None else LocalPool(workers)
+    try:
+        yield pool
+    finally:
+        pool.close()

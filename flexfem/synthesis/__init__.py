@@ -1,0 +1,1 @@
+"""From requirements to dimensions: the search for a stage, its correction by finite elements, and what it found."""

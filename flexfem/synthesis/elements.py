@@ -1,0 +1,159 @@
+"""Finite elements of designs that a search proposes, on several meshes, by the workers that answer studies."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.files.digest import digest
+from flexfem.refused import ComputationFailed
+from flexfem.stage.keys import keys
+from flexfem.stage.schema import Stage
+from flexfem.study.answer import answer
+from flexfem.study.columns import COUPLINGS, ERRORS, Factor, Rows, columns_of
+from flexfem.study.designs import stage_of
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.pool import POLL, Pool, require_workers
+from flexfem.study.tables import Drive, Sampling
+from flexfem.study.versions import versions_of
+from flexfem.study.worker import Died
+from flexfem.synthesis.extra import quantiles_of, scattered_study
+from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
+from flexfem.synthesis.store import Store
+from flexfem.verify.errors import levels
+
+FIXED = "thickness_mm"
+SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
+SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
+LIMIT = 600.0  # s for one solution
+
+
+class Meshed(NamedTuple):
+    """What finite elements say of a design: columns by name on every mesh, coarse to fine, with their resolutions."""
+
+    resolutions: tuple[int, ...]
+    columns: list[dict[str, float]]
+
+
+class Solve(NamedTuple):
+    """One solution: a study and which of its designs."""
+
+    study: LoadedStudy
+    design: int
+
+    @property
+    def question(self) -> str:
+        """Its hash, with the versions of all that decides the answer."""
+        return digest([self.study.hash, self.design, dict(versions_of(True))])
+
+
+class ProposedElements:
+    """Finite elements for requirements; `pool` None solves one after the other in this process."""
+
+    def __init__(
+        self, loaded: LoadedRequirements, counts: Counter[str], pool: Pool | None = None, store: Store | None = None
+    ) -> None:
+        self.loaded, self.counts, self.pool, self.store = loaded, counts, pool, store or Store(None)
+        self._counted, self._began = set[str](), False
+
+    @property
+    def solid(self) -> bool:
+        """Whether they are of three dimensions, as of a base stage with hinges corrected for its thickness."""
+        return self.loaded.stage.model == "corrected"
+
+    def of(self, values: Array, say: Callable[[str], object] = lambda text: None) -> Meshed:
+        """The design of free dimensions `values` (d,) on every mesh. Raises ComputationFailed."""
+        stage = stage_of(self.loaded.study, values)
+        meshes: tuple[tuple[int, int], ...] = SOLID
+        if self.solid:
+            stage = stage.replace(model="plane_stress")
+        else:
+            meshes = tuple((level, 2) for level in levels(self.loaded.requirements.resolution))
+        studies = [self._study(stage, *mesh) for mesh in meshes]
+        rows = self._solved([Solve(study, 0) for study in studies], say)
+        found = [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
+        return Meshed(tuple(mesh[0] for mesh in meshes), found)
+
+    def scattered(self, values: Array, say: Callable[[str], object] = lambda text: None) -> Meshed | None:
+        """The 95 % couplings of a design whose nine necks scatter, on two meshes; None where that is not asked."""
+        of = self.loaded.requirements
+        if of.tolerance is None or not of.tolerance.checked or not of.asked & {*SCATTERED} or self.solid:
+            return None
+        stage, found = stage_of(self.loaded.study, values), list[dict[str, float]]()
+        for resolution in SCATTER:
+            study = scattered_study(self._study(stage, resolution, 2), of.tolerance, of.tolerance.checked, of.seed)
+            rows = np.array(self._solved([Solve(study, k) for k in range(of.tolerance.checked)], say))
+            columns = [study.outputs.index(name) for name in COUPLINGS]
+            found.append(dict(zip(SCATTERED, map(float, quantiles_of(rows[:, columns])), strict=True)))
+        return Meshed(SCATTER, found)
+
+    def _study(self, stage: Stage, resolution: int, layers: int) -> LoadedStudy:
+        """A study of one design, the stage itself."""
+        own = self.loaded.requirements
+        factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(stage)]}),)
+        model = "three_dimensional" if self.solid else "verify" if own.asked & {*ERRORS} else "fe"
+        drive = own.drive
+        if drive is not None and drive.actuators:
+            strokes = {"stroke_um": drive.stroke_um, "lever_arm_mm": drive.lever_arm_mm}
+            drive = None if drive.stroke_um is None else Drive.model_validate(strokes)
+        changes = {"factor": factors, "sampling": Sampling(method="grid"), "model": model, "resolution": resolution}
+        changes |= {"layers": layers, "bands": False, "drive": drive, "drift": None, "links": False, "mobility": None}
+        changes |= {"formula": own.paper_formula, "time_limit": LIMIT, "check": None}
+        changes |= {"frequencies": None, "life": None} if self.solid else {}
+        loaded = self.loaded.study
+        study = loaded.study.model_copy(update=changes)
+        return replace(loaded, study=study, stage=stage, columns=columns_of(factors), given=None)
+
+    def _solved(self, tasks: Sequence[Solve], say: Callable[[str], object]) -> list[list[float]]:
+        """Rows of outputs, in the order of the tasks; what is kept is not solved again."""
+        questions = [task.question for task in tasks]
+        name = "finite elements in three dimensions" if self.solid else "finite elements"
+        self.counts[name] += len({*questions} - self._counted)
+        self._counted |= {*questions}
+        waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
+        if waiting and self.pool is not None and not self._began:
+            require_workers(self.pool, answer, tasks[0].study)
+            self._began = True
+        solved = self._serial if self.pool is None else self._parallel
+        for done, (k, rows) in enumerate(solved(tasks, waiting), 1):
+            if isinstance(rows, str) or rows.status[0] != "ok":
+                reason = rows if isinstance(rows, str) else str(rows.reason[0])
+                raise ComputationFailed(f"finite elements of a proposed design: {reason}")
+            self.store.keep(questions[k], rows.values[0].tolist())
+            say(f"finite elements: {done} of {len(waiting)} solutions")
+        return [self.store.answer(question) for question in questions]
+
+    def _serial(self, tasks: Sequence[Solve], waiting: list[int]) -> Any:
+        for k in waiting:
+            yield k, answer(tasks[k].study, tasks[k].design, tasks[k].design + 1)
+
+    def _parallel(self, tasks: Sequence[Solve], waiting: list[int]) -> Any:
+        assert self.pool is not None
+        ahead, computing = list(reversed(waiting)), dict[Future[Any], int]()
+        deaths = Counter[int]()
+        while ahead or computing:
+            while ahead and len(computing) < self.pool.width:
+                k = ahead.pop()
+                task = tasks[k]
+                computing[self.pool.submit(answer, task.study, task.design, task.design + 1, LIMIT)] = k
+            for future in wait(computing, POLL, FIRST_COMPLETED).done:
+                k = computing.pop(future)
+                rows: Rows | str
+                try:
+                    rows = self.pool.outcome(future)
+                except TimeoutError:
+                    rows = f"no answer in {LIMIT:g} s"
+                except Died:
+                    deaths[k] += 1
+                    if deaths[k] < 3:
+                        ahead.append(k)
+                        continue
+                    rows = "the worker died"
+                yield k, rows
+            self.pool.check()

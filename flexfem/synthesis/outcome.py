@@ -1,0 +1,243 @@
+"""From requirements to a record: search, proof, prices, and the stage as a file."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.files.keypath import key_path, path_of
+from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.stage.schema import Stage
+from flexfem.study.columns import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
+from flexfem.study.designs import designs_of, stage_of
+from flexfem.synthesis import extra
+from flexfem.synthesis.elements import ProposedElements
+from flexfem.synthesis.front import front, proven
+from flexfem.synthesis.mapping import Mapped, Proof, mapped
+from flexfem.synthesis.model import WORST, Model
+from flexfem.synthesis.prices import Prices, prices, sensitivities
+from flexfem.synthesis.relaxed import alternatives
+from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
+from flexfem.synthesis.result import Checked, Designed, FrontDesign, Goal, Requirement, Step, Turn, Verdict, finite
+from flexfem.synthesis.search import Say
+from flexfem.verify.result import versions
+
+OF_MODEL = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS)  # no finite elements answer these here
+PLANE_ALONE = (*FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
+SHOWN = 200  # steps of a history
+OTHERS = 10_000  # stages that a coupling under tolerance is also stated for
+
+
+def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = lambda text: None) -> Designed:
+    """The best stage that meets requirements, or the one that misses least.
+
+    Raises
+    ------
+    ComputationFailed : finite elements of a proposed design fail.
+    """
+    model = Model(loaded, counts=elements.counts)
+    found = mapped(model, elements, say)
+    last, best = found.rounds[-1], found.optima[-1]
+    reached = best.merit < WORST
+    say("prices and sensitivities")
+    costs = prices(found.model, best.relaxed)
+    goals, kept = _goals(found, last), _kept(found, last, costs, elements)
+    stage = made(loaded, last.values)
+    of = loaded.requirements
+    missed = [] if reached else list(alternatives(found.model.changed(guard=None), last.values, of.seed))
+    best_of_both = _front(found, elements, say) if model.objectives == 2 and reached else []
+    return Designed(
+        name=of.name,
+        file=str(loaded.path),
+        base=of.stage,
+        hash=stage.hash,
+        seed=of.seed,
+        accuracy_percent=of.accuracy_percent,
+        design=_named(loaded, last.values),
+        relaxed=_named(loaded, best.relaxed),
+        stage=stage.to_toml(),
+        feasible=all(each.verdict != "missed" for each in kept),
+        agreed=found.agreed,
+        objectives=goals,
+        requirements=kept,
+        alternatives=missed,
+        at_ends=costs.at_ends,
+        sensitivities=_sensitivities(found.model, last.values),
+        rounds=[
+            Turn(design=_named(loaded, r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
+            for r, o in zip(found.rounds, found.optima, strict=True)
+        ],
+        front=best_of_both,
+        history=_thinned(found.optima[0].history),
+        evaluations=dict(sorted(elements.counts.items())),
+        versions=versions(),
+        warnings=_warnings(loaded, found, last),
+        **_doubts(loaded, stage),
+    )
+
+
+def made(loaded: LoadedRequirements, values: Array) -> Stage:
+    """The stage of a design (d,), its free dimensions said to be designed; the other sources are the base's."""
+    base, stage = loaded.stage, stage_of(loaded.study, values)
+    of = loaded.requirements
+    said = f"designed: {of.name}, seed {of.seed}"
+    sources = dict(base.provenance)
+    own = base.sources
+    for column in loaded.columns:
+        for path in column.keys:
+            place = path_of(path)
+            if isinstance(place[-1], int):
+                array = key_path(place[:-1])
+                sources[array] = _of_array(own.get(array) or "not stated", sources.get(array), said, place[-1])
+            else:
+                sources[path] = said
+    return stage.model_copy(update={"name": of.name, "provenance": sources})
+
+
+def _of_array(before: str, now: str | None, said: str, place: int) -> str:
+    """The source of an array some members of which are designed; one that is assumed in part goes on being assumed."""
+    lead = "assumed in part: " if is_assumed(before) else "in part "
+    if now is not None and now.startswith(lead) and said in now:
+        head, _, rest = now.partition(f"] {said}")
+        return f"{head}, {place}] {said}{rest}"
+    return f"{lead}[{place}] {said}; the others {before}"
+
+
+def _named(loaded: LoadedRequirements, values: Array) -> dict[str, float]:
+    return {column.name: float(value) for column, value in zip(loaded.columns, values, strict=True)}
+
+
+def checked_by(model: Model, expression_names: frozenset[str], solid: bool) -> Checked:
+    """What the value of a quantity rests on, by all names that it uses."""
+    tolerance = model.loaded.requirements.tolerance
+    unchecked = {*OF_MODEL, *({*PLANE_ALONE} if solid else ())}
+    unchecked |= {name for name in expression_names if name.startswith(("life_", "safety_")) and solid}
+    unchecked |= {*SCATTERED} if tolerance is None or not tolerance.checked or solid else set()
+    if expression_names & unchecked:
+        return "analytic model alone"
+    if not expression_names & ({*model.loaded.requirements.base, *ERRORS, *SCATTERED}):
+        return "exact"  # mass and envelope of the drawing, dimensions themselves
+    return "finite elements in three dimensions" if solid else "finite elements"
+
+
+def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> dict[str, Any]:
+    asked = found.model.loaded.requirements.names_of(text)
+    by = checked_by(found.model, asked, found.model.loaded.stage.model == "corrected")
+    banded = by.startswith("finite")
+    return {
+        "name": text,
+        "label": label,
+        "value": float(of.elements[place]),
+        "band": float(of.bands[place]) if banded else None,
+        "uncorrected": float(of.uncorrected[place]),
+        "checked_by": by,
+    }
+
+
+def _goals(found: Mapped, last: Proof) -> list[Goal]:
+    of = found.model.loaded.requirements.objective
+    return [
+        Goal(**_quantity(found, last, k, each.quantity, each.said), better="larger" if each.sign < 0 else "smaller")
+        for k, each in enumerate(of)
+    ]
+
+
+def _kept(found: Mapped, last: Proof, costs: Prices, elements: ProposedElements) -> list[Requirement]:
+    model, kept = found.model.changed(guard=None), list[Requirement]()
+    low, high = model.ends
+    for k, each in enumerate(model.loaded.requirements.require):
+        about = _quantity(found, last, model.objectives + k, each.quantity, each.said)
+        value, band, size = about["value"], about["band"] or 0.0, float(model.scales[k])
+        margin = float(min(value - low[k], high[k] - value))
+        verdict: Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
+        kept.append(
+            Requirement(
+                **about,
+                at_least=each.at_least,
+                at_most=each.at_most,
+                size=size,
+                margin=margin,
+                margin_percent=100 * margin / size,
+                band_percent=None if about["band"] is None else 100 * band / size,
+                verdict=verdict,
+                active=costs.active[k],
+                price_percent=finite(float(costs.price[k])),
+                relax_to=value if verdict == "missed" else None,
+            )
+        )
+    return kept
+
+
+def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDesign]:
+    of = found.model.loaded.requirements
+    designs = front(found.model, of.front, of.seed, say)
+    return [
+        FrontDesign(
+            design=_named(found.model.loaded, values),
+            values=value.tolist(),
+            predicted=predicted.tolist(),
+            met=met,
+        )
+        for values, value, predicted, met in proven(found.model, elements, designs, say)
+    ]
+
+
+def _sensitivities(model: Model, values: Array) -> dict[str, dict[str, float | None]]:
+    names = [*(each.said for each in model.loaded.requirements.objective)]
+    names += [each.said for each in model.loaded.requirements.require]
+    rows = sensitivities(model, values)
+    return {
+        column.name: {name: finite(float(value)) for name, value in zip(names, row, strict=True)}
+        for column, row in zip(model.loaded.columns, rows, strict=True)
+    }
+
+
+def _thinned(history: list[tuple[int, float | None, float]]) -> list[Step]:
+    places = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
+    return [Step(evaluations=history[k][0], objective=history[k][1], missed=history[k][2]) for k in places]
+
+
+def _warnings(loaded: LoadedRequirements, found: Mapped, last: Proof) -> list[str]:
+    said = []
+    if not found.agreed:
+        gap = 100 * found.rounds[-1].gap
+        said.append(f"after {len(found.rounds)} rounds model and finite elements still differ by {gap:.3g} %")
+    if loaded.study.study.driven:
+        said.append("ranges and stiffness with the drive are of the analytic model: no finite elements check them here")
+    tolerance = loaded.requirements.tolerance
+    if tolerance is not None and not tolerance.checked:
+        said.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")
+    if tolerance is not None and found.model.deviations is not None:
+        own, others = (float(each[-1]) for each in _scatters(loaded, last.values))
+        said.append(
+            f"coupling_95 is of {tolerance.stages} stages, and its band by meshes alone: by the model {own:.4g}, and "
+            f"{others:.4g} of {OTHERS:,} others"
+        )
+    return said
+
+
+def _scatters(loaded: LoadedRequirements, values: Array) -> tuple[Array, Array]:
+    """The 95 % couplings (4,) of a design by the model: of the stages that were searched with, and of others."""
+    tolerance, seed = loaded.requirements.tolerance, loaded.requirements.seed
+    assert tolerance is not None
+    samples = extra.offsets(loaded.study, tolerance, seed), extra.offsets(loaded.study, tolerance, seed + 1, OTHERS)
+    designs = designs_of(loaded.study, values[None])
+    own, others = (extra.scattered_coupling(loaded.study, designs, each)[0] for each in samples)
+    return own, others
+
+
+def _doubts(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:
+    """Key paths, of the stage and of the requirements, that are assumed or whose source is not stated."""
+    of, study = loaded.requirements, loaded.study.study
+    asked = [stage.drive_doubts] if study.driven else []
+    asked += [stage.heat_doubts] if study.drift is not None else []
+    pairs = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
+    both = [list(dict.fromkeys(chain(*(each[k] for each in pairs)))) for k in range(2)]
+    own = [key for key, source in of.provenance.items() if is_assumed(source)]
+    return {
+        "assumed": [*(f"stage: {key}" for key in both[0]), *(f"requirements: {key}" for key in own)],
+        "not_stated": [*(f"stage: {key}" for key in both[1]), *(f"requirements: {key}" for key in of.not_stated)],
+    }

@@ -1,0 +1,210 @@
+"""A requirements file: base stage, free dimensions, what is required of the stage, and what is to be best."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arrays import Array
+from flexfem.files.digest import digest
+from flexfem.files.provenance import Sourced
+from flexfem.files.refusals import problem_of, refusal, shown
+from flexfem.files.toml import bad_key, validate
+from flexfem.refused import BadInput
+from flexfem.stage.keys import keys, meant
+from flexfem.stage.schema import Label, Stage, load_feasible
+from flexfem.study.columns import ERRORS, Column, acting, columns_of
+from flexfem.study.expression import names_in
+from flexfem.study.loaded import LoadedStudy, require_model
+from flexfem.study.plan import Study
+from flexfem.study.tables import Drifting, Drive, Frequencies, Lasting, Output
+from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
+from flexfem.verify.case import known_formula
+
+MASS = ("mass_kg",)
+SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
+SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # with studies
+
+
+class Requirements(Sourced):
+    """What a requirements file says; see docs/design.md for every key.
+
+    paper_formula : of the model whose error is asked by `error_x_percent` and the like, with the stage's own mobility.
+    accuracy_percent : within which the analytic model with its correction and finite elements are to agree.
+    resolution : triangles across a neck of the finest of three meshes.
+    """
+
+    kind: ClassVar[str] = "requirements file"
+
+    name: Label
+    stage: Label
+    formula: Annotated[str, AfterValidator(known_formula)] = CALIBRATED
+    paper_formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
+    mobility: Literal[3, 6, 12, 21] | None = 21
+    links: bool = False
+    seed: int = Field(ge=0, lt=2**63)
+    accuracy_percent: float = Field(default=0.1, gt=0, le=100)
+    resolution: int = Field(default=8, ge=8, le=64)
+    front: int = Field(default=7, ge=3, le=50)
+    free: tuple[Free, ...] = Field(min_length=1, max_length=30)
+    require: tuple[Require, ...] = Field(default=(), max_length=50)
+    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2)
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    drive: Drive | None = None
+    frequencies: Frequencies | None = None
+    life: Lasting | None = None
+    drift: Drifting | None = None
+    tolerance: Tolerance | None = None
+
+    @model_validator(mode="after")
+    def _goes_together_as_a_study(self) -> Requirements:
+        try:
+            _ = self.study
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            path = (*first["loc"], *first.get("ctx", {}).get("at", ()))
+            renamed = ("free" if part == "factor" else part for part in path)
+            raise refusal(problem_of(first, {}).expected, *renamed) from None
+        return self
+
+    @model_validator(mode="after")
+    def _expressions_name_columns(self) -> Requirements:
+        known = {*(column.name for column in columns_of(self.free)), *self.base, *MASS, *ERRORS}
+        known |= {*SCATTERED} if self.tolerance is not None else set()
+        for index, output in enumerate(self.output):
+            if output.name in known or output.name in keys():
+                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
+            _require_known(output.expression, known, "output", index, "expression")
+            known.add(output.name)
+        for index, require in enumerate(self.require):
+            _require_known(require.quantity, known, "require", index, "quantity")
+        for index, objective in enumerate(self.objective):
+            key = "minimise" if objective.maximise is None else "maximise"
+            _require_known(objective.quantity, known, "objective", index, key)
+        return self
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """Names of the columns that a study of the same tables has."""
+        return self.study.outputs
+
+    @cached_property
+    def study(self) -> Study:
+        """The study whose factors are the free dimensions. Raises ValidationError as of a study file."""
+        content: dict[str, Any] = {name: getattr(self, name) for name in SHARED}
+        factors = tuple(factor_of(free) for free in self.free)
+        sampling = {"method": "sobol", "designs": 1, "seed": 0}
+        return Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Expressions asked for: objectives, then requirements."""
+        return (*(each.quantity for each in self.objective), *(each.quantity for each in self.require))
+
+    @property
+    def asked(self) -> frozenset[str]:
+        """Names that the quantities use, through derived outputs too."""
+        return frozenset(name for text in self.quantities for name in self.names_of(text))
+
+    def names_of(self, expression: str) -> frozenset[str]:
+        """Names that an expression uses, through derived outputs too."""
+        return frozenset(_names([expression], {output.name: output.expression for output in self.output}))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: of what is asked, and not of how it is found."""
+        own = ("accuracy_percent", "output")
+        return tuple(path for path in super().numbers if not path.startswith(own))
+
+
+def factor_of(free: Free) -> Any:
+    """A free dimension as a study takes it."""
+    return free.model_dump(by_alias=True, exclude_unset=True, exclude={"step", "points"})
+
+
+def _names(expressions: Any, derived: dict[str, str]) -> Iterator[str]:
+    for text in expressions:
+        for name in names_in(text):
+            yield name
+            yield from _names([derived[name]], derived) if name in derived else ()
+
+
+def _require_known(expression: str, known: set[str], *at: str | int) -> None:
+    for name in names_in(expression):
+        if name not in known and name not in keys():
+            said = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*known, *keys()}))}"
+            raise refusal(said, *at)
+
+
+@dataclass(frozen=True)
+class LoadedRequirements:
+    """Requirements with their base stage read and found feasible.
+
+    columns : the free dimensions.   study : of the analytic model, with these as factors.
+    """
+
+    path: Path
+    requirements: Requirements
+    stage: Stage
+    columns: tuple[Column, ...]
+
+    @cached_property
+    def study(self) -> LoadedStudy:
+        """What answers designs by the analytic model, none of them drawn."""
+        return LoadedStudy(self.path, self.requirements.study, self.stage, self.columns, self.path.stem)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of all that a design depends on besides the code: no name, provenance, nor path."""
+        of = self.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance", "accuracy_percent"})
+        return digest([of, self.study.hash, self.stage.hash])
+
+    @property
+    def own_values(self) -> Array:
+        """The base stage's values (columns,), those outside the limits of a dimension brought within."""
+        found = []
+        for column in self.columns:
+            factor = column.factor
+            ends = factor.values or tuple(each for each in (factor.start, factor.end) if each is not None)
+            own = [v for path in column.keys if (v := keys()[path].value_in(self.stage)) is not None]
+            found.append(float(np.clip(np.mean(own) if own else ends[0], min(ends), max(ends))))
+        return np.array(found)
+
+
+def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
+    """Read a requirements file and its base stage.
+
+    Raises
+    ------
+    BadInput
+        As `toml.validate`, or the base stage cannot be read, made or asked; one line naming file, line and key.
+    """
+    found = validate(Requirements, path)
+    try:
+        stage = load_feasible(os.path.normpath(Path(path).parent / found.stage))
+    except BadInput as error:
+        raise bad_key(path, ("stage",), f"stage = {shown(found.stage)}: {error}") from None
+    require_model(path, found.study, stage)
+    columns: list[Column] = []
+    for index, free in enumerate(found.free):
+        try:
+            columns += [acting(column, stage, found.study.unasked) for column in columns_of([free])]
+        except BadInput as error:
+            raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
+    loaded = LoadedRequirements(Path(path), found, stage, tuple(columns))
+    set_by = {name for column in columns for name in column.keys}
+    for index, require in enumerate(found.require):
+        for name in names_in(require.quantity):
+            if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:
+                raise bad_key(
+                    path, ("require", index), f"require[{index}].quantity: the stage has no {name} of its own"
+                )
+    return loaded

@@ -1,0 +1,60 @@
+"""What a requirements file may say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.refused import BadInput
+from flexfem.synthesis.space import DesignSpace
+
+from .conftest import HEAD, LINK, NECK, RADIUS, best, require
+
+RANGE = best("maximise", "range_x_um")
+
+
+@pytest.mark.parametrize(
+    ("pieces", "said"),
+    [
+        ((NECK, require("kxx_n_per_mm"), RANGE), "at_least, at_most or both"),
+        ((NECK, require("kxx_n_per_mm", 50, 40), RANGE), "at_most = 40.0, expected >= 50"),
+        ((NECK, require("kxx_per_mm", 50), RANGE), "did you mean kxx_n_per_mm"),
+        ((NECK, RANGE, NECK), "free[1]"),
+        ((NECK + "step = 0.5\n", RANGE), "free[0].step = 0.5, expected at most 0.4"),
+        ((NECK + "step = -0.1\n", RANGE), "free[0].step = -0.1, expected > 0"),
+        ((NECK.replace("from = 0.3", "from = -0.3"), RANGE), "free[0].from = -0.3"),
+        ((NECK.replace("elbow.neck_mm", "elbow.neck"), RANGE), "did you mean hinges.elbow.neck_mm"),
+        ((NECK, best("maximise", "coupling_95")), "coupling_95"),
+        ((NECK,), "objective is missing"),
+        (
+            (NECK, '[[objective]]\nmaximise = "kxx_n_per_mm"\nminimise = "kyy_n_per_mm"\n'),
+            "either maximise or minimise",
+        ),
+        ((NECK, best("maximise", "life_cycles"), "[life]\namplitude_x_um = 100.0\n"), "life, on the base stage"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_in_one_line_with_file_and_key(load, pieces, said):
+    with pytest.raises(BadInput, match=r"wanted\.toml") as refusal:
+        load(*pieces)
+    assert said in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_stage_that_is_not_there_is_named(load):
+    with pytest.raises(BadInput, match=r"wanted.toml, line 2: stage = .*no such file"):
+        load(NECK, RANGE, head=HEAD.replace("mobility6", "mobility7"))
+
+
+def test_steps_and_lists_are_what_a_shop_can_make(load):
+    listed = '[[free]]\nkey = "chain.link_lengths_mm[1]"\nvalues = [40.0, 30.0, 32.0]\n'
+    space = DesignSpace(load(NECK + "step = 0.005\n", RADIUS, listed, RANGE).columns)
+    made = space.snapped(space.of_unit(space.to_unit(np.array([[0.3024, 2.22, 32.0], [0.6976, 1.5, 40.0]]))))
+    assert made == pytest.approx(np.array([[0.3, 2.22, 32.0], [0.7, 1.5, 40.0]]))
+    assert space.dimensions[0].beside(0.3) == pytest.approx([0.3, 0.305])
+    assert sorted(row[2] for row in space.neighbours(np.array([0.4, 2.0, 32.0]))[:3].tolist()) == [30.0, 32.0, 40.0]
+    assert len(space.neighbours(np.array([0.4, 2.0, 32.0]))) == 9
+
+
+def test_a_step_that_does_not_end_at_the_end_stops_before_it(load):
+    space = DesignSpace(load(LINK + "step = 3.0\n", RANGE).columns)
+    assert space.dimensions[0].allowed.tolist() == [26.0, 29.0, 32.0, 35.0, 38.0]
+    assert space.of_unit(np.array([[1.0]])).item() == 38.0
