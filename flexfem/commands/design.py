@@ -17,7 +17,6 @@ from flexfem.commands.console import Json, Wanted
 from flexfem.commands.streams import raw
 from flexfem.commands.tables import people, print_ending, table
 from flexfem.sources import ONE_THREAD
-from flexfem.units import unit_of
 
 if TYPE_CHECKING:
     from flexfem.synthesis.result import Designed, Requirement, Stated
@@ -111,7 +110,7 @@ def _end(of: Designed, name: str) -> str:
 
 def _value(of: Stated) -> str:
     band = "" if of.band is None else f" ± {of.band:.2g}"
-    return f"{of.value:.6g}{band} {unit_of(of.name).plain}".rstrip()
+    return f"{of.value:.6g}{band} {of.unit.plain}".rstrip()
 
 
 def _rests(of: Stated) -> str:

@@ -15,7 +15,7 @@ from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels, wrap
 from flexfem.plot.text import significant
 from flexfem.stage.schema import Stage
 from flexfem.synthesis.result import Designed, Stated
-from flexfem.units import LENGTH, unit_of
+from flexfem.units import LENGTH
 
 WIDTH, HEIGHT, ROW = 11.0, 4.6, 0.42  # in
 LABEL = 2.7  # in, of a requirement's name
@@ -59,12 +59,12 @@ def design_figure(found: Designed) -> Figure:
 
 def _said(of: Stated) -> str:
     band = "" if of.band is None else f" ± {significant(of.band, 2)}"
-    return f"{significant(of.value, 5)}{band} {unit_of(of.name)} by {of.checked_by}".replace("  ", " ")
+    return f"{significant(of.value, 5)}{band} {of.unit} by {of.checked_by}".replace("  ", " ")
 
 
 def _unit(of: Stated) -> str:
     """The unit in brackets, nothing without one."""
-    unit = str(unit_of(of.name))
+    unit = str(of.unit)
     return f"({unit})" if unit else ""
 
 

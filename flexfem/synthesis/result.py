@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Literal, TypeAlias
 
+from flexfem.units import NONE, Unit, unit_of
 from flexfem.verify.result import Record
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]
@@ -24,6 +26,11 @@ class Stated(Record):
     band: float | None
     uncorrected: float
     checked_by: Checked
+
+    @property
+    def unit(self) -> Unit:
+        """The unit of a column or key; none of an expression of several."""
+        return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
 
 class Goal(Stated):

@@ -63,6 +63,8 @@ def test_margins_bands_and_prices_are_of_the_metal_and_the_model_is_beside_it(so
     assert stiffness.margin_percent == pytest.approx(stiffness.margin / 0.6)
     assert stiffness.band > 0.001 * stiffness.value and stiffness.verdict == "met" and stiffness.active
     assert stiffness.price_percent > 0
+    assert stiffness.unit.plain == "N/mm"
+    assert envelope.model_copy(update={"name": "range_x_um / travel_x_um"}).unit.plain == ""
     assert not envelope.active and envelope.price_percent is None and envelope.relax_to is None
 
 
