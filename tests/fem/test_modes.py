@@ -8,28 +8,32 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
+import scipy.sparse.linalg
 
 from flexfem.fem.drive import driven_response
+from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import quadrature, shape_functions
 from flexfem.fem.modes import (
     aligned,
     base_loads,
     free_of,
     inertia_forces,
+    lowest,
     mass_lower,
     modes,
     rigid_fields,
     structure,
     total_mass,
 )
-from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix
+from flexfem.fem.plane_stress import Plate, integration, matrices_of, stiffness_matrix, tied_lower
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
 from flexfem.refused import ComputationFailed
 from flexfem.stage.drives import drive_of
-from flexfem.stage.inertia import Payload, carried, drawn_inertia
+from flexfem.stage.inertia import Payload, carried, drawn_inertia, payload_matrix
 from flexfem.stage.schema import load_stage
+from flexfem.units import DENSITY as DENSITY_UNIT
 from flexfem.validate.vibrating import tapered
 from flexfem.verify.modes import payload_of, vibration
 
@@ -91,6 +95,29 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
 def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
     found = vibration(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
     np.testing.assert_allclose(total_mass(found), drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
+
+
+def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
+    """Of all modes together by the mass matrix alone, `L' M^-1 L`; of nine modes less, in every direction."""
+    payload = payload_of(0.3, 55.0)
+    of = vibration(unlike.stage, unlike.mesh, payload, "disengaged")
+    drawn = np.diag(drawn_inertia(unlike.stage).matrix + payload_matrix(payload))
+    every = np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(of.mass, base_loads(of))) / drawn
+    assert np.all(every < 1) and np.all(every > [0.999, 0.999, 0.99])
+    found = np.cumsum(modes(of, 9).participation ** 2, axis=0) / drawn
+    assert np.all(found < every) and np.all(found[2] > [0.92, 0.92, 0.48]), "the platform carries most of it"
+
+
+def test_a_free_stage_with_its_hub_and_payload_has_three_modes_at_zero(unlike):
+    mesh, stage = unlike.mesh, unlike.stage
+    plate, shift = plate_of(stage), 1e6
+    tied = tie_hub(mesh._replace(edges=mesh.edges | {"ground": np.empty((0, 3), dtype=int)}))
+    half = mass_lower(mesh, plate.thickness * stage.material.density * DENSITY_UNIT, tied).tocsc()
+    hub = sp.block_diag([sp.csc_array((half.shape[0] - 3,) * 2), carried(stage, payload_of(0.3, 55.0))])
+    mass = (half + sp.tril(half, -1).T + hub).tocsc()
+    stiffness = tied_lower(mesh.triangles, matrices_of(integration(mesh), plate), tied.number, tied.rigid).tocsc()
+    squares = lowest(factorise((stiffness + shift * sp.tril(mass)).tocoo()), mass, 5, -shift)[0]
+    assert np.all(np.abs(squares[:3]) < 1e-8 * squares[3]) and np.sqrt(squares[3]) > 100.0
 
 
 def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(unlike):

@@ -114,6 +114,16 @@ def test_one_frequency_too_far_off_fails(six, monkeypatch, solver: str, off: flo
     assert default.difference == pytest.approx(0.5, rel=1e-5, nan_ok=True) or np.isnan(off)
 
 
+def test_theirs_are_held_against_ours_by_their_quadrature_and_against_ours_by_default(six, monkeypatch) -> None:
+    """Theirs 1.25 times ours, and our defaults 1.5 times: 25 % and 20 % apart."""
+    values = np.array([100.0, 200.0, 300.0])
+    found = ComparedFrequencies(values, values * [1, 1.25, 1], values * [1, 1.5, 1], 3.0)
+    monkeypatch.setitem(frequencies.AGAINST, "ngsolve", (lambda _: found, 1e-8))
+    _, (ours, default) = frequencies.compared(six.stage, six.mesh, "ngsolve")
+    assert (ours.difference, default.difference) == (pytest.approx(0.25), pytest.approx(0.2))
+    assert not ours.passed and default.passed
+
+
 def test_frequencies_are_read_in_hertz_from_the_first_table() -> None:
     np.testing.assert_array_equal(frequencies.printed_frequencies(PRINTED), [131.5364, 7252.116])
     assert len(frequencies.printed_frequencies("nothing")) == 0

@@ -12,6 +12,7 @@ from scipy.io import loadmat
 
 import flexfem
 from flexfem.fem.drive import driven_response
+from flexfem.fem.modes import modes
 from flexfem.fem.response import plate_of
 from flexfem.refused import BadInput
 from flexfem.reports.modes import reduced
@@ -73,6 +74,16 @@ def test_craig_and_bampton_have_the_static_stiffness_and_the_lowest_frequencies(
     static = np.linalg.solve(K, L)[:3]
     np.testing.assert_allclose(static[:, :3], model.response(np.zeros(1))[0].real[:, :3], rtol=1e-7, atol=1e-12)
     np.testing.assert_allclose(L[:3, :3], np.eye(3), atol=1e-9)
+
+
+def test_craig_and_bampton_have_the_frequencies_of_the_whole_up_to_their_cut(vibration, model):
+    """The cut: the highest frequency kept with the platform held. Six lie below; measured 0.094 % too high at most."""
+    K, M, _ = model.craig_bampton
+    found, cut = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)), np.sqrt(K.diagonal()[3:].max())
+    exact = modes(vibration.structure, 9).frequencies
+    below = exact < cut
+    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - 1e-9))
+    np.testing.assert_allclose(found[below], exact[below], rtol=1.2e-3)
 
 
 def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
