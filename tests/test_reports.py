@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import flexfem as public
 from flexfem.commands import cli
-from flexfem.commands.console import plain
+from flexfem.commands.plain import plain
 from flexfem.validate import registry
 from flexfem.validate.records import Finding
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
+import typer
+
+from flexfem.commands.console import show
 from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
 from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, UNITS, Unit
 
 if TYPE_CHECKING:
+    from flexfem.commands.baseline.store import Checked
     from flexfem.validate.compare import CrossCheck
     from flexfem.validate.records import Finding
     from flexfem.validate.registry import BenchmarkTable
@@ -27,6 +31,13 @@ KINDS = {
     "position": "linear position error, along",
     "across": "linear position error, across",
 }
+
+
+def show_checked(checked: Sequence[Checked], as_json: bool) -> NoReturn:
+    """Print what changed or moved by baseline, each as data and as a line, and end the command accordingly."""
+    found = [{"baseline": each.name, **each.data(one), "line": str(one)} for each in checked for one in each.findings]
+    show({"checked": [each.name for each in checked], "findings": found}, as_json, print_regression)
+    raise typer.Exit(1 if found else 0)
 
 
 def print_results(results: Sequence[Result], output: Path) -> None:

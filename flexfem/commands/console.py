@@ -12,10 +12,11 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from flexfem.commands.plain import plain
 from flexfem.commands.streams import raw
 from flexfem.refused import BadInput
 from flexfem.studies import processors
@@ -23,7 +24,6 @@ from flexfem.studies import processors
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexfem.commands.baseline.store import Checked
     from flexfem.stage.schema import Stage
     from flexfem.verify.case import LoadedCase
     from flexfem.verify.protocol import Solved
@@ -82,25 +82,6 @@ def check_within(option: str, values: tuple[float, ...] | None, largest: float) 
         raise BadInput(f"{option} {' '.join(map(str, values))}, expected three numbers within ±{largest:g}")
 
 
-def plain(value: Any) -> Any:
-    """Records, named tuples and arrays as plain data: the keys of the JSON are the names of fields and properties.
-
-    A number that is not finite is None.
-    """
-    if hasattr(value, "model_dump"):
-        return value.model_dump(mode="json")
-    if hasattr(value, "_asdict"):
-        said = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
-        value = value._asdict() | {name: getattr(value, name) for name in said}
-    if isinstance(value, dict):
-        return {name: plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value.tolist() if hasattr(value, "tolist") else value
-
-
 def show(record: Any, as_json: bool, people: Callable[[Any], None]) -> None:
     """Print a record as JSON, or hand it to the function that prints it for people."""
     if as_json:
@@ -112,15 +93,6 @@ def show(record: Any, as_json: bool, people: Callable[[Any], None]) -> None:
 def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
     """Print the files written."""
     show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
-
-
-def show_checked(checked: Sequence[Checked], as_json: bool) -> NoReturn:
-    """Print what changed or moved by baseline, each as data and as a line, and end the command accordingly."""
-    from flexfem.commands.comparisons import print_regression
-
-    found = [{"baseline": each.name, **each.data(one), "line": str(one)} for each in checked for one in each.findings]
-    show({"checked": [each.name for each in checked], "findings": found}, as_json, print_regression)
-    raise typer.Exit(1 if found else 0)
 
 
 def keep(record: Kept, path: Path, draw: Callable[[Kept], Figure]) -> None:

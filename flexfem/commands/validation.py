@@ -91,4 +91,6 @@ def regression(
     """Compare what flexfem prints now with baselines: what changed in the input, else every number that moved."""
     from flexfem.commands.baseline import regression
 
-    console.show_checked(regression.regression(*baselines, each=lambda paths: console.told(paths, "checking")), json)
+    comparisons.show_checked(
+        regression.regression(*baselines, each=lambda paths: console.told(paths, "checking")), json
+    )

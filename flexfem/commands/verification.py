@@ -41,7 +41,7 @@ def verify(
         results.append(result)
     if check:
         made = zip(loaded, folders, results, strict=True)
-        console.show_checked([store.checked_case(case, folder, solve, one) for case, folder, one in made], json)
+        comparisons.show_checked([store.checked_case(case, folder, solve, one) for case, folder, one in made], json)
     console.show(
         results[0] if len(results) == 1 else results, json, lambda _: comparisons.print_results(results, output)
     )

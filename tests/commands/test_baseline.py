@@ -15,8 +15,9 @@ from flexfem.commands.baseline import regression, store
 from flexfem.commands.baseline.committed import committed_mesh, read_mesh, write_mesh
 from flexfem.commands.baseline.inputs import changes, inputs_of
 from flexfem.commands.baseline.moves import at, leaves
-from flexfem.commands.baseline.records import meshes, plain, sections
+from flexfem.commands.baseline.records import meshes, sections
 from flexfem.commands.baseline.rules import rule_of
+from flexfem.commands.plain import plain
 from flexfem.files.keypath import key_path
 from flexfem.refused import BadInput
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.commands.console import plain
+from flexfem.commands.plain import plain
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
 from flexfem.validate.compare import CrossCheck

@@ -18,7 +18,7 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, 
 from flexfem.commands.baseline.committed import COARSE, committed_mesh, mesh_name
 from flexfem.commands.baseline.inputs import Kind, kind_of
 from flexfem.commands.baseline.moves import Leaf, leaves
-from flexfem.commands.console import plain
+from flexfem.commands.plain import plain
 from flexfem.fem.drive import driven_response
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
