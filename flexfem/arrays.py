@@ -12,6 +12,7 @@ Index: TypeAlias = NDArray[np.int64]
 AnyArray: TypeAlias = NDArray[Any]
 
 
+TIE = 1e-9  # relative: values nearer than this to the highest are as high; of chains that are alike they are to 1e-12
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
 
@@ -34,6 +35,13 @@ def inverse(A: Array) -> Array:
         inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
         A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
         return A_inverse
+
+
+def first_highest(values: Array) -> tuple[int, ...]:
+    """Place of the highest value; of those that are as high but for `TIE`, of the first."""
+    highest = np.max(values)
+    first = np.argmax(values >= highest - TIE * abs(highest))
+    return tuple(int(place) for place in np.unravel_index(int(first), values.shape))
 
 
 def _by_cofactors(a: Array) -> Array:

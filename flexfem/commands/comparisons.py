@@ -49,7 +49,8 @@ def print_results(results: Sequence[Result], output: Path) -> None:
     rows = (row for result in results for row in _errors(result))
     out.print(table(("case", "commanded", "model", "X %", "Y %", "theta %"), rows))
     out.print(
-        "highest neck stress per displacement: of the model, the others held; of finite elements as they reached it"
+        "highest neck stress per displacement in the commanded direction: by the model with the other directions held;"
+        " by finite elements over the displacement that they reach"
     )
     out.print(table(("case", "", "model", "of the model", "", "of finite elements", ""), _peaks(results)))
     out.print(f"stored in {output}/")

@@ -86,7 +86,9 @@ def print_stiffness(of: StiffnessReport) -> None:
 
 def _peak(stress: Array, unit: Unit, band: str = "") -> str:
     """The highest of neck stresses (3, 3) per displacement, and where."""
-    chain, hinge = divmod(int(stress.argmax()), 3)
+    from flexfem.arrays import first_highest
+
+    chain, hinge = first_highest(stress)
     where = f"{('base', 'elbow', 'platform')[hinge]} hinge, chain {chain + 1}"
     return f"{stress.max() * unit.factor:.4g}{band} {unit.plain}, {where}"
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem.analytic.fatigue import KEY, Basquin
 from flexfem.analytic.model import CALIBRATED, analyse
+from flexfem.arrays import first_highest
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import STRESS
 from flexfem.verify import warning
@@ -158,7 +159,7 @@ def _by_elements(stage: Stage, asked: Asked, resolution: int, solve: Solve) -> W
 def _witness(stage: Stage, model: str, of: Strained, asked: Asked, error: tuple[float, float] | None) -> Witness:
     law, motion = asked.law, asked.of.motion
     necks = [_neck(of, law, k) for k in range(9)]
-    first = int(np.argmax([each.equivalent for each in necks]))
+    (first,) = first_highest(np.array([each.equivalent for each in necks]))
     stress, cycles = necks[first].equivalent, necks[first].cycles
     bounds = (None, None) if error is None or cycles is None else tuple(_cycles(law, (1 + e) * stress) for e in error)
     factor = factor_at(of, law, asked.of.wanted, motion.proportional)

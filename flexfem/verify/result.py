@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, first_highest
 from flexfem.files.writing import write_atomically
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
@@ -109,8 +109,8 @@ class NeckPeak(Record):
     @classmethod
     def of(cls, stress: Array) -> NeckPeak:
         """Of stresses (3 chains, 3 hinges) per displacement."""
-        chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
-        return cls(chain=int(chain) + 1, hinge=HINGE_NAMES[int(position)], stress=float(np.max(stress)))
+        chain, position = first_highest(stress)
+        return cls(chain=chain + 1, hinge=HINGE_NAMES[position], stress=float(np.max(stress)))
 
 
 class CurveModels(Record):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, hinge_compliance
-from flexfem.arrays import Array
+from flexfem.arrays import Array, first_highest
 from flexfem.fem.response import load_case
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
@@ -160,13 +160,13 @@ def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:
     found: dict[Direction, SafeRange] = {}
     for axis, direction in enumerate(DIRECTIONS):
         stress = limits.stress[..., axis]
-        chain, position = np.unravel_index(int(np.argmax(stress)), stress.shape)
+        chain, position = first_highest(stress)
         far = stage.material.yield_strength / float(np.max(stress))
         found[direction] = SafeRange(
             range_at_yield=far,
             force=Triple.of(limits.stiffness[:, axis] * far),
-            chain=int(chain) + 1,
-            hinge=HINGE_NAMES[int(position)],
+            chain=chain + 1,
+            hinge=HINGE_NAMES[position],
             stress=float(np.max(stress)),
         )
     return ModelSummary(model=name, stiffness=limits.stiffness.tolist(), limits=found)

@@ -14,7 +14,9 @@ from flexfem.commands.comparisons import print_results
 from flexfem.commands.tables import print_stiffness
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
+from flexfem.verify.result import NeckPeak
 
+GEOMETRY = Path(__file__).parents[2] / "geometry"
 NAMES = ("base", "elbow", "platform")
 CASE = """name = "peaks"
 direction = "theta"
@@ -31,7 +33,7 @@ mobility = 6
 @pytest.fixture(scope="module")
 def unlike():
     unlike = {(2, "elbow"): {"neck": 0.43}, (3, "platform"): {"radius": 1.8}, (1, "base"): {"neck": 0.67}}
-    return flexfem.load(Path(__file__).parents[2] / "geometry" / "mobility6.toml").replace(override=unlike)
+    return flexfem.load(GEOMETRY / "mobility6.toml").replace(override=unlike)
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +45,17 @@ def solve():
 def where(stress):
     chain, hinge = np.argwhere(stress == stress.max())[0]
     return int(chain) + 1, NAMES[hinge]
+
+
+def test_of_necks_as_high_but_for_round_off_the_first_is_named(capsys):
+    tied = np.array([[3.0, 7.0 - 1e-12, 2.0], [1.0, 7.0, 4.0], [5.0, 7.0 - 2e-12, 6.0]])
+    found = NeckPeak.of(tied)
+    assert (found.chain, found.hinge, found.stress) == (1, "elbow", 7.0)
+    assert NeckPeak.of(tied + np.array([[0.0], [1e-6], [0.0]])).chain == 2
+    for number in (3, 6):
+        print_stiffness(flexfem.stiffness(flexfem.load(GEOMETRY / f"mobility{number}.toml")))
+        (line,) = [text for text in capsys.readouterr().out.splitlines() if text.startswith("  theta")]
+        assert line.endswith("platform hinge, chain 1"), line
 
 
 def test_verify_says_the_highest_neck_stress_by_both_models_and_where(unlike, solve, tmp_path, capsys):
