@@ -263,8 +263,8 @@ MUTATIONS = [
     Mutation(
         "the wrong neck named beside its stress",
         "of",
-        "HINGE_NAMES[int(position)]",
-        "HINGE_NAMES[int(chain)]",
+        "HINGE_NAMES[position]",
+        "HINGE_NAMES[chain]",
         "test_verify_says_the_highest_neck_stress_by_both_models_and_where",
     ),
     Mutation(
