@@ -154,11 +154,13 @@ def collect_study(
 
 def _collected(parts: Parts, to: PathLike | None, partitioned: bool, partial: bool) -> Collected:
     from flexfem.files.refusals import checked_path
-    from flexfem.files.writing import check_folder
+    from flexfem.files.writing import check_file, check_folder
     from flexfem.study.collect import check_target, collect, table_path
 
     target = checked_path(to) if to is not None else table_path(parts, partitioned)
     check_target(target, partitioned or (to is None and target.suffix == ""))
+    if to is not None and not partitioned:
+        check_file(target)
     check_folder(target.parent)
     return collect(parts, target, partial)
 

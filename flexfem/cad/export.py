@@ -11,13 +11,14 @@ from flexfem.cad.svg import svg_text
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.step import Extruded
 from flexfem.files.refusals import place_of
-from flexfem.files.writing import check_folder, replacing, write_atomically
+from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.contour import Part, cut_path, part_of
 from flexfem.stage.schema import Stage
 
 FORMATS = (".dxf", ".svg", ".step")
 TIME_LIMIT = 120.0  # s, for gmsh
+EPOCH = "1970-01-01T00:00:00"
 SAME = 1e-9  # relative, of volume and box of a solid that was read back
 
 
@@ -91,15 +92,11 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
 
 
 def check_target(path: Path) -> None:
-    """Raise BadInput when no format is known by the file's extension, or its folder is not there."""
+    """Raise BadInput when no format is known by the file's extension, or it cannot be written there."""
     if path.suffix not in FORMATS:
         found = f"extension {path.suffix!r}" if path.suffix else "no extension"
         raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
-    if path.is_dir():
-        raise BadInput(f"{place_of(path)}: is a folder, expected a file")
-    if not path.parent.is_dir():
-        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
-    check_folder(path.parent)
+    check_file(path)
 
 
 def _warnings(part: Part, kerf: float | None) -> list[str]:
@@ -127,7 +124,7 @@ def write_step(stage: Stage, part: Part, path: Path) -> None:
                 f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, expected "
                 f"one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
             )
-        temporary.write_text(named(temporary.read_text(), stage.name))
+        temporary.write_text(undated(named(temporary.read_text(), stage.name)))
 
 
 def named(text: str, name: str) -> str:
@@ -137,3 +134,8 @@ def named(text: str, name: str) -> str:
         for each in name.replace("\\", "\\\\").replace("'", "''")
     )
     return re.sub(r"(= PRODUCT\()'[^']*',\s*'[^']*'", lambda found: f"{found[1]}'{plain}','{plain}'", text, count=1)
+
+
+def undated(text: str) -> str:
+    """The text of a STEP file with a fixed time in its header, so that the same part gives the same file."""
+    return re.sub(r"(FILE_NAME\('[^']*',\s*)'[^']*'", rf"\1'{EPOCH}'", text, count=1)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import require_plain_stem
-from flexfem.files.writing import check_folder, write_atomically
+from flexfem.files.writing import check_file, write_atomically
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
 
@@ -36,12 +36,10 @@ def write_new(path: Path, case: bool, study: bool) -> NewFiles:
     require_plain_stem(path)
     kinds = {"stage": True, "case": case, "study": study}
     paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds if kinds[kind]}
-    if not path.parent.is_dir():
-        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
-    check_folder(path.parent)
     for each in paths.values():
         if each.exists() or each.is_symlink():
             raise BadInput(f"{place_of(each)}: exists, expected the name of a new file; nothing is written")
+        check_file(each)
     for kind, each in paths.items():
         text = read_data(f"new-{kind}{SUFFIX}").replace(STAGE, json.dumps(path.name, ensure_ascii=False))
         write_atomically(each, methodcaller("write", text.encode()))

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flexfem.arrays import AnyArray
+from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 
 
@@ -80,6 +81,18 @@ def check_folder(folder: Path, written: bool = True) -> None:
             return
         if place.exists() or place.is_symlink():
             raise BadInput(f"{folder}: {place} is a file, expected a folder")
+
+
+def check_file(path: Path) -> None:
+    """Raise BadInput for a file to write that a user has named: a folder, or in one that is not there or takes none.
+
+    Folders that users name for what is written are made; those about a file are not, as a wrong one is a mistake.
+    """
+    if path.is_dir():
+        raise BadInput(f"{place_of(path)}: is a folder, expected a file")
+    if not path.parent.is_dir():
+        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
+    check_folder(path.parent)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from flexfem.plot.stage import plot_stage
 from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels
 from flexfem.stage.bodies import necks
 from flexfem.stage.contour import part_of
-from flexfem.stage.designs import stage_frames
+from flexfem.stage.designs import CHAIN_TURN, stage_frames
 from flexfem.stage.dimensions import LETTER, TURNS, Dimensions, dimensions_of
 from flexfem.stage.outline import polygon_points
 from flexfem.stage.partial import PartialStage
@@ -108,9 +108,10 @@ def _draw_skeleton(ax: Axes, found: PartialStage) -> list[Array]:
     for k, length in enumerate(stage.chain.link_lengths):
         labels.append((f"l{k + 1} {length:.6g}", lines[0, k : k + 2].mean(axis=0)))
     for k, name in enumerate(HINGE_NAMES):
-        said, rims = _draw_notches(ax, found, name)
-        labels.append((f"{name} hinge {said}".strip(), lines[0, k]))
-        taken += rims
+        drawn = [_draw_notches(ax, found, chain, name) for chain in CHAINS]
+        taken += [rim for _, rims in drawn for rim in rims]
+        texts = [f"{name} hinge {said}".strip() for said, _ in drawn]
+        labels += [(text, lines[chain, k]) for chain, text in enumerate(texts) if chain == 0 or text != texts[0]]
     for text, anchor in labels:
         half = 0.011 * size * len(text)
         spot = clear_spot(anchor, 0.1 * size, np.concatenate(taken), 0.05 * size, half)
@@ -119,17 +120,18 @@ def _draw_skeleton(ax: Axes, found: PartialStage) -> list[Array]:
     return [*taken, 1.05 * lines.reshape(-1, 2)]
 
 
-def _draw_notches(ax: Axes, found: PartialStage, name: str) -> tuple[str, list[Array]]:
-    """Draw the circles of a hinge's notches on chain 1 where its file gives them; returns what it gives, and rims."""
+def _draw_notches(ax: Axes, found: PartialStage, chain: int, name: str) -> tuple[str, list[Array]]:
+    """Draw the circles of a hinge's notches where its file gives them; returns what it gives, and rims."""
     stage, given, rims = found.stage, dict[str, float](), list[Array]()
-    for key, letter in (("radius_mm", "R"), ("neck_mm", "t")):
-        if found.given(f"hinges.{name}.{key}"):
-            given[letter] = getattr(stage.hinge(1, name), key.removesuffix("_mm"))
-    pose = necks(stage, 1)[HINGE_NAMES.index(name)]
+    for key, letter in (("radius", "R"), ("neck", "t")):
+        own = any(each.place == (chain, name) and getattr(each, key) is not None for each in stage.override)
+        if own or found.given(f"hinges.{name}.{key}_mm"):
+            given[letter] = getattr(stage.hinge(chain, name), key)
+    pose, turn = necks(stage, chain)[HINGE_NAMES.index(name)], np.exp(1j * (chain - 1) * CHAIN_TURN)
     for side in (1, -1) if len(given) == 2 else ():
-        middle = pose.point + side * (given["R"] + given["t"] / 2) * 1j * np.exp(1j * pose.heading)
+        middle = turn * (pose.point + side * (given["R"] + given["t"] / 2) * 1j * np.exp(1j * pose.heading))
         ax.add_patch(Circle(_xy(middle), given["R"], fill=False, edgecolor=GREY, linewidth=0.9, zorder=3))
-        rims.append(np.array([_xy(middle + given["R"] * turn) for turn in TURNS]))
+        rims.append(np.array([_xy(middle + given["R"] * each) for each in TURNS]))
     return ", ".join(f"{letter} {value:.6g}" for letter, value in given.items()), rims
 
 

@@ -15,6 +15,7 @@ from flexfem.fem.response import load_case
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.files.refusals import checked_path
+from flexfem.files.writing import check_file
 from flexfem.refused import BadInput
 from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION, PathLike, meshed_solid
 from flexfem.stage.feasibility import check_feasible
@@ -110,6 +111,8 @@ def _load_and_file(
     target = None if vtu is None else checked_path(vtu)
     if target is not None and target.suffix != ".vtu":
         raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
+    if target is not None:
+        check_file(target)
     load = np.zeros(3) if force is None else arguments.vectors("force", force, 1, LARGEST_FORCE)
     held = None if displacement is None else arguments.vectors("displacement", displacement, 1, LARGEST_DISPLACEMENT)
     return target, load, held

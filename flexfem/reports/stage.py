@@ -124,13 +124,13 @@ def mesh(stage: Stage, path: PathLike, resolution: int = RESOLUTION) -> MeshRepo
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.response import plate_of
     from flexfem.fem.sectors import build_mesh
-    from flexfem.files.writing import check_folder
+    from flexfem.files.writing import check_file
     from flexfem.verify.answers import report_mesh
 
     target, resolution = checked_path(path), arguments.resolution(resolution)
     check_feasible(stage)
     check_format(target)
-    check_folder(target.parent)
+    check_file(target)
     plate, made = plate_of(stage), build_mesh(stage, resolution)
     write_mesh(made, plate, target)
     return report_mesh(stage, made, resolution, str(target))

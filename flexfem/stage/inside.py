@@ -77,21 +77,30 @@ Modulus: TypeAlias = Annotated[
 ]
 Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
 LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
+LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): glass of no expansion but for what is measured; alloys
 
 
-def _an_expansion(value: float) -> float:
-    """Refuse per kelvin and per cent for micrometres per metre and kelvin."""
-    if 0 < value < LEAST_EXPANSION:
-        raise refusal(f"0, or at least {LEAST_EXPANSION:g} um/(m K), aluminium 23.6: less is a unit mistake")
-    return value
+def not_per_kelvin(least: float, either_sign: bool = False) -> tuple[Any, ...]:
+    """Refuse per kelvin and per cent for micrometres per metre and kelvin: 0, or of `least` size."""
+
+    def checked(value: float) -> float:
+        if 0 < abs(value) < least:
+            raise refusal(f"0, or at least {least:g} um/(m K), aluminium 23.6: less is a unit mistake")
+        return value
+
+    possible: list[dict[str, float]] = [{"const": 0}, {"minimum": least}]
+    return AfterValidator(checked), keywords(anyOf=possible + ([{"maximum": -least}] if either_sign else []))
 
 
+_PER_KELVIN = converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6)
 Expansion: TypeAlias = Annotated[
+    float, Field(ge=0, le=LARGEST_EXPANSION), *not_per_kelvin(LEAST_EXPANSION), *_PER_KELVIN
+]
+FrameExpansion: TypeAlias = Annotated[
     float,
-    Field(ge=0, le=LARGEST_EXPANSION),
-    AfterValidator(_an_expansion),
-    keywords(anyOf=[{"const": 0}, {"minimum": LEAST_EXPANSION}]),
-    *converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6),
+    Field(ge=LOWEST_OF_FRAME, le=LARGEST_EXPANSION),
+    *not_per_kelvin(LEAST_OF_FRAME, either_sign=True),
+    *_PER_KELVIN,
 ]
 Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]
 

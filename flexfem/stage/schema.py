@@ -18,7 +18,7 @@ from flexfem.files.provenance import Doubts, Sourced, key_paths, values_by_key
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
-from flexfem.files.writing import toml_text, write_atomically
+from flexfem.files.writing import check_file, toml_text, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import Actuator
 from flexfem.stage.cache import KEPT
@@ -178,7 +178,8 @@ link, expected < chain.link_width_mm = 9
         return toml_text(content | ({"provenance": sources} if sources else {}))
 
     def save(self, path: Path) -> None:
-        """Write `to_toml` to a file. Raises BadInput when the folder does not take it."""
+        """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
+        check_file(FilePath(path))
         write_atomically(FilePath(path), lambda file: file.write(self.to_toml().encode()))
 
     def plot(self, ax: Any = None) -> Any:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import shown
 from flexfem.refused import BadInput
-from flexfem.stage.inside import Angle, Dimensioned, Expansion, Length, plain
+from flexfem.stage.inside import Angle, Dimensioned, FrameExpansion, Length, plain
 from flexfem.stage.materials import with_changes
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Platform(Dimensioned):
 class Frame(Dimensioned):
     """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
 
-    expansion: Expansion | None = Field(
+    expansion: FrameExpansion | None = Field(
         default=None,
         alias="expansion_um_per_m_k",
         description="Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is "

@@ -90,7 +90,19 @@ def test_an_unfinished_stage_is_drawn_as_far_as_it_goes(tmp_path, ax):
         *("l1 31", "l2 33.5", "l3 25", "chain 1", "chain 2", "chain 3", "hub R 7.7"),
         *("base hinge R 3.9, t 0.53", "elbow hinge R 1.6", "platform hinge"),
     }
-    assert sorted(patch.radius for patch in ax.patches) == [3.9, 3.9, 7.7]
+    assert sorted(patch.radius for patch in ax.patches) == [*[3.9] * 6, 7.7]
+    bases = [np.mean([complex(*patch.center) for patch in ax.patches[1:][k : k + 2]]) for k in (0, 2, 4)]
+    expected = bases[0] * np.exp(2j * np.pi / 3 * np.arange(3))
+    np.testing.assert_allclose(bases, expected, rtol=0, atol=1e-9)
+    assert bases[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
+
+
+def test_an_unfinished_stage_of_unlike_chains_shows_every_hinge_that_is_given(ax):
+    """Overrides stand for what is missing on their chain; hinges that differ are labelled on theirs."""
+    plot_dimensions(ax, with_changes({"override": UNLIKE}), ["thickness_mm", "hinges.base.radius_mm", *MISSING])
+    assert {"base hinge R 2.3, t 0.53", "base hinge t 0.53", "elbow hinge R 1.6"} < set(texts(ax))
+    assert {"elbow hinge R 1.6, t 0.83", "platform hinge R 1.9, t 0.41"} < set(texts(ax))
+    assert sorted(patch.radius for patch in ax.patches) == [1.6, 1.6, 1.9, 1.9, 2.3, 2.3, 7.7]
 
 
 def test_a_drawing_says_what_it_does_not_show():

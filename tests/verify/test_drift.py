@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,30 @@ def test_expansion_in_another_unit_is_refused_in_one_line(value, said, tmp_path)
     with pytest.raises(flexfem.BadInput, match=rf"line 13: material.expansion_um_per_m_k = .*{said}") as refused:
         flexfem.load(path)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [-0.02, 0.0, 0.02, 0.007, -30.0])
+def test_a_frame_may_shrink_or_hardly_expand(value):
+    """Glass ceramics of 0 +- 0.02, and alloys that shrink: drift is linear in the frame's coefficient."""
+    stage = flexfem.load(STAGE)
+
+    def drift(expansion):
+        frame = {"expansion_um_per_m_k": expansion}
+        warm = type(stage).model_validate(tomllib.loads(STAGE.read_text()) | {"frame": frame})
+        return np.array([case.analytic.pose for case in flexfem.drift(warm, resolution=None).cases.values()])
+
+    low, high = drift(1.0), drift(3.0)
+    np.testing.assert_allclose(drift(value), low + (value - 1.0) / 2.0 * (high - low), rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [("12e-6", "unit mistake"), ("-2e-8", "unit mistake"), ("-51.0", "expected >= -50")]
+)
+def test_a_frame_of_an_impossible_expansion_is_refused(value, said, tmp_path):
+    path = tmp_path / "stage.toml"
+    path.write_text(STAGE.read_text().replace("expansion_um_per_m_k = 12.0", f"expansion_um_per_m_k = {value}"))
+    with pytest.raises(flexfem.BadInput, match=rf"frame.expansion_um_per_m_k = .*{said}"):
+        flexfem.load(path)
 
 
 def test_a_stage_without_expansion_is_refused_and_its_name_may_bring_it(stage):
