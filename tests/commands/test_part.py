@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
-import shutil
-import subprocess
-import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -115,48 +110,3 @@ def test_view_says_where_the_picture_is_and_what_is_missing(flexfem, monkeypatch
     assert (code, err) == (0, "") and "written: half-drawing.png\n" in out and Path("half-drawing.pdf").stat().st_size
     assert "warning: thickness_mm: missing, and what needs it is not drawn\n" in out
     assert "18 of these numbers are assumed" in out
-
-
-DATA = {"hinge_chart.json", "hinge_chart_high.json", "thickness_chart.json", "materials.toml", "stacks.toml"} | {
-    f"new-{kind}.toml" for kind in ("stage", "case", "study")
-}
-
-
-@pytest.mark.slow
-def test_a_wheel_carries_all_that_commands_need_and_runs_elsewhere(tmp_path):
-    """Built, unpacked and run in an empty folder, with the libraries of this environment."""
-    source = tmp_path / "source"  # building leaves files behind
-    shutil.copytree(ROOT / "flexfem", source / "flexfem", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source)
-    build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(source)]  # the wheel from the sdist
-    subprocess.run(build, check=True, capture_output=True, cwd=tmp_path)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as packed:
-        names = set(packed.namelist())
-        packed.extractall(tmp_path / "site")
-    assert {f"flexfem/data/{name}" for name in DATA} | {"flexfem/py.typed"} <= names
-    assert {f"flexfem/data/{path.name}" for path in (ROOT / "flexfem/data").iterdir()} <= names
-    assert not [name for name in names if not re.match(r"flexfem[-/]", name)]
-    (tmp_path / "empty").mkdir()
-
-    def run(*arguments: str) -> str:
-        program = [sys.executable, "-m", "flexfem", *arguments]
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
-        done = subprocess.run(program, cwd=tmp_path / "empty", env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    run("new", "mine.toml", "--case", "--study")
-    for arguments, expected in (
-        (["check", "mine.toml"], "my stage"),
-        (["view", "mine.toml", "-o", "out"], "written: out/mine-drawing.png"),
-        (["export", "mine.toml", "-o", "part.dxf"], "written: part.dxf"),
-        (["export", "mine.toml", "-o", "part.step"], "29733.138 mm^3"),
-        (["stiffness", "mine.toml", "--formula", "calibrated", "--links"], "N/mm"),
-        (["command", "mine.toml", "--pose", "0.005", "0", "0", "--analytic"], "stack"),
-        (["verify", "mine-case.toml", "-o", "out"], "12.538"),
-        (["plot", "out/mine-case.json", "-o", "out"], "out/mine-case.png"),
-        (["study", "run", "mine-study.toml", "-o", "out"], "done 256: 256 ok"),
-    ):
-        assert expected in run(*arguments), arguments
