@@ -120,7 +120,7 @@ COMMANDS = (
     ("export mine.toml -o part.step", "29733.138 mm^3"),
     ("stiffness mine.toml --formula calibrated --links", "N/mm"),
     ("command mine.toml --pose 0.005 0 0 --analytic", "stack"),
-    ("drift mine.toml --analytic", "um/K"),
+    ("drift mine.toml --analytic", "frame 12 um/(m K)"),
     ("verify mine-case.toml -o out", "12.538"),
     ("plot out/mine-case.json -o out", "out/mine-case.png"),
     ("study run mine-study.toml -o out", "done 256: 256 ok"),

@@ -45,6 +45,9 @@ def dxf_text(sheet: Sheet) -> str:
             for way in (arm, 1j * arm):
                 space.add_line(_point(centre - way), _point(centre + way), {"layer": MARKS})
         _add_dimensions(space, sheet)
+        classes = document.classes
+        classes.add_required_classes(document.dxfversion)
+        classes.classes = dict(sorted(classes.classes.items()))  # ezdxf has them in a set
         stream = io.StringIO()
         document.write(stream)
         return stream.getvalue()
