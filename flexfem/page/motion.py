@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import PageSection, notes, table
-from flexfem.plot.drift import drift_figure
+from flexfem.plot.drift import SAID, drift_figure
 from flexfem.plot.life import life_figure
 from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from flexfem.verify.workspace import Workspace
 
 SYMBOLS = {"x": "X", "y": "Y", "theta": "θ"}
-CASES = {"uniform": "1 K everywhere", "x": "1 K/mm along X", "y": "1 K/mm along Y"}
 
 
 def _extent(of: Extent | None, unit: Unit) -> str:
@@ -80,7 +79,7 @@ def drift_section(found: DriftFields) -> PageSection:
     for name, case in of.cases.items():
         for model, one in (("analytic", case.analytic), ("finite elements", case.elements)):
             if one is not None:
-                rows.append([CASES[name], model, *_warm(one)])
+                rows.append([SAID[name], model, *_warm(one)])
     head = ["change of temperature", "model", *(f"{SYMBOLS[a]} ({u})" for a, u in zip(SYMBOLS, HEAT, strict=True))]
     data = table([*head, f"highest neck stress ({STRESS})"], rows, numbers=4)
     figure = shown_figure(
