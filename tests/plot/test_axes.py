@@ -19,6 +19,7 @@ from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.reports.modes import reduced
 from flexfem.study.statistics import Indices, Percentile
+from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.validate.bending import Elastica, Remainders
 from flexfem.verify.drift import DriftFields
 from flexfem.verify.fixture import MeasuredSlopes, Measurement
@@ -99,6 +100,22 @@ def warm(fields: Any) -> Any:
     return DriftFields(None, {"gradient in x": fields}, np.array([[0, 1, 3]]), 7.0)  # type: ignore[arg-type]
 
 
+def designed() -> Designed:
+    """Two objectives, two requirements of which one is missed, and two designs of a front."""
+    said = {"label": "stiffness", "band": 0.5, "uncorrected": 99.0, "checked_by": "finite elements"}
+    goals = [
+        Goal(name="kxx_n_per_mm", value=101.0, better="larger", **said),
+        Goal(name="mass_kg", value=0.2, better="smaller", **said),
+    ]
+    ends = {"at_least": 90.0, "at_most": None, "size": 90.0, "active": True, "band_percent": 0.6, "relax_to": None}
+    met = {"value": 101.0, "margin": 11.0, "margin_percent": 12.2, "verdict": "met", "price_percent": 0.3}
+    missed = {"value": 81.0, "margin": -9.0, "margin_percent": -10.0, "verdict": "missed", "price_percent": None}
+    asked = [Requirement(name=name, **found, **said, **ends) for name, found in (("a", met), ("b", missed))]
+    front = [FrontDesign(design={}, values=[k, k / 500], predicted=[k, k / 499], met=True) for k in (99.0, 101.0)]
+    history = [Step(evaluations=n, objective=k, missed=0.0) for n, k in ((10, None), (40, 90.0), (90, 99.0))]
+    return Designed.model_construct(objectives=goals, requirements=asked, front=front, history=history)
+
+
 DRAWN: dict[str, Any] = {
     "plot_across": lambda made: (made.workspace(), "y"),
     "plot_along": lambda made: (made.workspace(), "x"),
@@ -117,10 +134,12 @@ DRAWN: dict[str, Any] = {
     "plot_formulas": lambda made: (hinge_review(), "axial"),
     "plot_front": lambda made: (front(),),
     "plot_hinge": lambda made: (),
+    "plot_history": lambda made: (designed(),),
     "plot_hinge_table": lambda made: (made.model(),),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
     "plot_life": lambda made: (lived(),),
     "plot_map": lambda made: (study_map(),),
+    "plot_margins": lambda made: (designed(),),
     "plot_mesh": lambda made: (made.model(), made.fields()),
     "plot_mode": lambda made: (vibrating(), 2),
     "plot_model": lambda made: (made.model(),),
@@ -142,6 +161,7 @@ DRAWN: dict[str, Any] = {
     "plot_strokes": lambda made: (driven(),),
     "plot_tangents": lambda made: (made.workspace(), "theta"),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
+    "plot_tradeoff": lambda made: (designed(),),
 }
 
 
@@ -187,3 +207,17 @@ def test_a_budget_in_no_direction_is_refused(made):
         with pytest.raises(flexfem.BadInput, match=f"direction {shown}, expected one of x, y, theta"):
             flexfem.plot.plot_budget(pyplot.figure().subplots(), made.budget(), direction)
         pyplot.close()
+
+
+def test_margins_history_and_front_of_a_design_are_its_numbers():
+    figure, (margins, history, front) = pyplot.subplots(1, 3)
+    flexfem.plot.plot_margins(margins, designed())
+    ends = sorted(float(line.get_xdata()[-1]) for line in margins.lines if len(line.get_xdata()) == 2)
+    assert -10.0 in ends and 12.2 in ends
+    flexfem.plot.plot_history(history, designed())
+    assert history.lines[0].get_xydata().tolist() == [[40.0, 90.0], [90.0, 99.0]]
+    flexfem.plot.plot_tradeoff(front, designed())
+    assert front.lines[0].get_xydata().tolist() == [[99.0, 0.198], [101.0, 0.202]]
+    assert front.lines[2].get_xydata().tolist() == [[101.0, 0.2]]
+    assert "N/mm" in front.get_xlabel() and "larger" in front.get_xlabel() and "smaller" in front.get_ylabel()
+    pyplot.close(figure)

@@ -49,7 +49,7 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
     "µrad/(K/mm)": 1e-6,
     "kg mm²": 1e-3,
     **dict.fromkeys(
-        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", ""), 1.0
+        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", "V", "s", ""), 1.0
     ),
 }
 OUTPUTS = {

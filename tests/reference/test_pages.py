@@ -40,7 +40,7 @@ def test_a_page_says_unit_limits_default_example_and_meaning():
     assert cells(case, "resolution")[3:5] == ["integer, from 4 up to 64", "`8`"]
     assert cells(actuator, "tilt_deg")[2:4] == ["°", "number, from -80 up to 80"]
     assert cells(actuator, "preload_n")[2:] == ["N", "number, from 0 up to 1e6", "`0.0`", "`50.0`"]
-    assert cells(stage, "expansion_um_per_m_k")[2:4] == ["µm/(m K)", "number, 0, or from 0.01 up to 300"]
+    assert cells(stage, "expansion_um_per_m_k")[2:4] == ["µm/(m K)", "number, 0, or from 0.001 up to 300"]
     assert "`[hinges.base]`, `[hinges.elbow]`, `[hinges.platform]`" in stage and "[[actuator]]" not in stage
     assert (
         len(re.findall(r"^\| `neck_mm`", stage, re.MULTILINE)) == 1
