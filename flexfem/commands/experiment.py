@@ -43,7 +43,7 @@ def experiment(
     output: Wanted = None,
     json: Json = False,
 ) -> None:
-    """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Fig. 11), and Table II."""
+    """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11), and Table II."""
     from flexfem.reports import experiment as reports
     from flexfem.stage.schema import load_feasible
 

@@ -26,7 +26,7 @@ def verify(
     baselines: Baselines = None,
     json: Json = False,
 ) -> None:
-    """Apply the analytic force of (18), or joint commands, to the finite elements; errors as in Figs. 5 to 7."""
+    """Apply the analytic force of (18), or joint commands, to the finite elements; errors as in Figures 5 to 7."""
     from flexfem.commands.baseline import store
     from flexfem.verify.result_files import write_result
 
