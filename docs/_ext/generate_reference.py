@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/reference"
 HEAD = ("option", "meaning", "default")
@@ -50,7 +52,7 @@ def commands_page() -> str:
 
     root: Any = typer.main.get_command(app)
     context = typer.Context(root, info_name="flexfem")
-    blocks = ["# Commands", "Before a command:", _options(root), COMMON]
+    blocks = ["# All commands and options", "Before a command:", _options(root), COMMON]
     known = [name for group in GROUPS.values() for name in group]
     others = [name for name in root.list_commands(context) if name not in known]
     for title, names in {**GROUPS, "Other commands": others}.items():
@@ -110,9 +112,18 @@ def write(folder: Path) -> None:
     write_schemas([*FORMATS], folder)
 
 
+def mark_tables(app: Any, doctree: nodes.document) -> None:
+    """Give tables of keys and of options a class of their own, by which flexfem.css sets them."""
+    if app.env.docname.startswith(f"{FOLDER.name}/"):
+        for table in doctree.findall(nodes.table):
+            head = next(table.findall(nodes.row)).astext().split()
+            table["classes"] += {"key": ["keys"], "option": ["options"]}.get(head[0], [])
+
+
 def setup(app: Any) -> dict[str, bool]:
     """For Sphinx."""
     app.connect("builder-inited", lambda _: write(FOLDER))
+    app.connect("doctree-read", mark_tables)
     return {"parallel_read_safe": True}
 
 
