@@ -109,7 +109,7 @@ def kept(tmp_path, reference):
     return Kept(tmp_path, reference)
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=60.0):
     """Wait for a condition; returns whether it came true."""
     ends = time.monotonic() + seconds
     while time.monotonic() < ends:
@@ -217,9 +217,10 @@ def test_stopped_by_a_signal_parts_are_kept_and_workers_gone(kept, number, code)
     assert until(lambda: len(list(folder.glob("*.parquet"))) > 3)
     workers = children(runner)
     runner.send_signal(number)
-    _, err = runner.communicate(timeout=20)
+    _, err = runner.communicate(timeout=60)
     assert runner.returncode == code
-    assert err.count("\n") == 1 and "kept in" in err
+    said = [line for line in err.splitlines() if "designs, " not in line]  # without the progress of a slow machine
+    assert len(said) == 1 and said[0].startswith("flexfem: stopped; what is done is kept in")
     assert gone(workers)
     parts = parts_of(load_study(kept.path), kept.folder)
     assert not survey(parts).damaged and not list(folder.glob(".*"))
