@@ -88,7 +88,7 @@ BAD = [
     (lambda s, f: flexfem.export(s, 3), "3, expected the path"),
     (lambda s, f: flexfem.export(None, f.with_suffix(".dxf")), "None, expected a flexfem.Stage"),
     (lambda s, f: flexfem.export(s, f), "extension '.vtu', expected a file name"),
-    (lambda s, f: flexfem.export(s, f.with_suffix(".svg"), kerf=INF), "kerf inf, expected a number above 0"),
+    (lambda s, f: flexfem.export(s, f.with_suffix(".svg"), kerf=INF), "kerf inf, expected a number from 0.01 to 10 mm"),
     (lambda s, f: flexfem.view(None), "None, expected the path"),
     (lambda s, f: flexfem.view(FIXTURE, 3), "3, expected the path"),
     (lambda s, f: flexfem.new_stage(None), "None, expected the path"),

@@ -58,7 +58,7 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
     ComputationFailed
         A solid that was read back is not the part.
     """
-    check_target(path)
+    check_target(path, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
     if kerf is not None and path.suffix == ".step":
         raise BadInput(f"{place_of(path)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
     part, layers = part_of(stage, mounting), list[str]()
@@ -91,12 +91,12 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
     )
 
 
-def check_target(path: Path) -> None:
-    """Raise BadInput when no format is known by the file's extension, or it cannot be written there."""
+def check_target(path: Path, *read: Path) -> None:
+    """Raise BadInput when no format is known by the file's extension, or it cannot be written there; see check_file."""
     if path.suffix not in FORMATS:
         found = f"extension {path.suffix!r}" if path.suffix else "no extension"
         raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
-    check_file(path)
+    check_file(path, *read)
 
 
 def _warnings(part: Part, kerf: float | None) -> list[str]:

@@ -37,9 +37,9 @@ def write_new(path: Path, case: bool, study: bool) -> NewFiles:
     kinds = {"stage": True, "case": case, "study": study}
     paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds if kinds[kind]}
     for each in paths.values():
+        check_file(each)
         if each.exists() or each.is_symlink():
             raise BadInput(f"{place_of(each)}: exists, expected the name of a new file; nothing is written")
-        check_file(each)
     for kind, each in paths.items():
         text = read_data(f"new-{kind}{SUFFIX}").replace(STAGE, json.dumps(path.name, ensure_ascii=False))
         write_atomically(each, methodcaller("write", text.encode()))

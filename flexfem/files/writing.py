@@ -19,6 +19,8 @@ from flexfem.arrays import AnyArray
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 
+LONGEST_NAME = 240  # bytes of a file's name; systems take 255, with what the temporary file beside it adds
+
 
 def toml_text(content: Mapping[str, Any]) -> str:
     """The text of nested tables: numbers, texts, truths, arrays of them, tables, and arrays of tables."""
@@ -74,25 +76,44 @@ def check_folder(folder: Path, written: bool = True) -> None:
 
     Nothing is made.
     """
-    for place in (folder, *folder.parents):
-        if place.is_dir():
-            if written and not os.access(place, os.W_OK):
-                raise BadInput(f"{folder}: no permission to write in {place}")
-            return
-        if place.exists() or place.is_symlink():
-            raise BadInput(f"{folder}: {place} is a file, expected a folder")
+    with _refused(folder):
+        for place in (folder, *folder.parents):
+            if place.is_dir():
+                if written and not os.access(place, os.W_OK):
+                    raise BadInput(f"{place_of(folder)}: no permission to write in {place_of(place)}")
+                return
+            if place.exists() or place.is_symlink():
+                raise BadInput(f"{place_of(folder)}: {place_of(place)} is a file, expected a folder")
 
 
-def check_file(path: Path) -> None:
+def check_file(path: Path, *read: Path) -> None:
     """Raise BadInput for a file to write that a user has named: a folder, or in one that is not there or takes none.
 
     Folders that users name for what is written are made; those about a file are not, as a wrong one is a mistake.
+
+    Parameters
+    ----------
+    read : files that are read for it, none of which it may replace.
     """
-    if path.is_dir():
-        raise BadInput(f"{place_of(path)}: is a folder, expected a file")
-    if not path.parent.is_dir():
-        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
+    with _refused(path):
+        if path.is_dir():
+            raise BadInput(f"{place_of(path)}: is a folder, expected a file")
+        if not path.parent.is_dir():
+            raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
+        if len(os.fsencode(path.name)) > LONGEST_NAME:
+            raise BadInput(f"{place_of(path)}: a name of more than {LONGEST_NAME} bytes, expected a shorter one")
+        if any(each.exists() and path.exists() and path.samefile(each) for each in read):
+            raise BadInput(f"{place_of(path)}: is read for what is to be written, expected another file")
     check_folder(path.parent)
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Raise BadInput for a path that the system cannot look at, such as one too long."""
+    try:
+        yield
+    except OSError as error:
+        raise BadInput(f"{place_of(path)}: cannot be written: {error.strerror or error}") from None
 
 
 @contextmanager
@@ -117,7 +138,7 @@ def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
         if os.name == "posix":  # elsewhere folders cannot be opened
             _sync(path.parent)
     except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise BadInput(f"{place_of(path)}: cannot be written: {error.strerror or error}") from None
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

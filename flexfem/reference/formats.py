@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
+from flexfem.files.refusals import SHOWN, one_line
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import Catalogue
 from flexfem.stage.material_files import Entry
@@ -97,5 +98,5 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
 def format_of(name: str) -> Format:
     """The format of a name. Raises BadInput, saying which there are."""
     if name not in FORMATS:
-        raise BadInput(f"format {name!r} is not known, expected one of: {', '.join(FORMATS)}")
+        raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {', '.join(FORMATS)}")
     return FORMATS[name]

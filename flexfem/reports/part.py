@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flexfem.files.templates import NewFiles
     from flexfem.stage.schema import Stage
 
+SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
 LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
 LARGEST_HOLE = 1e3  # mm
 
@@ -38,8 +39,10 @@ def export(stage: Stage, path: PathLike, kerf: float | None = None, mounting: fl
     from flexfem.cad.export import export_part
 
     target = checked_path(path)
-    kerf = None if kerf is None else arguments.positive("kerf", kerf, LARGEST_KERF)
-    mounting = None if mounting is None else arguments.positive("mounting holes", mounting, LARGEST_HOLE)
+    kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
+    mounting = (
+        None if mounting is None else arguments.between("mounting holes", mounting, SMALLEST, LARGEST_HOLE, " mm")
+    )
     check_feasible(stage)
     return export_part(stage, target, kerf, mounting)
 

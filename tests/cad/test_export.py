@@ -350,7 +350,11 @@ def test_any_stage_is_read_back_closed_and_as_large_as_it_is_meshed(make_stage, 
         ("folder.dxf", {}, "is a folder"),
         ("none/part.dxf", {}, "no folder"),
         ("part.step", {"kerf": 0.3}, r"kerf with \.step"),
-        ("part.dxf", {"kerf": 0.0}, r"kerf 0\.0, expected a number above 0"),
+        ("part.dxf", {"kerf": 0.0}, r"kerf 0\.0, expected a number from 0\.01 to 10 mm"),
+        ("part.dxf", {"kerf": 1e-320}, r"expected a number from 0\.01"),
+        ("part.svg", {"mounting": 0.004}, r"expected a number from 0\.01"),  # metres
+        (f"{241 * 'x'}.dxf", {}, "more than 240 bytes"),
+        (f"{300 * 'x'}.dxf", {}, "cannot be written: File name too long"),
         ("part.dxf", {"kerf": 2.3}, r"kerf of 2\.3 mm"),
         ("part.svg", {"mounting": float("nan")}, "mounting holes nan"),
         ("part.svg", {"mounting": "4"}, "mounting holes '4'"),
@@ -363,3 +367,12 @@ def test_what_cannot_be_written_is_refused_in_one_line(stage, tmp_path, name, as
         flexfem.export(stage, tmp_path / name, **asked)
     assert "\n" not in str(refused.value)
     assert [path.name for path in tmp_path.rglob("*")] == ["folder.dxf"]
+
+
+def test_a_part_never_replaces_its_stage(tmp_path):
+    path = tmp_path / "stage.svg"
+    path.write_bytes((ROOT / "geometry/mobility6.toml").read_bytes())
+    before = path.read_bytes()
+    with pytest.raises(BadInput, match=r"stage\.svg: is read for what is to be written, expected another file"):
+        flexfem.export(flexfem.load(path), path)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]

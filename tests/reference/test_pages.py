@@ -126,4 +126,6 @@ def test_the_command_says_keys_to_people_and_schemas_to_machines(flexfem, tmp_pa
     assert code == 0 and out == f"{tmp_path}/new/flexfem-case.schema.json\n"
     code, out, err = flexfem("schema", "cases", "-o", tmp_path / "other")
     assert (code, out) == (2, "") and "format 'cases' is not known, expected one of: stage, case, study" in err
+    code, out, err = flexfem("schema", 10_000 * "x")
+    assert (code, out) == (2, "") and "xxx... is not known, expected one of: stage" in err and len(err) < 250
     assert not (tmp_path / "other").exists()
