@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flexfem.synthesis.result import Designed
 
 PathLike = str | os.PathLike[str]
+STAGE = "{}-stage.toml"
 
 
 def design(
@@ -45,7 +46,7 @@ def design(
     ComputationFailed : finite elements of a proposed design fail, or workers are lost.
     """
     from flexfem.files.refusals import checked_path
-    from flexfem.files.writing import check_folder
+    from flexfem.files.writing import check_file, check_folder
     from flexfem.synthesis.elements import ProposedElements
     from flexfem.synthesis.outcome import designed
     from flexfem.synthesis.requirements import load_requirements
@@ -55,6 +56,9 @@ def design(
     folder = None if output is None else checked_path(output)
     if folder is not None:
         check_folder(folder)
+        base = Path(loaded.stage.origin.path or "")
+        if (target := folder / STAGE.format(loaded.path.stem)).parent.is_dir():
+            check_file(target, base)
     store = Store(None if folder is None else folder / f".{loaded.path.stem}-design.found")
     with _pool(workers, scheduler, say) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
@@ -70,7 +74,7 @@ def write_design(found: Designed, folder: Path) -> list[Path]:
     from flexfem.verify.result import write_record
 
     stem = Path(found.file).stem
-    stage = folder / f"{stem}-stage.toml"
+    stage = folder / STAGE.format(stem)
     write_atomically(stage, lambda file: file.write(found.stage.encode()))
     return [stage, write_record(found, folder / f"{stem}-design.json")]
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.files.digest import digest
+from flexfem.files.refusals import place_of
+from flexfem.refused import BadInput
 from flexfem.sources import manifest
 from flexfem.study.designs import designs_of
 from flexfem.study.versions import versions_of
@@ -88,6 +90,9 @@ def _searched(model: Model, elements: ProposedElements, near: Array | None, say:
         model.counts.update(counted)
         return BestDesign(np.array(values), np.array(relaxed), merits[0], merits[1], [tuple(each) for each in history])
     found = optimum(model, model.loaded.requirements.seed, near, say)
+    if found.merit >= 100 * WORST:
+        reason = model.found(found.values[None]).reason[0] or "its bodies cannot be drawn"
+        raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
     counted = dict(model.counts - before)
     merits = [found.merit, found.relaxed_merit]
     store.keep(question, [found.values.tolist(), found.relaxed.tolist(), merits, found.history, counted])

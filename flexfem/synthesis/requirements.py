@@ -72,7 +72,7 @@ class Requirements(Sourced):
             first = error.errors(include_url=False)[0]
             path = (*first["loc"], *first.get("ctx", {}).get("at", ()))
             renamed = ("free" if part == "factor" else part for part in path)
-            raise refusal(problem_of(first, {}).expected, *renamed) from None
+            raise refusal(problem_of(first, {}).expected.replace("factor[", "free["), *renamed) from None
         return self
 
     @model_validator(mode="after")
@@ -201,6 +201,12 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
             raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
     loaded = LoadedRequirements(Path(path), found, stage, tuple(columns))
     set_by = {name for column in columns for name in column.keys}
+    fixed = {*keys(), *(output.name for output in found.output)} - set_by
+    for index, objective in enumerate(found.objective):
+        if found.names_of(objective.quantity) <= fixed:
+            key = "minimise" if objective.maximise is None else "maximise"
+            said = f"objective[{index}].{key} = {shown(objective.quantity)}, expected what a free dimension changes"
+            raise bad_key(path, ("objective", index, key), said)
     for index, require in enumerate(found.require):
         for name in names_in(require.quantity):
             if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
 from flexfem.synthesis.model import Model, correction_of
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.synthesis.store import Store
 
-from .conftest import HEAD, NECK, RADIUS, best, require
+from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
 
 STEPPED = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
 WANTED = require("kxx_n_per_mm", 60.0), require("envelope_mm", None, 200)
@@ -162,3 +163,22 @@ def test_a_cluster_writes_the_same_files_as_one_process(load, tmp_path):
     ) as cluster:
         flexfem.design(loaded.path, tmp_path / "cluster", scheduler=cluster.scheduler_address)
     assert written(tmp_path / "one") == written(tmp_path / "cluster")
+
+
+def test_what_has_no_finite_value_is_refused_before_finite_elements_and_nothing_is_written(tmp_path):
+    wanted = tmp_path / "wanted.toml"
+    wanted.write_text("\n".join([HEAD, NECK, best("maximise", "9 ** 999 * range_x_um")]))
+    with pytest.raises(BadInput, match=r"wanted.toml: no design .* can be answered: a quantity without a finite value"):
+        flexfem.design(wanted, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["wanted.toml"]
+
+
+def test_a_design_never_replaces_its_base_stage(tmp_path):
+    base, wanted = tmp_path / "wanted-stage.toml", tmp_path / "wanted.toml"
+    base.write_text((ROOT / "geometry/mobility6.toml").read_text())
+    head = HEAD.replace(str(ROOT / "geometry/mobility6.toml"), "wanted-stage.toml")
+    wanted.write_text("\n".join([head, NECK, best("maximise", "kxx_n_per_mm")]))
+    before = base.read_text()
+    with pytest.raises(BadInput, match=r"wanted-stage.toml: is read for what is to be written"):
+        flexfem.design(wanted, tmp_path)
+    assert base.read_text() == before and len(list(tmp_path.iterdir())) == 2

@@ -10,6 +10,7 @@ from flexfem.synthesis.space import DesignSpace
 
 from .conftest import HEAD, LINK, NECK, RADIUS, best, require
 
+OUTPUT = '[[output]]\nname = "o"\nexpression = "thickness_mm ** 2"\n'
 RANGE = best("maximise", "range_x_um")
 
 
@@ -19,7 +20,9 @@ RANGE = best("maximise", "range_x_um")
         ((NECK, require("kxx_n_per_mm"), RANGE), "at_least, at_most or both"),
         ((NECK, require("kxx_n_per_mm", 50, 40), RANGE), "at_most = 40.0, expected >= 50"),
         ((NECK, require("kxx_per_mm", 50), RANGE), "did you mean kxx_n_per_mm"),
-        ((NECK, RANGE, NECK), "free[1]"),
+        ((NECK, RANGE, NECK.replace('"neck"', '"other"')), "free[0] sets hinges.elbow.neck_mm"),
+        ((NECK, best("maximise", "thickness_mm")), 'maximise = "thickness_mm", expected what a free dimension changes'),
+        ((NECK, best("minimise", "2 * o"), OUTPUT), 'minimise = "2 * o", expected what a free dimension changes'),
         ((NECK + "step = 0.5\n", RANGE), "free[0].step = 0.5, expected at most 0.4"),
         ((NECK + "step = -0.1\n", RANGE), "free[0].step = -0.1, expected > 0"),
         ((NECK.replace("from = 0.3", "from = -0.3"), RANGE), "free[0].from = -0.3"),
