@@ -235,7 +235,7 @@ def require_plain_stem(path: Path) -> None:
 
 def read_text(path: Path) -> str:
     """The text of a file of at most `MAX_BYTES`. Raises BadInput as `read_toml`, but for what TOML is."""
-    data = _bytes(path)
+    data = read_bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
         raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")
     if b"\0" in data:
@@ -248,31 +248,32 @@ def read_text(path: Path) -> str:
         raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
 
 
-def _bytes(path: Path) -> bytes:
+def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+    """Content of a regular file of at most `most` bytes, a whole number of MiB. Raises BadInput for any other."""
     path = checked_path(path)
     try:
-        _require_small_regular(path, os.stat(path))
+        _require_small_regular(path, os.stat(path), most)
         # never wait, should a pipe have taken the file's place since
         with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
-            _require_small_regular(path, os.fstat(file.fileno()))
-            data = file.read(MAX_BYTES + 1) or b""
+            _require_small_regular(path, os.fstat(file.fileno()), most)
+            data = file.read(most + 1) or b""
     except FileNotFoundError:
         raise BadInput(f"{place_of(path)}: no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}") from None
-    if len(data) > MAX_BYTES:
-        raise BadInput(f"{place_of(path)}: more than {MAX_BYTES} bytes, expected at most 1 MiB")
+    if len(data) > most:
+        raise BadInput(f"{place_of(path)}: more than {most} bytes, expected at most {most >> 20} MiB")
     return data
 
 
-def _require_small_regular(path: Path, status: os.stat_result) -> None:
+def _require_small_regular(path: Path, status: os.stat_result, most: int) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise BadInput(f"{place_of(path)}: a directory, expected a file")
     if not stat.S_ISREG(status.st_mode):
         raise BadInput(f"{place_of(path)}: a pipe, socket or device, expected a regular file")
-    if status.st_size > MAX_BYTES:
-        raise BadInput(f"{place_of(path)}: {status.st_size} bytes, expected at most 1 MiB")
+    if status.st_size > most:
+        raise BadInput(f"{place_of(path)}: {status.st_size} bytes, expected at most {most >> 20} MiB")
 
 
 def _frozen(value: Any) -> Any:

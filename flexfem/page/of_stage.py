@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem import api
+from flexfem.analytic.fatigue import required_law
+from flexfem.analytic.heat import require_expansion
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
 from flexfem.reports import drive, heat, life, modes, verification
 from flexfem.reports.stage import stiffness, summary
+from flexfem.stage.origin import located
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -24,7 +27,16 @@ Part = tuple[str, Callable[[], PageSection | None]]
 
 
 def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], amplitude: ArrayLike | None) -> list[Part]:
-    """What makes the sections of a stage that were asked, and those that are always there; see `report.report`."""
+    """What makes the sections of a stage that were asked, and those that are always there; see `report.report`.
+
+    Raises BadInput for a section that needs a constant of the material which the stage does not state.
+    """
+
+    with located(stage):  # before anything is computed
+        if "life" in sections:
+            required_law(stage.material)
+        if "drift" in sections:
+            require_expansion(stage)
 
     def elements() -> PageSection:
         both = summary(stage, elements=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -10,15 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexfem import studies
-from flexfem.files.refusals import checked_path
+from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import kind_of, read_toml
-from flexfem.files.writing import check_folder, write_atomically
+from flexfem.files.writing import check_file, write_atomically
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
+from flexfem.reports.life import checked_amplitude
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
+from flexfem.verify.result_files import first_mistake, stored_json
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 MORE = ("workspace", "modes", "drift", "life")
 SECTIONS = (*STANDARD, *MORE)
+OF_A_STAGE = "sections or an amplitude, expected none: they are of a stage"
 
 
 Part = tuple[str, Callable[[], PageSection | None]]  # a name, and what makes the section
@@ -92,9 +96,9 @@ def report(
     ]
     target = checked_path(output)
     if target.suffix.lower() not in (".html", ".htm"):
-        raise BadInput(f"{target}: expected a file that ends in .html")
+        raise BadInput(f"{place_of(target)}: expected a file that ends in .html")
     _check_sections(sections, amplitude)
-    check_folder(target.parent)
+    check_file(target, *files)
     subject = _subject(files, sections, amplitude, checked_path(folder))
     made = [section for _, make in through(subject.parts) if (section := make()) is not None]
     command = command_line(files, target, sections, amplitude, checked_path(folder))
@@ -151,25 +155,34 @@ def _check_sections(sections: Sequence[str], amplitude: ArrayLike | None) -> Non
         raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
     if "life" in sections and amplitude is None:
         raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
+    if amplitude is not None:
+        checked_amplitude(amplitude)
 
 
 def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLike | None, folder: Path) -> Subject:
     """What the files are, told by their content. Raises BadInput."""
     if not files:
         raise BadInput("no file, expected a stage file, a study file, or results of flexfem verify")
+    if len({os.path.realpath(path) for path in files}) < len(files):
+        raise BadInput(f"{', '.join(map(place_of, files))}: expected each file once")
     stored = [path for path in files if path.suffix.lower() == ".json"]
     if len(stored) == len(files):
+        if tuple(sections) != STANDARD or amplitude is not None:
+            raise BadInput(f"{place_of(files[0])}: {OF_A_STAGE}, and these are results")
         return _stored(files)
     if len(files) > 1:
-        raise BadInput(f"{files[0]} and {len(files) - 1} more, expected one stage or study file, or results as .json")
+        raise BadInput(
+            f"{place_of(files[0])} and {len(files) - 1} more, expected one stage or study file, or results as .json"
+        )
     kind = kind_of(read_toml(files[0]).data, "stage file")
     if kind == "study file":
         if tuple(sections) != STANDARD or amplitude is not None:
-            raise BadInput(f"{files[0]}: sections or an amplitude, expected none: this is a study, they are of a stage")
+            raise BadInput(f"{place_of(files[0])}: {OF_A_STAGE}, and this is a study")
         return _study(files[0], folder)
     if kind != "stage file":
         raise BadInput(
-            f"{files[0]}: this is a {kind or 'TOML file'}, expected a stage file, a study file or results as .json"
+            f"{place_of(files[0])}: this is a {kind or 'TOML file'}, expected a stage file, a study file or results as "
+            ".json"
         )
     from flexfem.page.of_stage import stage_parts
     from flexfem.page.stage import doubted
@@ -219,8 +232,8 @@ def _numbered(section: PageSection, number: int) -> PageSection:
 
 def _is_claims(path: Path) -> bool:
     try:
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+        data = json.loads(stored_json(path))
+    except (BadInput, ValueError, RecursionError):
         return False  # `read_result` says what is wrong
     return isinstance(data, dict) and "verdicts" in data
 
@@ -231,8 +244,7 @@ def _read_claims(path: Path) -> ClaimsReport:
     from flexfem.verdicts.records import ClaimsReport
 
     try:
-        return ClaimsReport.model_validate_json(path.read_bytes())
+        return ClaimsReport.model_validate_json(stored_json(path))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise BadInput(f"{path}: not what this version of flexfem claims stores: {where}: {first['msg']}") from None
+        said = f"not what this version of flexfem claims stores: {first_mistake(error)}"
+        raise BadInput(f"{place_of(path)}: {said}") from None

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 
 from flexfem import arguments
 from flexfem.analytic.fatigue import Basquin, BasquinFit, checked_law, required_law
+from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.reports.given import LARGEST_LIFE, LARGEST_POSE, RESOLUTION, Progress, finest_of, solver
 from flexfem.stage.feasibility import check_feasible
@@ -14,6 +15,14 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import life as verify_life
 from flexfem.verify.life import Life
 from flexfem.verify.strained import Repeated, scaled
+
+
+def checked_amplitude(amplitude: ArrayLike) -> Array:
+    """An amplitude (3,) of the platform, mm, mm, rad. Raises BadInput for anything else, and for none at all."""
+    moved = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
+    if not moved.any():
+        raise BadInput("amplitude: expected a motion, not zero in all directions")
+    return moved
 
 
 def life(
@@ -55,9 +64,7 @@ def life(
     (77.7, 'elbow', '1.35e+10')
     """
     check_feasible(stage)
-    moved = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
-    if not moved.any():
-        raise BadInput("amplitude: expected a motion, not zero in all directions")
+    moved = checked_amplitude(amplitude)
     about = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
     if not isinstance(ratio, int | float) or not -1 <= ratio <= 0.99:
         raise BadInput(f"ratio {ratio!r}, expected a number from -1 to 0.99: least over greatest displacement")

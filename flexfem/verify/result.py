@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array, first_highest
+from flexfem.files.refusals import refusal
 from flexfem.files.writing import write_atomically
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.stage.schema import HINGE_NAMES, Label, Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
 from flexfem.verify.errors import Convergence, Verdict
 
@@ -171,14 +172,14 @@ class Result(Record):
     warnings : where the answers leave what they are meant for, one plain sentence each.
     """
 
-    case: str
-    name: str
+    case: Label
+    name: Label
     direction: Direction
     analysis: Analysis = "linear"
     drive: Drive = "force"
     elements: Elements = "fe"
     commanded: list[float]
-    curves: dict[str, Series]
+    curves: dict[Label, Series] = Field(min_length=1)
     error_percent: dict[str, Triple]
     uncertainty: dict[str, dict[Direction, Uncertainty]]
     models: dict[str, CurveModels]
@@ -188,6 +189,23 @@ class Result(Record):
     versions: dict[str, str]
     written: str
     seconds: float
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> Result:
+        """Every curve has its percentages, bands and models, and a value for every command."""
+        if not any(self.commanded):
+            raise refusal("commands, not all of them zero", "commanded")
+        for name in ("error_percent", "uncertainty", "models"):
+            if set(getattr(self, name)) != set(self.curves):
+                raise refusal("each of the curves, and no other", name)
+        for label, series in self.curves.items():
+            if any(len(getattr(series, axis)) != len(self.commanded) for axis in DIRECTIONS):
+                raise refusal(f"{len(self.commanded)} values, one for each command", "curves", label)
+            if set(self.uncertainty[label]) != {*DIRECTIONS}:
+                raise refusal(", ".join(DIRECTIONS), "uncertainty", label)
+            if [len(row) for row in self.models[label].neck_stress] != [3, 3, 3]:
+                raise refusal("stresses of three chains, three hinges each", "models", label, "neck_stress")
+        return self
 
 
 class Fields(Record):

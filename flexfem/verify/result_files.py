@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from flexfem.files.refusals import place_of
-from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.refusals import SHOWN, one_line, place_of
+from flexfem.files.toml import kind_of, read_bytes, read_toml
 from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput
 from flexfem.verify.result import Fields, Result, write_record
+
+LARGEST = 2**26  # bytes of a stored answer
 
 
 def write_result(result: Result, fields: dict[str, Fields], folder: Path) -> Path:
@@ -32,27 +34,36 @@ def write_result(result: Result, fields: dict[str, Fields], folder: Path) -> Pat
 
 def read_result(path: str | os.PathLike[str]) -> Result:
     """Read a stored result. Raises BadInput when it is none."""
+    content = stored_json(path)
     try:
-        return Result.model_validate_json(Path(path).read_bytes())
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+        return Result.model_validate_json(content)
     except ValidationError as error:
-        raise BadInput(f"{place_of(path)}: {_no_result(path, error)}") from None
+        raise BadInput(f"{place_of(path)}: {_no_result(path, content, error)}") from None
 
 
-def _no_result(path: str | os.PathLike[str], error: ValidationError) -> str:
-    """What a file is that is no result: of another kind, of another version, or damaged."""
+def stored_json(path: str | os.PathLike[str]) -> bytes:
+    """Content of a stored answer. Raises BadInput for what is no regular file or too large for one."""
+    return read_bytes(Path(path), LARGEST)
+
+
+def first_mistake(error: ValidationError) -> str:
+    """Where stored JSON is not what it is to be, and why, in one line."""
     first = error.errors(include_url=False)[0]
-    if first["type"] == "json_invalid":
+    where = ".".join(map(str, (*first["loc"], *first.get("ctx", {}).get("at", ()))))
+    return one_line(f"{where}: {first['msg']}" if where else first["msg"], 3 * SHOWN)
+
+
+def _no_result(path: str | os.PathLike[str], content: bytes, error: ValidationError) -> str:
+    """What a file is that is no result: of another kind, of another version, or damaged."""
+    if error.errors(include_url=False)[0]["type"] == "json_invalid":
         with contextlib.suppress(BadInput):
-            found = kind_of(read_toml(path).data)
-            return f"this is a {found or 'TOML file'}, expected a result of flexfem verify, <case>.json"
+            if data := read_toml(path).data:
+                return f"this is a {kind_of(data) or 'TOML file'}, expected a result of flexfem verify, <case>.json"
         return "not a result of flexfem verify: no JSON"
-    keys = json.loads(Path(path).read_bytes())
+    keys = json.loads(content)
     if not isinstance(keys, dict) or not {"case", "curves"} <= set(keys):
         return "this is JSON, but not a result of flexfem verify, <case>.json"
-    where = ".".join(map(str, first["loc"]))
-    return f"not a result of this version of flexfem verify, which would make it again: {where}: {first['msg']}"
+    return f"not a result of this version of flexfem verify, which would make it again: {first_mistake(error)}"
 
 
 def read_fields(path: str | os.PathLike[str], result: Result) -> dict[str, Fields]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from html import unescape
 from pathlib import Path
@@ -10,11 +11,12 @@ from pathlib import Path
 import pytest
 
 import flexfem
-from flexfem.page.report import command_line, doubts_line, report
+from flexfem.page.report import STANDARD, command_line, doubts_line, report
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "geometry/mobility6.toml"
+OF_METAL = r"(?m)^expansion_um_per_m_k = 23.*$|^.material.expansion_um_per_m_k.*$"
 HOSTILE = '<script>alert(1)</script>"><img src=x onerror=alert(1)></svg>{{7*7}}'
 
 
@@ -95,16 +97,87 @@ def test_a_page_loads_nothing(written):
         ([STAGE], "page.pdf", ["analytic"], "ends in .html"),
         ([STAGE], "page.html", ["magic"], "sections 'magic', expected some of analytic, elements"),
         ([STAGE], "page.html", ["life"], "without an amplitude"),
-        ([STAGE, STAGE], "page.html", ["analytic"], "expected one stage"),
+        ([STAGE, ROOT / "geometry/mobility3.toml"], "page.html", ["analytic"], "expected one stage"),
+        ([STAGE, STAGE], "page.html", ["analytic"], "expected each file once"),
+        ([STAGE], "none/page.html", ["analytic"], "no folder .*none, expected one that is there"),
+        ([STAGE], f"{300 * 'x'}.html", ["analytic"], "cannot be written: File name too long"),
+        ([ROOT / "two\nlines.json"], "page.html", STANDARD, r"two\\nlines.json: no such file"),
+        ([Path("/dev/zero.json")], "page.html", ["analytic"], "expected none: they are of a stage, and these are"),
         ([], "page.html", ["analytic"], "no file"),
         ([ROOT / "cases/fig5.toml"], "page.html", ["analytic"], "this is a case file"),
-        ([ROOT / "tests/baselines/claims.json"], "page.html", ["analytic"], "expected a result|not a result|not what"),
+        ([ROOT / "tests/baselines/claims.json"], "page.html", STANDARD, "expected a result|not a result|not what"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(tmp_path, files, output, sections, said):
     with pytest.raises(BadInput, match=said) as refused:
         report(files, tmp_path / output, sections)
     assert "\n" not in str(refused.value) and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("without", "section", "amplitude", "said"),
+    [
+        ("^$", "life", (0.1, 0.0, 0.0), r"toml, line \d+: material.fatigue_strength_coefficient_mpa is missing"),
+        ("^$", "life", (0.0, 0.0, 0.0), "amplitude: expected a motion"),
+        ("^$", "life", (0.1, 0.0, float("nan")), "amplitude: expected finite numbers"),
+        (
+            OF_METAL,
+            "drift",
+            None,
+            r"toml, line \d+: material.expansion_um_per_m_k",
+        ),
+    ],
+)
+def test_a_section_that_cannot_be_is_refused_before_any_is_computed(tmp_path, without, section, amplitude, said):
+    (tmp_path / "stage.toml").write_text(re.sub(without, "", STAGE.read_text()))
+
+    def through(parts):
+        raise AssertionError("computed")
+
+    with pytest.raises(BadInput, match=said):
+        report(tmp_path / "stage.toml", tmp_path / "page.html", ["analytic", section], amplitude, through)
+    assert [path.name for path in tmp_path.iterdir()] == ["stage.toml"]
+
+
+def test_a_page_never_replaces_what_it_is_of(tmp_path):
+    stage = tmp_path / "stage.html"
+    stage.write_text(STAGE.read_text())
+    (tmp_path / "other.html").symlink_to(stage)
+    for output in ("stage.html", "other.html"):
+        with pytest.raises(BadInput, match=r"html: is read for what is to be written, expected another file"):
+            report(stage, tmp_path / output, ["analytic"])
+    with pytest.raises(BadInput, match=r"folder\.html: is a folder, expected a file"):
+        (tmp_path / "folder.html").mkdir()
+        report(stage, tmp_path / "folder.html", ["analytic"])
+    assert stage.read_text() == STAGE.read_text()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "not a result of flexfem verify: no JSON"),
+        (100_000 * b"[", "not a result of flexfem verify: no JSON"),
+        (b'{"verdicts":' + 100_000 * b"[", "not a result of flexfem verify: no JSON"),
+        (b'{"verdicts": []}', "claims stores: name: Field required"),
+        (b'{"verdicts": NaN}', "claims stores: name: Field required"),
+        (b"\xff\x00", "not a result of flexfem verify: no JSON"),
+    ],
+)
+def test_stored_json_that_is_no_answer_is_refused_in_one_line(tmp_path, content, said):
+    path = tmp_path / "two\nlines.json"
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match=said) as refused:
+        report(path, tmp_path / "page.html")
+    assert "\n" not in str(refused.value) and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_pipe_or_a_file_too_large_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.json")
+    with (tmp_path / "large.json").open("wb") as file:
+        file.truncate(2**26 + 1)
+    for name, said in (("pipe", "a pipe, socket or device"), ("large", "expected at most 64 MiB")):
+        with pytest.raises(BadInput, match=said):
+            report(tmp_path / f"{name}.json", tmp_path / "page.html")
 
 
 def test_what_is_not_in_doubt_is_not_said_to_be():
