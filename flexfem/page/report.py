@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 from collections.abc import Callable, Iterable, Sequence
@@ -16,17 +15,15 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
+from flexfem.page.stored_claims import is_claims, read_claims
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
 from flexfem.reports.life import checked_amplitude
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
-from flexfem.verify.result_files import first_mistake, stored_json
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-    from flexfem.verdicts.records import ClaimsReport
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 MORE = ("workspace", "modes", "drift", "life")
@@ -111,7 +108,7 @@ def report(
         made=stamp(),
         versions=versions(),
     )
-    content = html_of(page).encode()
+    content = html_of(page).encode(errors="backslashreplace")  # names of files need not be UTF-8
     write_atomically(target, lambda file: file.write(content))
     names = [each.title for each in made]
     return PageReport(str(target), len(content), names, [], subject.assumed, subject.not_stated)
@@ -157,6 +154,8 @@ def _check_sections(sections: Sequence[str], amplitude: ArrayLike | None) -> Non
         raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
     if amplitude is not None:
         checked_amplitude(amplitude)
+        if "life" not in sections:
+            raise BadInput("an amplitude without section life, expected none: it is of no other section")
 
 
 def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLike | None, folder: Path) -> Subject:
@@ -197,7 +196,13 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLik
 def _study(path: Path, folder: Path) -> Subject:
     from flexfem.page.study import study_parts
 
-    found, status = studies.study_findings(path, folder), studies.study_status(path, folder)
+    status = studies.study_status(path, folder)
+    if status["open"]:
+        raise BadInput(
+            f"{place_of(path)}: {status['open']} of {status['designs']} designs are open in "
+            f"{place_of(status['folder'])}, expected all done by flexfem study run"
+        )
+    found = studies.study_findings(path, folder)
     parts: list[Part] = [*study_parts(found.source, found.found, status)]
     return Subject(found.source.loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
 
@@ -206,9 +211,9 @@ def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.page import results as of_results
     from flexfem.verify.result_files import read_result
 
-    claims = [path for path in files if _is_claims(path)]
+    claims = [path for path in files if is_claims(path)]
     results = [read_result(path) for path in files if path not in claims]
-    reports = [_read_claims(path) for path in claims]
+    reports = [read_claims(path) for path in claims]
     parts: list[Part] = []
     if results:
         parts += [("errors", lambda: of_results.errors_section(results))]
@@ -228,23 +233,3 @@ def _stored(files: Sequence[Path]) -> Subject:
 
 def _numbered(section: PageSection, number: int) -> PageSection:
     return replace(section, id=f"{section.id}-{number}")
-
-
-def _is_claims(path: Path) -> bool:
-    try:
-        data = json.loads(stored_json(path))
-    except (BadInput, ValueError, RecursionError):
-        return False  # `read_result` says what is wrong
-    return isinstance(data, dict) and "verdicts" in data
-
-
-def _read_claims(path: Path) -> ClaimsReport:
-    from pydantic import ValidationError
-
-    from flexfem.verdicts.records import ClaimsReport
-
-    try:
-        return ClaimsReport.model_validate_json(stored_json(path))
-    except ValidationError as error:
-        said = f"not what this version of flexfem claims stores: {first_mistake(error)}"
-        raise BadInput(f"{place_of(path)}: {said}") from None

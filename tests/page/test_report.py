@@ -180,6 +180,21 @@ def test_a_pipe_or_a_file_too_large_is_not_waited_for(tmp_path):
             report(tmp_path / f"{name}.json", tmp_path / "page.html")
 
 
+def test_an_amplitude_that_no_section_takes_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="an amplitude without section life"):
+        report(STAGE, tmp_path / "page.html", ["analytic"], (0.1, 0.0, 0.0))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_page_may_lie_where_a_name_is_not_utf_8(tmp_path):
+    folder = tmp_path / os.fsdecode(b"\xff<b>")
+    folder.mkdir()
+    accepted = json.loads((ROOT / "tests/baselines/claims.json").read_text())["record"]["claims"]
+    (folder / "claims.json").write_text(json.dumps(accepted))
+    report(folder / "claims.json", folder / "page.html")
+    assert "\\udcff&lt;b&gt;/claims.json" in (folder / "page.html").read_text()
+
+
 def test_what_is_not_in_doubt_is_not_said_to_be():
     from flexfem.page.report import Subject
 
@@ -216,6 +231,6 @@ def test_verdicts_of_a_file_stand_with_what_was_found(tmp_path):
 
 
 def test_a_study_that_is_not_done_has_no_page(tmp_path):
-    with pytest.raises(BadInput, match="400 of 400 designs are open"):
+    with pytest.raises(BadInput, match=r"400 of 400 designs are open in .*expected all done by flexfem study run$"):
         report(ROOT / "cases/study-trust.toml", tmp_path / "page.html", folder=tmp_path / "none")
     assert not (tmp_path / "page.html").exists()

@@ -17,14 +17,18 @@ def test_a_study_that_was_not_run_is_refused_in_one_line_and_nothing_is_written(
     Path("small.toml").write_text(GRID + FRONT)
     code, out, err = flexfem("report", "small.toml", "--folder", "kept", "-o", "page.html")
     assert code == 2 and out == "" and err.count("\n") == 1
-    assert err.startswith("flexfem: ") and "12 of 12 designs are open, expected all, or --partial" in err
+    assert (
+        err.startswith("flexfem: ")
+        and "12 of 12 designs are open in kept/small/parts, expected all done by" in err
+        and "--partial" not in err
+    )
     assert not Path("page.html").exists() and not Path("kept").exists()
 
 
 def test_sections_of_a_stage_are_refused_for_a_study(flexfem):
     Path("small.toml").write_text(GRID + FRONT)
     code, out, err = flexfem("report", "small.toml", "--sections", "modes", "-o", "page.html")
-    assert (code, out) == (2, "") and err.endswith("expected none: this is a study, they are of a stage\n")
+    assert (code, out) == (2, "") and err.endswith("they are of a stage, and this is a study\n")
     assert not Path("page.html").exists()
 
 
