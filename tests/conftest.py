@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -30,6 +31,9 @@ from flexfem.verify import solid_modes as verify_solid_modes
 ROOT = Path(__file__).parent.parent
 settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine
 settings.load_profile("flexfem")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell began the tests in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what they start is to hear of Ctrl-C all the same
 
 
 GENERIC: dict[str, Any] = {

@@ -142,6 +142,8 @@ def stoppable() -> Iterator[list[Stopped]]:
         if not asked:  # else they stay, until the process is gone
             for number, handler in before.items():
                 signal.signal(number, handler)
+        elif sys.platform != "win32":
+            signal.setitimer(signal.ITIMER_REAL, 0)  # a command that ended before it looked again ends by its own code
 
 
 def _imports(frame: FrameType | None) -> bool:

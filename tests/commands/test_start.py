@@ -91,6 +91,21 @@ def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch):
         signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)
 
 
+def test_no_alarm_is_left_of_a_stop_during_an_import_that_ends_the_command(tmp_path, monkeypatch):
+    (tmp_path / "last_library.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        with streams.stoppable() as raised:
+            import last_library
+        assert last_library and len(raised) == 1
+        assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    finally:
+        sys.modules.pop("last_library", None)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def test_what_a_library_makes_of_a_stop_is_not_what_is_said(flexfem, monkeypatch):
     def load(*_):
         try:
