@@ -130,8 +130,8 @@ def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{suffix or path.suffix}")
-        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
-        temporary = beside
+        temporary = beside  # first, so that a stop while it is made leaves none behind
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
         yield temporary
         _sync(temporary)
         temporary.replace(path)
