@@ -13,7 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from flexfem.arrays import Array
 from flexfem.files.keypath import path_of
 from flexfem.plot.text import SPACE, significant
-from flexfem.study.columns import STRESSES, Column
+from flexfem.study.columns import Column
+from flexfem.study.outputs import STRESSES
 from flexfem.study.tables import Method
 from flexfem.units import unit_of, without_unit
 

@@ -15,9 +15,9 @@ from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Distribution, Scatter, Sensitivity, Share
 from flexfem.plot.text import significant
-from flexfem.study.columns import RANGES, STRESSES, lasting
 from flexfem.study.expression import names_in
 from flexfem.study.findings import Best, Extremes, Marks, Shares
+from flexfem.study.outputs import RANGES, STRESSES, lasting
 from flexfem.study.reductions import Cells, cells_of, wide
 from flexfem.study.tables import Figure
 

@@ -19,9 +19,9 @@ from flexfem.stage.keys import keys
 from flexfem.stage.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.stage.schema import Stage
 from flexfem.study import drawn
-from flexfem.study.columns import Rows, row_of, values_of
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows, row_of, values_of
 from flexfem.study.plan import Study
 from flexfem.study.sampling import sample
 from flexfem.verify import warning

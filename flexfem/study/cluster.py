@@ -19,8 +19,8 @@ from typing import Any
 from flexfem.clock import Stopwatch
 from flexfem.files.refusals import one_line
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.pool import Answer, answered, deciding, deciding_sources, outcome_of
 from flexfem.study.worker import Died, Worker
 

@@ -22,8 +22,8 @@ from flexfem.study.collected import FILE
 from flexfem.study.content import read_part
 from flexfem.study.designs import judge
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import FEASIBLE
 from flexfem.study.parts import PARQUET, Chunk, Parts, listed, sweep
-from flexfem.study.plan import FEASIBLE
 from flexfem.study.study_table import OK
 
 FORMATS = (".parquet", ".csv")

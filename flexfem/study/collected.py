@@ -16,8 +16,8 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
 from flexfem.study.designs import Judged, judge
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import RESERVED
 from flexfem.study.parts import about_of
-from flexfem.study.plan import RESERVED
 from flexfem.study.study_table import OK, StudyTable, Texts
 
 FILE = re.compile(r"designs-\d{10,}\.parquet")  # of a table in several files, by the number of its first design

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
-from flexfem.study.columns import Rows, row_of
+from flexfem.study.outputs import Rows, row_of
 from flexfem.study.parts import PARQUET, Chunk, Parts, about_of
 from flexfem.study.sampling import sample
 

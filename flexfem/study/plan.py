@@ -3,85 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
-from flexfem.files.json_schema import Rule, both, has, only, ruled, says, when, without
-from flexfem.files.keypath import key_path
+from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import refusal, shown, suggestion
-from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label
-from flexfem.study.columns import NAMED, WAYS, Factor, columns_of, outputs_of, unasked
+from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
+from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in
-from flexfem.study.tables import (
-    MOST,
-    Constraint,
-    Correlation,
-    Drifting,
-    Drive,
-    Figure,
-    Frequencies,
-    Lasting,
-    Method,
-    Output,
-    Sampling,
-    normal_correlation,
-)
+from flexfem.study.outputs import outputs_of
+from flexfem.study.rules import check_keys, rules
+from flexfem.study.tables import Constraint, Correlation, Figure, Output, Sampling
 from flexfem.verify import warning
-from flexfem.verify.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
-
-UNCORRELATED: dict[Method, str] = {
-    "saltelli": "Sobol indices split the variance among independent factors",
-    "grid": "a grid holds all pairs of values alike",
-    "table": "its rows are taken as they are",
-}
-SINGULAR = 1e-9  # least eigenvalue of a correlation matrix, as of round-off
-RESERVED = ("design", "status", "reason")
-FEASIBLE = "feasible"  # column of a study with constraints
-_APPLIES = {  # keys that not every model takes
-    "formula": ("analytic", "verify"),
-    "mobility": ("analytic", "verify"),
-    "links": ("analytic",),
-    "resolution": ("fe", "verify", "three_dimensional"),
-    "layers": ("three_dimensional",),
-    "time_limit_s": ("fe", "verify", "three_dimensional"),
-    "bands": ("verify",),
-    "frequencies": ("analytic", "fe", "verify"),  # in the plane
-    "life": ("analytic", "fe", "verify"),
-    "drift": ("analytic",),
-}
-
-
-_GIVEN = {"not": only(*NAMED)}  # of a factor that says its values
-
-
-def _rules() -> Iterator[Rule]:
-    """Between keys of a study, in JSON schema."""
-    every: set[str] = {"analytic", "fe", "verify", "three_dimensional"}
-    for key, models in _APPLIES.items():
-        yield when(says("model", *sorted(every - {*models})), without(key))
-    yield LINKS
-    yield when(says("check", "closed_form"), says("model", "analytic"))
-    driven = {"properties": {"drive": says("actuators", True)}, "required": ["drive"]}
-    yield when(driven, says("model", "analytic"))
-    of_grid = both(without("distribution"), when(has("from"), has("points")), _GIVEN)
-    others = {"grid": of_grid, "table": only(*NAMED)}
-    for method in get_args(Method):
-        of_factor = others.get(method, both(without("points"), _GIVEN))
-        correlated = without("correlation") if method in UNCORRELATED else {}
-        sampled = {"properties": {"sampling": says("method", method)}, "required": ["sampling"]}
-        yield when(sampled, both({"properties": {"factor": {"items": of_factor}}}, correlated))
+from flexfem.verify.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 
 
 class Study(Sourced):
     """What a study file says."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(*_rules()))
+    model_config = ConfigDict(json_schema_extra=ruled(*rules()))
 
     kind: ClassVar[str] = "study file"
 
@@ -161,118 +104,8 @@ class Study(Sourced):
     figure: tuple[Figure, ...] = Field(default=(), max_length=50, description="What `flexfem study plot` draws")
 
     @model_validator(mode="after")
-    def _keys_of_its_model(self) -> Study:
-        for name, field in type(self).model_fields.items():
-            key = field.alias or name
-            if name in self.model_fields_set and self.model not in _APPLIES.get(key, (self.model,)):
-                raise refusal(f'no {key} with model = "{self.model}"', key)
-        if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
-        if self.check == "closed_form" and self.model != "analytic":
-            raise refusal("drawing: what is meshed is drawn first", "check")
-        return self
-
-    @model_validator(mode="after")
-    def _drive_is_of_its_model(self) -> Study:
-        if self.driven and self.model != "analytic":
-            expected = f'no actuators with model = "{self.model}": the drive of a study is that of the analytic model'
-            raise refusal(expected, "drive", "actuators")
-        for index, factor in enumerate(self.factor):
-            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
-                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
-                raise refusal(expected, "factor", index)
-        return self
-
-    @model_validator(mode="after")
-    def _factors_fit_the_sampling(self) -> Study:
-        grid, table = self.sampling.method == "grid", self.sampling.method == "table"
-        for index, factor in enumerate(self.factor):
-            if table != (factor.kind == "given"):
-                raise refusal(
-                    f'{"no values" if table else WAYS} with method = "{self.sampling.method}"', "factor", index
-                )
-            if grid and factor.distribution is not None:
-                raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
-            if grid and factor.kind == "range" and factor.points is None:
-                raise refusal('points with method = "grid"', "factor", index)
-            if not grid and factor.points is not None:
-                raise refusal('no points but with method = "grid"', "factor", index, "points")
-        if grid and self.count > MOST:
-            raise refusal(f"a grid of at most {MOST} designs, not {self.count}", "factor")
-        if self.sampling.base is not None and self.count > MOST:
-            raise refusal(f"base * (factors + 2) of at most {MOST}, not {self.count}", "sampling", "base")
-        return self
-
-    @model_validator(mode="after")
-    def _columns_differ(self) -> Study:
-        names, set_by = {*RESERVED, FEASIBLE, *self.outputs}, dict[str, int]()
-        for index, factor in enumerate(self.factor):
-            for column in columns_of([factor]):
-                if column.name in names:
-                    raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
-                names.add(column.name)
-            for path in factor.paths:
-                first = set_by.setdefault(path, index)
-                if first != index:
-                    raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
-        return self
-
-    @model_validator(mode="after")
-    def _expressions_name_columns(self) -> Study:
-        names = {column.name for column in columns_of(self.factor)}
-        taken = {*RESERVED, FEASIBLE, *self.outputs, *names, *keys()}
-        known = {*names, *self.outputs}
-        for index, output in enumerate(self.output):
-            if output.name in taken:
-                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            _require_known(output.expression, known, "output", index, "expression")
-            taken.add(output.name)
-            known.add(output.name)
-        for index, constraint in enumerate(self.constraint):
-            _require_known(constraint.value, known, "constraint", index, "value")
-            if self.sampling.method == "saltelli" and self.is_given(constraint.value):
-                expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
-                raise refusal(expected, "constraint", index, "value")
-        return self
-
-    @model_validator(mode="after")
-    def _correlations_are_possible(self) -> Study:
-        columns = {column.name: column.factor for column in columns_of(self.factor)}
-        pairs = set[frozenset[str]]()
-        if self.correlation and self.sampling.method in UNCORRELATED:
-            raise refusal(
-                f'none with method = "{self.sampling.method}": {UNCORRELATED[self.sampling.method]}', "correlation"
-            )
-        for index, each in enumerate(self.correlation):
-            for place, name in enumerate(each.factors):
-                if name not in columns:
-                    raise refusal(
-                        f"a factor by its column{suggestion(name, columns)}", "correlation", index, "factors", place
-                    )
-                if columns[name].kind == "values":
-                    raise refusal(
-                        "a range or distribution: ranks of a list have ties", "correlation", index, "factors", place
-                    )
-            if frozenset(each.factors) in pairs:
-                raise refusal("each pair once", "correlation", index, "factors")
-            pairs.add(frozenset(each.factors))
-        least = float(np.linalg.eigvalsh(normal_correlation(list(columns), self.correlation)).min())
-        if least < SINGULAR:
-            raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
-        return self
-
-    @model_validator(mode="after")
-    def _figures_can_be_drawn(self) -> Study:
-        factors = [column.name for column in columns_of(self.factor)]
-        for index, figure in enumerate(self.figure):
-            if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
-                raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
-            for place, (column, output) in figure.columns.items():
-                every = self.every_output
-                known = every if output else factors if figure.kind == "map" else (*factors, *every)
-                if column not in known:
-                    what = "an output of this study" if output else "a column of this study"
-                    raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
+    def _keys_fit_each_other(self) -> Study:
+        check_keys(self)
         return self
 
     @property
@@ -345,11 +178,3 @@ class Study(Sourced):
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn, to see that none overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
-
-
-def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
-    names = set(known)
-    for name in names_in(expression):
-        if name not in names and name not in keys():
-            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*names, *keys()}))}"
-            raise refusal(expected, *at)

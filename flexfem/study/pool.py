@@ -12,9 +12,9 @@ from typing import Any, Protocol, TypeAlias
 from flexfem.files.refusals import one_line
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import manifest
-from flexfem.study.columns import Rows
 from flexfem.study.folder import CURE
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.versions import counts, libraries_of, versions_of
 from flexfem.study.worker import Died, Worker
 

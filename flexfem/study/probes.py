@@ -10,10 +10,11 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.stage.keys import keys
-from flexfem.study.columns import COUPLINGS, CROSS, Factor, columns_of
+from flexfem.study.columns import Factor, columns_of
 from flexfem.study.designs import judge
 from flexfem.study.expression import names_in
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import COUPLINGS, CROSS
 from flexfem.study.sampling import at_quantile, sample
 from flexfem.study.tables import Sampling
 

@@ -16,9 +16,9 @@ import numpy as np
 from flexfem.refused import BadInput
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
-from flexfem.study.columns import Rows, failed_row
 from flexfem.study.content import Counts, Kept, counts_of, counts_of_table, forget_rows, keep_row, read_part, write_part
 from flexfem.study.folder import candidates, claim_folder, require_same_arithmetic, set_apart, survey
+from flexfem.study.outputs import Rows, failed_row
 from flexfem.study.parts import WHOLE, Chunk, Parts, Shard, shuffled, sweep
 from flexfem.study.pool import DEATHS, Answer, Pool, require_workers
 from flexfem.study.tables import EXTENSIBLE

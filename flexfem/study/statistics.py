@@ -10,7 +10,7 @@ from scipy.stats import binom, norm
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
-from flexfem.study.columns import CROSS
+from flexfem.study.outputs import CROSS
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy

@@ -16,11 +16,13 @@ from flexfem.refused import ComputationFailed
 from flexfem.stage.keys import keys
 from flexfem.stage.schema import Stage
 from flexfem.study.answer import answer
-from flexfem.study.columns import COUPLINGS, ERRORS, Factor, Rows, columns_of
+from flexfem.study.asked import Drive
+from flexfem.study.columns import Factor, columns_of
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import COUPLINGS, ERRORS, Rows
 from flexfem.study.pool import POLL, Pool, require_workers
-from flexfem.study.tables import Drive, Sampling
+from flexfem.study.tables import Sampling
 from flexfem.study.versions import versions_of
 from flexfem.study.worker import Died
 from flexfem.synthesis.extra import quantiles_of, scattered_study

@@ -11,8 +11,8 @@ from flexfem.arrays import Array
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.stage.schema import Stage
-from flexfem.study.columns import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.synthesis import extra
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven

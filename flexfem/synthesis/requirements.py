@@ -21,11 +21,13 @@ from flexfem.files.toml import bad_key, validate
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label, Stage, load_feasible
-from flexfem.study.columns import ERRORS, Column, acting, columns_of
+from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
+from flexfem.study.columns import Column, acting, columns_of
 from flexfem.study.expression import names_in
 from flexfem.study.loaded import LoadedStudy, require_model
+from flexfem.study.outputs import ERRORS
 from flexfem.study.plan import Study
-from flexfem.study.tables import Drifting, Drive, Frequencies, Lasting, Output
+from flexfem.study.tables import Output
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
 from flexfem.verify.case import known_formula
 

@@ -32,9 +32,10 @@ from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
-from flexfem.study.columns import Factor, columns_of, outputs_of
+from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Refused, Shown, findings
 from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.outputs import outputs_of
 from flexfem.study.probes import nominal, own_values
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Indices, Percentile

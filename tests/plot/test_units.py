@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from flexfem.plot.text import percent, round_factor, scientific, significant
 from flexfem.stage.keys import keys
-from flexfem.study.columns import outputs_of
+from flexfem.study.outputs import outputs_of
 from flexfem.units import (
     COMMANDS,
     COMPLIANCE,

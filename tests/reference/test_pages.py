@@ -16,8 +16,8 @@ from flexfem.reference.pages import PAGES, page
 from flexfem.refused import BadInput
 from flexfem.stage.actuators import catalogue
 from flexfem.stage.materials import materials
-from flexfem.study.columns import outputs_of
 from flexfem.study.meanings import MEANINGS
+from flexfem.study.outputs import outputs_of
 from flexfem.validate.manual import VERIFIES, manual
 from flexfem.validate.records import Finding
 from flexfem.validate.registry import BENCHMARKS

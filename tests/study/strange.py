@@ -15,8 +15,8 @@ import numpy as np
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer
 from flexfem.study.cluster import DaskPool
-from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import parts_of
 from flexfem.study.pool import LocalPool
 from flexfem.study.run import run_study

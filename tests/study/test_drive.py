@@ -14,9 +14,9 @@ from flexfem.stage.driven_designs import drives_of
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import Stage
 from flexfem.study.answer import answer_designs
-from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.outputs import DRIVE_RANGES, ENGAGED
 from flexfem.study.sampling import sample
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.driven_models import commanding

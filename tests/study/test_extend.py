@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from flexfem.study.collect import collect
-from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import Parts, Shard, parts_of
 from flexfem.study.run import run_study
 

@@ -12,8 +12,8 @@ from flexfem.analytic.dynamics import dynamics
 from flexfem.analytic.model import analyse
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.columns import FREQUENCIES
 from flexfem.study.designs import stage_of
+from flexfem.study.outputs import FREQUENCIES
 from flexfem.study.sampling import sample
 from flexfem.verify.modes import payload_of
 

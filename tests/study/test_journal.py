@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.study.columns import Rows
 from flexfem.study.content import forget_rows, journal_path, keep_row, kept_rows
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import parts_of
 
 

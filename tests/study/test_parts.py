@@ -20,10 +20,10 @@ from flexfem.commands.study import status
 from flexfem.refused import BadInput
 from flexfem.study.collect import collect
 from flexfem.study.collected import read_table
-from flexfem.study.columns import Rows
 from flexfem.study.content import COUNTS, kind_of, read_part, write_part
 from flexfem.study.folder import remove, set_apart, stale_parts, survey
 from flexfem.study.loaded import load_study
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import KEY, Shard, parts_of, sweep
 from flexfem.study_answers import clean_facts, status_facts
 from flexfem.study_answers import counts_facts as counted
@@ -242,7 +242,7 @@ def test_killed_while_writing_a_part_is_whole_or_not_there(written):
         "from flexfem.study.content import write_part\n"
         "from flexfem.study.parts import parts_of\n"
         "from flexfem.study.loaded import load_study\n"
-        "from flexfem.study.columns import failed_row\n"
+        "from flexfem.study.outputs import failed_row\n"
         "from pathlib import Path\n"
         "parts = parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 1)\n"
         "rows = failed_row(len(parts.loaded.outputs), 'failed', 'x')\n"

@@ -18,8 +18,8 @@ from flexfem.fem.sectors import mesh_sectors
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.schema import Override, Stage
 from flexfem.study.answer import answer, solved_values
-from flexfem.study.columns import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.verify.errors import compare, grid_convergence, mesh_band
 from flexfem.verify.protocol import solve_stage
 

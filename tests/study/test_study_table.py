@@ -11,9 +11,9 @@ import pytest
 from flexfem.refused import BadInput
 from flexfem.study.collect import check_target, collect, table_path
 from flexfem.study.collected import read_table
-from flexfem.study.columns import Rows
 from flexfem.study.content import table_of, write_part
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.outputs import Rows
 from flexfem.study.parts import PARQUET, Parts, parts_of
 from flexfem.study.sampling import sample
 
