@@ -1180,13 +1180,6 @@ MUTATIONS = [
         "test_factors_go_to_the_stages_they_are_of_and_what_cannot_be_made_is_left_out_and_counted",
     ),
     Mutation(
-        "one platform for two stages that differ in it",
-        "_bodies",
-        "known != (known := _a)",
-        "known is None and (known := _a)",
-        "test_unlike_platforms_have_their_own_compliance",
-    ),
-    Mutation(
         "mass counted twice",
         "mass_matrices",
         "areal * _a",

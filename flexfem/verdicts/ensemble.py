@@ -8,15 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import bars_compliance, body_compliance
+from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import CALIBRATED, at_rest, hinge_compliances, in_range, unanswered
-from flexfem.analytic.platform import platform_compliance
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.toml import bad_key
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs, elastic, lower
+from flexfem.stage.designs import Designs, lower
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import CHAINS, Stage
+from flexfem.stage.schema import Stage
 from flexfem.study.columns import Column
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.sampling import INSIDE, at_quantile, monte_carlo
@@ -67,7 +66,7 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
     Raises BadInput where there is none.
     """
     values, sides = drawn_values(loaded), {side: side_of(loaded, side) for side in SIDES}
-    kept, pairs, bodies, off_chart = list[int](), list[list[Stage]](), list[list[Array]](), 0
+    kept, pairs, off_chart = list[int](), list[list[Stage]](), 0
     for index, row in enumerate(values):
         watch(index, len(values))
         try:
@@ -77,7 +76,8 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
             if not all(_on_chart(stage) for stage in pair):
                 off_chart += 1
                 continue
-            bodies.append(_bodies(pair))
+            for stage in pair:
+                body_compliance(stage)  # refuses bodies that cannot be drawn
         except BadInput:
             continue
         kept.append(index)
@@ -90,25 +90,22 @@ def populate(loaded: LoadedClaims, watch: Watch = lambda done, of: None) -> Popu
             "made and judged, expected ranges that some can be made in",
         )
     three, six = (
-        metal_of(
-            tuple(pair[k] for pair in pairs),
-            designs_of(varied, values[kept][:, places]),
-            np.array([pair[k] for pair in bodies]),
-        )
+        metal_of(tuple(pair[k] for pair in pairs), designs_of(varied, values[kept][:, places]))
         for k, (varied, places) in enumerate(sides.values())
     )
     return Population(values[kept], three, six, len(values), len(values) - len(kept) - off_chart, off_chart)
 
 
-def metal_of(stages: tuple[Stage, ...], designs: Designs, bodies: Array) -> Metal:
-    """The metal of n stages, also given as designs, with the compliances (n, 9, 9) of their bodies."""
+def metal_of(stages: tuple[Stage, ...], designs: Designs) -> Metal:
+    """The metal of n stages, also given as designs."""
+    bodies = np.array([body_compliance(stage) for stage in stages])
     hinges = hinge_compliances(designs, CALIBRATED)
     return Metal(stages, designs, bodies, inverse(at_rest(designs, hinges, freedoms_of(21), bodies).stiffness))
 
 
 def metal_of_stage(stage: Stage) -> Metal | None:
     """The metal of one stage, n = 1, as in an ensemble; None where it is off the chart."""
-    return metal_of((stage,), lower(stage), body_compliance(stage)[None]) if _on_chart(stage) else None
+    return metal_of((stage,), lower(stage)) if _on_chart(stage) else None
 
 
 def answered(designs: Designs, formula: str) -> AnyArray:
@@ -116,27 +113,6 @@ def answered(designs: Designs, formula: str) -> AnyArray:
     with np.errstate(all="ignore"):
         none = [each.where for each in unanswered(designs, formula, hinge_compliances(designs, formula))]
         return np.asarray(np.all(in_range(designs, formula), axis=(1, 2)) & ~np.any(none, axis=0))
-
-
-def _bodies(pair: list[Stage]) -> list[Array]:
-    """Compliance (9, 9) of the bodies of each of two stages; of platforms that are alike one is computed.
-
-    Raises BadInput when they cannot be drawn.
-    """
-    found: list[Array] = []
-    platform, known = np.zeros((9, 9)), None
-    for stage in pair:
-        material = elastic(stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
-        if known != (known := _about_platform(stage)):
-            platform = platform_compliance(stage, material)
-        found.append(bars_compliance(stage, material) + platform)
-    return found
-
-
-def _about_platform(stage: Stage) -> object:
-    """All that the compliance of the platform depends on."""
-    hinges = tuple(stage.hinge(chain, "platform") for chain in CHAINS)
-    return stage.model, stage.material, stage.thickness, stage.chain, stage.platform, hinges
 
 
 def _on_chart(stage: Stage) -> bool:
