@@ -44,7 +44,7 @@ KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
 def of_kind(kind: Kind) -> Rule:
     """A factor of a kind, in JSON schema: its keys, and no others."""
     needed, possible = _KEYS_OF[kind]
-    return both(has(*needed), without(*({*_OTHERS} - {*needed, *possible})))
+    return both(has(*needed), without(*(key for key in _OTHERS if key not in (*needed, *possible))))
 
 
 _OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import random
 import re
 import subprocess
+import sys
 import sysconfig
 import tomllib
 from functools import cache
@@ -320,6 +322,16 @@ def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
     with pytest.raises(BadInput, match=r"beside material\.name alone"):
         load_stage(path)
     assert not validator("stage").is_valid(content)
+
+
+def test_a_schema_is_the_same_whatever_seeds_the_hashes_of_names():
+    """Sets of names have another order in every process."""
+    made = "import json; from flexfem.reference.schemas import schema_of; print(json.dumps(schema_of('study')))"
+    ran = [
+        subprocess.run([sys.executable, "-c", made], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True)
+        for seed in ("1", "2")
+    ]
+    assert ran[0].stdout == ran[1].stdout != b""
 
 
 def test_a_name_in_a_table_of_materials_is_refused(tmp_path):
