@@ -19,7 +19,8 @@ def schema(
     format_name: Annotated[
         str | None,
         typer.Argument(
-            help="stage, case, study, claims, fixture, measured, material, stack or necks.", metavar="[FORMAT]"
+            help="stage, case, study, requirements, claims, fixture, measured, material, stack or necks.",
+            metavar="[FORMAT]",
         ),
     ] = None,
     output: Wanted = None,

@@ -14,6 +14,7 @@ from flexfem.stage.actuators import Catalogue
 from flexfem.stage.material_files import Entry
 from flexfem.stage.schema import Stage
 from flexfem.study.plan import Study
+from flexfem.synthesis.requirements import Requirements
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.as_built import Necks
 from flexfem.verify.case import Case
@@ -53,6 +54,12 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
             "Study file",
             "One TOML file a study: many designs of one base stage, and which model answers them. `flexfem study run` "
             "runs it.",
+        ),
+        "requirements": Format(
+            Requirements,
+            "Requirements file",
+            "One TOML file a design: a base stage, what of it is free, what is required of it and what is to be best. "
+            "`flexfem design` finds the stage.",
         ),
         "claims": Format(
             Claims,

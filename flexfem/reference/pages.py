@@ -169,6 +169,17 @@ def _outputs() -> str:
     return "## Outputs\n\n" + markdown_table(head, rows)
 
 
+def _quantities() -> str:
+    return """## Quantities
+
+Expressions name outputs of [studies](study.md) and keys of the stage file, and besides
+
+- `mass_kg`: of what is drawn;
+- `error_x_percent`, `error_y_percent`, `error_theta_percent`: error of the model of `paper_formula` along a command;
+- with `[tolerance]`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`: what the coupling does not exceed in 95 % of
+  stages, and `coupling_95`, of the largest of the three."""
+
+
 PAGES: Mapping[str, ReferencePage] = MappingProxyType(
     {
         "stage": ReferencePage("Stage files", (FormatTables("stage", without=("material", "actuator")),)),
@@ -184,6 +195,7 @@ PAGES: Mapping[str, ReferencePage] = MappingProxyType(
             "Set-ups of the experiment, and measurements",
             (FormatTables("fixture"), FormatTables("measured", without=("measured",)), FormatTables("necks")),
         ),
+        "requirements": ReferencePage("Requirements files", (FormatTables("requirements"),), _quantities),
         "claims": ReferencePage("Claims files", (FormatTables("claims"),)),
     }
 )

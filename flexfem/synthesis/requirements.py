@@ -7,14 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.files.digest import digest
+from flexfem.files.json_schema import either, ruled, says, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import bad_key, validate
@@ -29,7 +30,7 @@ from flexfem.study.outputs import ERRORS
 from flexfem.study.plan import Study
 from flexfem.study.tables import Output
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
-from flexfem.verify.case import known_formula
+from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 MASS = ("mass_kg",)
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
@@ -37,34 +38,58 @@ SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies
 
 
 class Requirements(Sourced):
-    """What a requirements file says; see docs/design.md for every key.
-
-    paper_formula : of the model whose error is asked by `error_x_percent` and the like, with the stage's own mobility.
-    accuracy_percent : within which the analytic model with its correction and finite elements are to agree.
-    resolution : triangles across a neck of the finest of three meshes.
-    """
+    """What a requirements file says."""
 
     kind: ClassVar[str] = "requirements file"
 
-    name: Label
-    stage: Label
-    formula: Annotated[str, AfterValidator(known_formula)] = CALIBRATED
-    paper_formula: Annotated[str, AfterValidator(known_formula)] = DEFAULT_FORMULA
-    mobility: Literal[3, 6, 12, 21] | None = 21
-    links: bool = False
-    seed: int = Field(ge=0, lt=2**63)
-    accuracy_percent: float = Field(default=0.1, gt=0, le=100)
-    resolution: int = Field(default=8, ge=8, le=64)
-    front: int = Field(default=7, ge=3, le=50)
-    free: tuple[Free, ...] = Field(min_length=1, max_length=30)
-    require: tuple[Require, ...] = Field(default=(), max_length=50)
-    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2)
-    output: tuple[Output, ...] = Field(default=(), max_length=50)
-    drive: Drive | None = None
-    frequencies: Frequencies | None = None
-    life: Lasting | None = None
-    drift: Drifting | None = None
-    tolerance: Tolerance | None = None
+    model_config = ConfigDict(
+        json_schema_extra=ruled(when(says("links", True), either(without("mobility"), says("mobility", 21))))
+    )
+
+    name: Label = Field(description="Of the stage that is made, and title of figures", examples=["Long range"])
+    stage: Label = Field(
+        description="File of the base stage, relative to this one; what is not free is as there",
+        examples=["stage.toml"],
+    )
+    formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
+    paper_formula: FormulaName = Field(
+        default=DEFAULT_FORMULA,
+        description="Of the model whose `error_x_percent` and the like are asked, with the stage's own mobility",
+    )
+    mobility: Mobility | None = Field(default=21, description="Of the analytic model")
+    links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
+    seed: int = Field(ge=0, lt=2**63, description="What the search draws from", examples=[2003])
+    accuracy_percent: float = Field(
+        default=0.1,
+        gt=0,
+        le=100,
+        description="Within which the corrected analytic model and finite elements are to agree at the optimum",
+    )
+    resolution: int = Field(
+        default=8, ge=8, le=64, description="Triangles across every neck, of the finest of three meshes"
+    )
+    front: int = Field(default=7, ge=3, le=50, description="With several objectives: designs of their front")
+    free: tuple[Free, ...] = Field(
+        min_length=1, max_length=30, description="What may differ from the base stage; numbers in the unit of the key"
+    )
+    require: tuple[Require, ...] = Field(default=(), max_length=50, description="What the stage must keep")
+    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="What is to be best")
+    output: tuple[Output, ...] = Field(
+        default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
+    )
+    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    frequencies: Frequencies | None = Field(
+        default=None, description="Asks for natural frequencies in the plane; the table may be empty"
+    )
+    life: Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
+    drift: Drifting | None = Field(
+        default=None, description="Asks for the drift with temperature; the table has no keys"
+    )
+    tolerance: Tolerance | None = Field(
+        default=None,
+        description="Asks for the couplings of stages whose nine necks scatter: `coupling_95`, `coupling_xy_95`, "
+        "`coupling_xt_95`, `coupling_yt_95`",
+    )
 
     @model_validator(mode="after")
     def _goes_together_as_a_study(self) -> Requirements:

@@ -2,31 +2,58 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
+from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, keywords, ruled, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table
 from flexfem.stage.schema import Label
-from flexfem.study.columns import Factor
+from flexfem.study.columns import MANY, Factor, Number
 from flexfem.study.tables import Expression
 
 MOST_POINTS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
+QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
+
+
+def _of_studies_alone(schema: Rule) -> None:
+    """Leave out the keys of a factor that no free dimension takes."""
+    for key in ("points", "distribution", "mean", "sd", "lower", "upper"):
+        del schema["properties"][key]
 
 
 class Free(Factor):
-    """A dimension that is free between two ends, or one of a list; all numbers in the units of the stage file.
-
-    step : it is `from` and a whole number of steps, up to `to`; None leaves it continuous.
-    """
+    """A dimension that is free between two ends, or one of a list; all numbers in the units of the stage file."""
 
     named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
 
-    step: float | None = Field(default=None, gt=0)
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            when(has("key"), without("keys"), has("keys")),
+            when(has("values"), without("from", "to", "scale", "step"), has("from", "to")),
+            also=_of_studies_alone,
+        )
+    )
+
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed; by default the key", examples=["all necks"]
+    )
+    values: tuple[Number, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY,
+        description="Instead of `from` and `to`: a list, of which it is one",
+        examples=[[1.5, 2.0, 3.0]],
+    )
+    step: Annotated[float, Field(gt=0), keywords(**OF_THE_KEY)] | None = Field(
+        default=None,
+        description="It is `from` and a whole number of these, up to `to`; left out it is continuous",
+        examples=[0.005],
+    )
 
     @model_validator(mode="after")
     def _is_a_range_or_a_list(self) -> Free:
@@ -55,15 +82,20 @@ class Free(Factor):
 
 
 class Require(Table):
-    """Ends between which a quantity, an expression of columns and keys, must lie.
+    """Ends between which a quantity, an expression of columns and keys, must lie."""
 
-    label : how it is called in what is printed.
-    """
+    model_config = ConfigDict(json_schema_extra=ruled(either(has("at_least"), has("at_most"))))
 
-    quantity: Expression
-    at_least: float | None = None
-    at_most: float | None = None
-    label: Label | None = None
+    quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
+    at_least: float | None = Field(
+        default=None, description="The lower end", examples=[100.0], json_schema_extra=OF_THE_KEY
+    )
+    at_most: float | None = Field(
+        default=None, description="The upper end; one of both or both", examples=[150.0], json_schema_extra=OF_THE_KEY
+    )
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed", examples=["stiffness in X"]
+    )
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Require:
@@ -82,9 +114,17 @@ class Require(Table):
 class Objective(Table):
     """A quantity that is to be as large, or as small, as can be."""
 
-    maximise: Expression | None = None
-    minimise: Expression | None = None
-    label: Label | None = None
+    model_config = ConfigDict(json_schema_extra=ruled(when(has("maximise"), without("minimise"), has("minimise"))))
+
+    maximise: Expression | None = Field(
+        default=None, description="An expression that is to be as large as can be", examples=["range_x_um"]
+    )
+    minimise: Expression | None = Field(
+        default=None, description="Instead: one that is to be as small as can be", examples=["envelope_mm"]
+    )
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed", examples=["range at yield in X"]
+    )
 
     @model_validator(mode="after")
     def _goes_one_way(self) -> Objective:
@@ -109,12 +149,8 @@ class Objective(Table):
 
 
 class Tolerance(Table):
-    """Scatter of the nine necks about their widths, each by itself: the largest coupling of 95 % of stages is asked.
+    """Scatter of the nine necks about their widths, each by itself: the largest coupling of 95 % of stages is asked."""
 
-    neck_um : standard deviation.   stages : how many are drawn, the same for every design.
-    checked : how many of them finite elements solve at the optimum.
-    """
-
-    neck_um: float = Field(gt=0, le=1000)
-    stages: int = Field(default=64, ge=20, le=1024)
-    checked: int = Field(default=0, ge=0, le=1024)
+    neck_um: float = Field(gt=0, le=1000, description="Standard deviation of every neck", examples=[5.0])
+    stages: int = Field(default=64, ge=20, le=1024, description="How many are drawn, the same for every design")
+    checked: int = Field(default=0, ge=0, le=1024, description="How many of them finite elements solve at the optimum")

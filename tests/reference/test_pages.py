@@ -65,6 +65,7 @@ def test_every_table_of_every_format_is_on_a_page():
         ("stage", {"name", "chain", "between"}),
         ("case", {"label", "stage"}),
         ("study", {"key", "method", "factors", "coefficient", "expression", "value", "kind", "name"}),
+        ("requirements", {"neck_um", "quantity", "name", "expression"}),
         ("claims", {"id", "statement", "where", "measure", "key", "designs", "seed"}),
         ("fixture", {"name"}),
     ],
@@ -75,7 +76,7 @@ def test_keys_are_marked_that_a_file_must_give(name, besides):
     if name == "stage":
         must -= {"youngs_modulus_gpa", "poissons_ratio", "density_kg_m3", "yield_strength_mpa"}
     marked = {row.key for table in tables_of(name) for row in table.rows if row.needed}
-    assert must - {"curve", "factor", "claim", "pole"} <= marked <= must | besides
+    assert must - {"curve", "factor", "free", "objective", "claim", "pole"} <= marked <= must | besides
 
 
 def test_every_output_of_a_study_has_a_meaning():

@@ -38,6 +38,7 @@ SHIPPED = {
         *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
         ROOT / "flexfem/data/new-study.toml",
     ],
+    "requirements": sorted((ROOT / "cases").glob("design-*.toml")),
     "claims": [ROOT / "cases/claims.toml"],
     "fixture": [ROOT / "cases/fixture.toml"],
     "material": [ROOT / "flexfem/data/materials.toml"],
@@ -116,6 +117,7 @@ STACK = {"stack": "AE0505D16"}
 OWN = {"stroke_um": 17.4, "stiffness_n_per_um": 50.0}
 RANGE = {"key": "thickness_mm", "from": 8.0, "to": 12.0}
 SOBOL = (("sampling",), {"method": "sobol", "designs": 16, "seed": 3})
+ENVELOPE = {"quantity": "envelope_mm"}
 CONTRADICTIONS = {
     "length in metres": ("stage", (("thickness_mm",), 1e-9)),
     "negative neck": ("stage", (("hinges", "elbow", "neck_mm"), -0.5)),
@@ -191,6 +193,27 @@ CONTRADICTIONS = {
     "map of values": ("study", (("figure",), [{"kind": "map", "x": "a", "y": "b", "value": "c", "values": ["d"]}])),
     "constraint without an end": ("study", (("constraint",), [{"value": "range_x_um"}])),
     "name of a column with a blank": ("study", (("output",), [{"name": "a b", "expression": "kxx_n_per_mm"}])),
+    "misspelt free dimension": ("requirements", (("free", 0, "key"), "hinges.base.radius")),
+    "free and listed": ("requirements", (("free", 0, "values"), [1.5, 2.0])),
+    "step of a list": ("requirements", (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}])),
+    "free without an end": ("requirements", (("free", 0, "to"), None)),
+    "free dimension that scatters": (
+        "requirements",
+        (("free",), [{"key": "thickness_mm", "distribution": "normal", "sd": 0.1}]),
+    ),
+    "points of a free dimension": ("requirements", (("free", 0, "points"), 5)),
+    "nothing free": ("requirements", (("free",), [])),
+    "step of zero": ("requirements", (("free", 0, "step"), 0.0)),
+    "requirement without an end": ("requirements", (("require",), [ENVELOPE])),
+    "ends of a constraint": ("requirements", (("require",), [ENVELOPE | {"most": 150.0}])),
+    "larger and smaller": ("requirements", (("objective", 0, "minimise"), "envelope_mm")),
+    "neither larger nor smaller": ("requirements", (("objective", 0, "maximise"), None)),
+    "no objective": ("requirements", (("objective",), None)),
+    "links of a model without shear": ("requirements", (("links",), True), (("mobility",), 12)),
+    "meshes too coarse for a band": ("requirements", (("resolution",), 4)),
+    "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
+    "drive without a stroke": ("requirements", (("drive", "stroke_um"), None)),
+    "life without an amplitude": ("requirements", (("life", "amplitude_x_um"), None)),
     "claim with two expectations": ("claims", (("claim", 0, "equals"), [3.0]), (("claim", 0, "missing"), "a table")),
     "unknown measure": ("claims", (("claim", 0, "measure"), "mobilty")),
     "points of an ensemble": ("claims", (("ensemble", "factor", 0, "points"), 5)),
