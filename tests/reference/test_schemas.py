@@ -212,7 +212,7 @@ CONTRADICTIONS = {
     "links of a model without shear": ("requirements", (("links",), True), (("mobility",), 12)),
     "meshes too coarse for a band": ("requirements", (("resolution",), 4)),
     "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
-    "drive without a stroke": ("requirements", (("drive", "stroke_um"), None)),
+    "drive without a stroke": ("requirements", (("drive",), {"lever_arm_mm": 9.0})),
     "life without an amplitude": ("requirements", (("life", "amplitude_x_um"), None)),
     "claim with two expectations": ("claims", (("claim", 0, "equals"), [3.0]), (("claim", 0, "missing"), "a table")),
     "unknown measure": ("claims", (("claim", 0, "measure"), "mobilty")),
