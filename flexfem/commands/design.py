@@ -28,7 +28,7 @@ MOST_WORKERS = 1024
 
 @app.command()
 def design(
-    requirements: Annotated[Path, typer.Argument(help="Requirements file, see flexfem schema requirements.", metavar="FILE")],
+    requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
     output: Wanted = None,
     workers: Annotated[
         int, typer.Option(min=1, max=MOST_WORKERS, help="Processes for finite elements; 1 is this one.")
