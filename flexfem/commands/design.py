@@ -44,10 +44,9 @@ def design(
     with _told() as say:
         found = designs.design(requirements, output, workers, scheduler, say)
     if output is not None:
-        from flexfem.plot.design import design_figure
-        from flexfem.plot.write import write_beside
+        from flexfem.plot.write import write_design_figures
 
-        written = write_beside(output / f"{requirements.stem}-design.json", design_figure(found))
+        written = write_design_figures(found, output / f"{requirements.stem}-design.json")
         print(*map(str, written), sep="\n", file=sys.stderr)
     console.show(found, json, print_design)
     print(f"{time.monotonic() - began:.1f} s", file=sys.stderr)
@@ -87,6 +86,9 @@ def print_design(of: Designed) -> None:
     if of.requirements:
         head = ("requirement", "wanted", "value", "margin (%)", "", "1 % more costs the objective", "checked by")
         out.print(table(head, (_row(each) for each in of.requirements)))
+    asked = of.decisive
+    rows = [(name, *(_followed(row[each.name]) for each in asked)) for name, row in of.sensitivities.items()]
+    out.print(table(("change (%) for 1 % more of", *(each.label for each in asked)), rows))
     for each in of.requirements:
         if each.relax_to is not None:
             out.print(f"relaxed least in all, {each.label} would be {each.relax_to:.6g}: {-each.margin_percent:.3g} %")
@@ -106,6 +108,10 @@ def print_design(of: Designed) -> None:
 
 def _end(of: Designed, name: str) -> str:
     return "at an end of its range" if name in of.at_ends else ""
+
+
+def _followed(value: float | None) -> str:
+    return "not known" if value is None else f"{value:+.3f}" if abs(value) < 1e3 else f"{value:+.2e}"
 
 
 def _value(of: Stated) -> str:

@@ -11,6 +11,8 @@ from flexfem import studies
 from flexfem.commands import comparisons, console
 from flexfem.commands.at_work import working
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
+from flexfem.files.refusals import place_of
+from flexfem.refused import BadInput
 from flexfem.units import Direction
 
 app = typer.Typer()
@@ -164,7 +166,7 @@ def claims(
 
 @app.command()
 def plot(
-    results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify.", metavar="RESULT...")],
+    results: Annotated[list[Path], typer.Argument(help="Results of flexfem verify or design.", metavar="RESULT...")],
     output: Output = studies.REPORTS,
     displacement: Annotated[
         bool, typer.Option("--displacement", help="Show displacements in the commanded direction, errors across.")
@@ -172,10 +174,18 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
-    from flexfem.plot.write import write_figures
+    from flexfem.plot.write import write_design_figures, write_figures
+    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_fields, read_result
 
-    read = [(path, read_result(path)) for path in results]
-    stored = [(result, read_fields(path, result)) for path, result in read]
-    with console.side_by_side() as each:
-        console.show_written(write_figures(stored, output, each, displacement), json)
+    designs = [(path, read_design(path)) for path in results if is_design(path)]
+    read = [(path, read_result(path)) for path in results if path not in dict(designs)]
+    if displacement and not read:
+        raise BadInput(f"{place_of(results[0])}: --displacement with a design, expected results of flexfem verify")
+    stored, written = [(result, read_fields(path, result)) for path, result in read], list[Path]()
+    if stored:
+        with console.side_by_side() as each:
+            written += write_figures(stored, output, each, displacement)
+    for path, found in designs:
+        written += write_design_figures(found, output / path.name)
+    console.show_written(written, json)

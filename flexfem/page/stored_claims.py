@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
-from flexfem.verify.result_files import first_mistake, stored_json
+from flexfem.verify.result_files import first_mistake, stored_json, stores
 
 if TYPE_CHECKING:
     from flexfem.verdicts.records import ClaimsReport
@@ -16,11 +15,7 @@ if TYPE_CHECKING:
 
 def is_claims(path: Path) -> bool:
     """Whether a file is plainly one of claims; what else it may be is not looked at."""
-    try:
-        data = json.loads(stored_json(path))
-    except (BadInput, ValueError, RecursionError):
-        return False  # whoever reads it as a result says what is wrong
-    return isinstance(data, dict) and "verdicts" in data
+    return stores(path, "verdicts")
 
 
 def read_claims(path: Path) -> ClaimsReport:

@@ -28,6 +28,7 @@ _HOMES = {
     "reach": ("plot_section", "plot_solid"),
     "frequency_response": ("plot_response",),
     "solid_modes": ("plot_solid_mode",),
+    "sensitivity": ("plot_sensitivity",),
     "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
     "study_map": ("plot_map",),
     "study_pareto": ("plot_front",),

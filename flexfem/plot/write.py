@@ -12,12 +12,15 @@ from matplotlib.figure import Figure
 
 from flexfem.files.writing import write_atomically
 from flexfem.plot.curves import error_figure
+from flexfem.plot.design import design_figure
 from flexfem.plot.displacement import deformed_figure
 from flexfem.plot.hinge_sketch import hinge_sketch
 from flexfem.plot.model_sketch import model_sketch
+from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
+from flexfem.synthesis.result import Designed
 from flexfem.verify.result import CurveModels, Fields, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]
@@ -67,6 +70,12 @@ def drawn(plan: Plan) -> list[bytes]:
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
     """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
+
+
+def write_design_figures(found: Designed, stored: Path) -> list[Path]:
+    """Draw a design, and its sensitivity to each dimension, beside its record. Raises BadInput."""
+    beside = stored.with_name(f"{stored.stem}-sensitivity.json")
+    return [*write_beside(stored, design_figure(found)), *write_beside(beside, sensitivity_figure(found))]
 
 
 def plans(results: list[Stored], displacement: bool = False) -> list[Plan]:

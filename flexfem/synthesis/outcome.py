@@ -186,9 +186,7 @@ def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDes
 
 
 def _sensitivities(model: Model, values: Array) -> dict[str, dict[str, float | None]]:
-    names = [*(each.said for each in model.loaded.requirements.objective)]
-    names += [each.said for each in model.loaded.requirements.require]
-    rows = sensitivities(model, values)
+    names, rows = model.loaded.requirements.quantities, sensitivities(model, values)
     return {
         column.name: {name: finite(float(value)) for name, value in zip(names, row, strict=True)}
         for column, row in zip(model.loaded.columns, rows, strict=True)

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from typing import Literal, TypeAlias
 
+from pydantic import Field, ValidationError, model_validator
+
+from flexfem.files.refusals import refusal
+from flexfem.stage.schema import Label, Stage
 from flexfem.units import NONE, Unit, unit_of
 from flexfem.verify.result import Record
 
@@ -101,11 +106,11 @@ class Designed(Record):
     design : the free dimensions in file units; relaxed : as they would be without steps, in the model.
     stage : text of the stage file.   feasible : whether every requirement is met or within its band.
     agreed : whether model and finite elements came to agree within `accuracy_percent`.
-    sensitivities : by dimension and quantity, per cent for 1 %.   evaluations : by model.
+    sensitivities : by dimension and quantity (`Stated.name`), per cent for 1 %.   evaluations : by model.
     history : of the first search.
     """
 
-    name: str
+    name: Label
     file: str
     base: str
     hash: str
@@ -116,19 +121,44 @@ class Designed(Record):
     stage: str
     feasible: bool
     agreed: bool
-    objectives: list[Goal]
+    objectives: list[Goal] = Field(min_length=1)
     requirements: list[Requirement]
     alternatives: list[SoleRelaxation]
     at_ends: list[str]
     sensitivities: dict[str, dict[str, float | None]]
-    rounds: list[Turn]
+    rounds: list[Turn] = Field(min_length=1)
     front: list[FrontDesign]
-    history: list[Step]
+    history: list[Step] = Field(min_length=1)
     evaluations: dict[str, int]
     assumed: list[str]
     not_stated: list[str]
     warnings: list[str]
     versions: dict[str, str]
+
+    @model_validator(mode="after")
+    def _parts_belong_together(self) -> Designed:
+        try:
+            Stage.model_validate(tomllib.loads(self.stage))
+        except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
+            raise refusal("the text of a stage file", "stage") from None
+        quantities = {each.name for each in (*self.objectives, *self.requirements)}
+        for name in self.design:
+            if name not in self.relaxed:
+                raise refusal("each of the dimensions", "relaxed")
+            if set(self.sensitivities.get(name, ())) != quantities:
+                raise refusal("each of the quantities", "sensitivities", name)
+        for index, each in enumerate(self.front):
+            if not len(each.values) == len(each.predicted) == len(self.objectives):
+                raise refusal("a value of each objective", "front", index)
+        return self
+
+    @property
+    def decisive(self) -> list[Stated]:
+        """Objectives and active requirements, each quantity once."""
+        found = dict[str, Stated]()
+        for each in (*self.objectives, *(one for one in self.requirements if one.active)):
+            found.setdefault(each.name, each)
+        return list(found.values())
 
 
 def finite(value: float) -> float | None:

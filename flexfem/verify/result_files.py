@@ -46,6 +46,15 @@ def stored_json(path: str | os.PathLike[str]) -> bytes:
     return read_bytes(Path(path), LARGEST)
 
 
+def stores(path: str | os.PathLike[str], *keys: str) -> bool:
+    """Whether a file is plainly JSON with all these keys; what else it may be is not looked at."""
+    try:
+        data = json.loads(stored_json(path))
+    except (BadInput, ValueError, RecursionError):
+        return False  # whoever reads it says what is wrong
+    return isinstance(data, dict) and {*keys} <= {*data}
+
+
 def first_mistake(error: ValidationError) -> str:
     """Where stored JSON is not what it is to be, and why, in one line."""
     first = error.errors(include_url=False)[0]

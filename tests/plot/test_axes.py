@@ -12,6 +12,7 @@ import pytest
 from matplotlib import pyplot
 
 import flexfem
+from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import Caption, Quantity
 from flexfem.plot.study_map import StudyMap
@@ -113,7 +114,13 @@ def designed() -> Designed:
     asked = [Requirement(name=name, **found, **said, **ends) for name, found in (("a", met), ("b", missed))]
     front = [FrontDesign(design={}, values=[k, k / 500], predicted=[k, k / 499], met=True) for k in (99.0, 101.0)]
     history = [Step(evaluations=n, objective=k, missed=0.0) for n, k in ((10, None), (40, 90.0), (90, 99.0))]
-    return Designed.model_construct(objectives=goals, requirements=asked, front=front, history=history)
+    design = {"neck": 0.5, "link": 22.0, "pad": 3.0}
+    rows = zip(design, [(2.4, 1.0, 0.0, 0.7), (-1.0, 0.4, 0.0, -0.2), (None, 0.0, 0.0, 0.0)], strict=True)
+    followed = {key: dict(zip(("kxx_n_per_mm", "mass_kg", "a", "b"), row, strict=True)) for key, row in rows}
+    return Designed.model_construct(
+        name="One", objectives=goals, requirements=asked, front=front, history=history, design=design,
+        sensitivities=followed, at_ends=["link"], assumed=["a key"], not_stated=[],
+    )  # fmt: skip
 
 
 DRAWN: dict[str, Any] = {
@@ -152,6 +159,7 @@ DRAWN: dict[str, Any] = {
     "plot_remainders": lambda made: (Remainders(STEPS, STEPS, STEPS, STEPS**2, 99),),
     "plot_response": lambda made: (responding(), "theta", "load", "phase"),
     "plot_section": lambda made: (reached(),),
+    "plot_sensitivity": lambda made: (designed(), "b"),
     "plot_shapes": lambda made: (elastica(),),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
@@ -221,3 +229,26 @@ def test_margins_history_and_front_of_a_design_are_its_numbers():
     assert front.lines[2].get_xydata().tolist() == [[101.0, 0.2]]
     assert "N/mm" in front.get_xlabel() and "larger" in front.get_xlabel() and "smaller" in front.get_ylabel()
     pyplot.close(figure)
+
+
+def test_bars_of_a_sensitivity_are_its_numbers_and_what_is_not_known_has_none():
+    figure, ax = pyplot.subplots()
+    flexfem.plot.plot_sensitivity(ax, designed())
+    assert [bar.get_width() for bar in ax.patches] == [2.4, -1.0, 0.0]
+    assert [text.get_text() for text in ax.texts] == ["+2.4", "\N{MINUS SIGN}1.0", "not known"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["neck", "link (at an end)", "pad"]
+    assert ax.yaxis_inverted() and -ax.get_xlim()[0] == ax.get_xlim()[1] > 2.4
+    with pytest.raises(flexfem.BadInput, match='quantity "kyy_n_per_mm", expected one of kxx_n_per_mm, mass_kg, a, b'):
+        flexfem.plot.plot_sensitivity(ax, designed(), "kyy_n_per_mm")
+    pyplot.close(figure)
+
+
+def test_a_figure_of_sensitivities_has_objectives_and_active_requirements_on_one_scale():
+    one = designed()
+    free = one.requirements[0].model_copy(update={"active": False})
+    figure = sensitivity_figure(one.model_copy(update={"requirements": [free, one.requirements[1]]}))
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [
+        "stiffness, the larger the better", "stiffness, the smaller the better", "stiffness, at least 90"
+    ]  # fmt: skip
+    assert [ax.patches[0].get_width() for ax in figure.axes] == [2.4, 1.0, 0.7]
+    assert len({ax.get_xlim() for ax in figure.axes}) == 1

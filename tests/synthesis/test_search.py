@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.synthesis.model import WORST, Model
-from flexfem.synthesis.prices import prices
+from flexfem.synthesis.prices import prices, sensitivities
 from flexfem.synthesis.search import optimum
 
 from .conftest import HEAD, LINK, NECK, RADIUS, best, require
@@ -36,6 +36,8 @@ def test_a_thin_neck_at_its_rotational_stiffness_has_the_largest_radius_and_the_
     costs = prices(model, found.relaxed)
     assert costs.active == [True] and costs.price[0] == pytest.approx(0.2, rel=0.01)
     assert costs.at_ends == ["R"]
+    powers = sensitivities(model, np.array([0.002, 1.5]))  # of the range and of K
+    assert powers == pytest.approx(np.array([[-0.5, 2.5], [0.5, -0.5]]), rel=1e-2)
 
 
 def dense(model, points):
