@@ -87,8 +87,8 @@ def print_design(of: Designed) -> None:
         head = ("requirement", "wanted", "value", "margin (%)", "", "1 % more costs the objective", "checked by")
         out.print(table(head, (_row(each) for each in of.requirements)))
     asked = of.decisive
-    rows = [(name, *(_followed(row[each.name]) for each in asked)) for name, row in of.sensitivities.items()]
-    out.print(table(("change (%) for 1 % more of", *(each.label for each in asked)), rows))
+    followed = [(name, *(_followed(row[each.name]) for each in asked)) for name, row in of.sensitivities.items()]
+    out.print(table(("change (%) for 1 % more of", *(each.label for each in asked)), followed))
     for each in of.requirements:
         if each.relax_to is not None:
             out.print(f"relaxed least in all, {each.label} would be {each.relax_to:.6g}: {-each.margin_percent:.3g} %")

@@ -11,7 +11,6 @@ from flexfem import studies
 from flexfem.commands import comparisons, console
 from flexfem.commands.at_work import working
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
-from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.units import Direction
 
@@ -174,6 +173,7 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.files.refusals import place_of
     from flexfem.plot.write import write_design_figures, write_figures
     from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_fields, read_result
