@@ -19,6 +19,7 @@ from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, Tied, tie_hub
 from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Push, Stack, spread
 from flexfem.stage.designs import CHAIN_TURN, turned
+from flexfem.stage.tables import HINGE_NAMES
 
 DEGREE = 8  # of the quadrature of pushes, whose weights are no polynomials in a triangle
 
@@ -72,6 +73,26 @@ def stack_loads(mesh: StageMesh, tied: Tied, stacks: tuple[Stack, ...]) -> Array
     loads = tied.loads(nodal)
     loads[-3:] += hub
     return loads
+
+
+def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
+    """Wrench (3 chains, 3 hinges, 3, k) that each neck carries, at the platform centre, N and N mm, of fields
+    (k, n, 2), mm: that of the bodies beyond it on those before.
+
+    Notes
+    -----
+    The nodal forces of the triangles of one body on the nodes of its neck: those of its pushes are in the body.
+    """
+    found = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
+    for chain in range(3):
+        for hinge, name in enumerate(HINGE_NAMES):
+            before = mesh.bodies == 4 * chain + hinge
+            part = mesh._replace(triangles=mesh.triangles[before], bodies=mesh.bodies[before])
+            nodes = np.unique(mesh.edges[f"neck {chain + 1} {name}"])
+            x, y = mesh.nodes[nodes].T
+            fx, fy = np.moveaxis(internal_forces(integration(part), plate, fields)[:, nodes], -1, 0)
+            found[chain, hinge] = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
+    return found
 
 
 def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:

@@ -107,9 +107,10 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     if study.model == "three_dimensional":
         found = ask_solid(stage, study.resolution, study.layers, clock)
     else:
-        found = ask_elements(
-            stage, study.resolution, clock, predicted, study.bands, drawn.payload(loaded), _repeated(loaded)
-        )
+        asked = drawn.payload(loaded), _repeated(loaded), study.driven, study.drift is not None
+        found = ask_elements(stage, study.resolution, clock, predicted, study.bands, *asked)
+        if found.drives is not None and np.isnan(found.drives.range).any():
+            raise BadInput(UNMOVED)
     return np.asarray(values_of(found, study.rotation)[0])
 
 

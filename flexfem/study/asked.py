@@ -23,7 +23,7 @@ class Drive(Table):
 
     actuators: bool = Field(
         default=False,
-        description="With `analytic`: asks about the base stage's own `[[actuator]]` tables, outputs "
+        description="Not with `three_dimensional`: asks about the base stage's own `[[actuator]]` tables, outputs "
         "`drive_range_x_um` and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: "
         "`actuator.base.arm_mm`, and on one chain `override.2.actuator.base.preload_n` (a star for the chain); a "
         "number that the actuator does not state is none. The drive is part of such a study's identity. Contacts on "

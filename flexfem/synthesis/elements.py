@@ -100,17 +100,21 @@ class ProposedElements:
         own = self.loaded.requirements
         factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(stage)]}),)
         model = "three_dimensional" if self.solid else "verify" if own.asked & {*ERRORS} else "fe"
-        drive = own.drive
-        if drive is not None and drive.actuators:
-            strokes = {"stroke_um": drive.stroke_um, "lever_arm_mm": drive.lever_arm_mm}
-            drive = None if drive.stroke_um is None else Drive.model_validate(strokes)
         changes = {"factor": factors, "sampling": Sampling(method="grid"), "model": model, "resolution": resolution}
-        changes |= {"layers": layers, "bands": False, "drive": drive, "drift": None, "links": False, "mobility": None}
+        changes |= {"layers": layers, "bands": False, "links": False, "mobility": None}
         changes |= {"formula": own.paper_formula, "time_limit": LIMIT, "check": None}
-        changes |= {"frequencies": None, "life": None} if self.solid else {}
+        changes |= {"frequencies": None, "life": None, "drift": None, "drive": self._strokes} if self.solid else {}
         loaded = self.loaded.study
         study = loaded.study.model_copy(update=changes)
         return replace(loaded, study=study, stage=stage, columns=columns_of(factors), given=None)
+
+    @property
+    def _strokes(self) -> Drive | None:
+        """The drive that is asked about without its actuators."""
+        of = self.loaded.requirements.drive
+        if of is None or of.stroke_um is None:
+            return None
+        return of.model_copy(update={"actuators": False})
 
     def _solved(self, tasks: Sequence[Solve], say: Callable[[str], object]) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is kept is not solved again."""

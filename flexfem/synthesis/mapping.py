@@ -13,12 +13,14 @@ from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
 from flexfem.study.designs import designs_of
+from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS
 from flexfem.study.versions import versions_of
 from flexfem.synthesis import extra
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.requirements import SCATTERED
 from flexfem.synthesis.search import BestDesign, Say, optimum
+from flexfem.verify.corners import corner_bands
 from flexfem.verify.errors import mesh_band
 
 ROUNDS = 8  # at most
@@ -115,7 +117,7 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
     by_mesh = [own | found for found in meshed.columns]
     corrections = {name: correction_of(own[name], value) for name, value in meshed.columns[-1].items() if name in own}
     quantities = np.array([_quantities(model, each) for each in by_mesh])
-    bands = np.array([_band(meshed.resolutions, each) for each in quantities.T])
+    bands = _bands(model, meshed.resolutions, quantities)
     if scattered is not None:
         some = _scatter_of_model(model, values)
         corrections |= {name: correction_of(some[name], scattered.columns[-1][name]) for name in SCATTERED}
@@ -131,6 +133,16 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
 
 def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
     return np.asarray(model.quantities({name: np.array([value]) for name, value in columns.items()}, 1)[0])
+
+
+def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:
+    """Half-widths (q,) by meshes of quantities (levels, q); of those of drives and drift by the order of corners."""
+    of = model.loaded.requirements
+    slow = [bool(of.names_of(text) & {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}) for text in of.quantities]
+    plain = np.array([_band(resolutions, each) for each in values.T])
+    if not any(slow):
+        return plain
+    return np.where(slow, np.maximum(plain, corner_bands(np.array(resolutions, dtype=float), values)), plain)
 
 
 def _band(resolutions: tuple[int, ...], values: Array) -> float:

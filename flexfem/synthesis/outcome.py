@@ -25,8 +25,7 @@ from flexfem.synthesis.result import Checked, Designed, FrontDesign, Goal, Requi
 from flexfem.synthesis.search import Say
 from flexfem.verify.result import versions
 
-OF_MODEL = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS)  # no finite elements answer these here
-PLANE_ALONE = (*FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
+PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
 SHOWN = 200  # steps of a history
 OTHERS = 10_000  # stages that a coupling under tolerance is also stated for
 
@@ -113,7 +112,7 @@ def _named(loaded: LoadedRequirements, values: Array) -> dict[str, float]:
 def checked_by(model: Model, expression_names: frozenset[str], solid: bool) -> Checked:
     """What the value of a quantity rests on, by all names that it uses."""
     tolerance = model.loaded.requirements.tolerance
-    unchecked = {*OF_MODEL, *({*PLANE_ALONE} if solid else ())}
+    unchecked = {*PLANE_ALONE} if solid else set[str]()
     unchecked |= {name for name in expression_names if name.startswith(("life_", "safety_")) and solid}
     unchecked |= {*SCATTERED} if tolerance is None or not tolerance.checked or solid else set()
     if expression_names & unchecked:
@@ -203,8 +202,6 @@ def _warnings(loaded: LoadedRequirements, found: Mapped, last: Proof) -> list[st
     if not found.agreed:
         gap = 100 * found.rounds[-1].gap
         said.append(f"after {len(found.rounds)} rounds model and finite elements still differ by {gap:.3g} %")
-    if loaded.study.study.driven:
-        said.append("ranges and stiffness with the drive are of the analytic model: no finite elements check them here")
     tolerance = loaded.requirements.tolerance
     if tolerance is not None and not tolerance.checked:
         said.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")

@@ -31,13 +31,13 @@ from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.origin import located
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.verify import warning
+from flexfem.verify.corners import pose_bands
 from flexfem.verify.driven_models import best_model
-from flexfem.verify.errors import CAUTIOUS, ROUND_OFF, levels
+from flexfem.verify.errors import levels
 from flexfem.verify.result import Fields, Matrix, OfStage, Record, about
 
 Case: TypeAlias = Literal["uniform", "gradient in x", "gradient in y"]
 CASES: tuple[Case, ...] = get_args(Case)
-CORNER_ORDER = 1.4  # twice the exponent of stress at a clamped edge's corner, 0.69 at nu = 0.33, 0.71 at 0.3 (Williams)
 UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
 _MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
 UNLIKE_CHAINS = {  # factors on the necks of each chain; stated before anything was measured with them
@@ -232,24 +232,6 @@ def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[_Warm]:
         fields = Fields(**dict(zip(Fields.model_fields, drawn, strict=True)))
         found.append(_Warm(one, bands[:, k], fields, mesh.edges["ground"]))
     return found
-
-
-def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
-    """Half-widths (3, cases) of the mesh uncertainty of poses (levels, 3, cases) on three meshes, coarse to fine.
-
-    Notes
-    -----
-    Both differences between the meshes are taken to the finest by the order of the clamped edges' corners; the larger,
-    with a safety factor, bounds every component, rotations with the lever. One that is round-off on every mesh has the
-    largest of its values.
-    """
-    scale = np.array([1.0, 1.0, lever])[:, None]
-    scaled, (n3, n2, n1) = poses * scale, resolutions**CORNER_ORDER
-    errors = (scaled[2] - scaled[1]) / (n1 / n2 - 1), (scaled[1] - scaled[0]) / (n1 / n3 - n1 / n2)
-    common = CAUTIOUS * np.max(np.abs(errors), axis=(0, 1))
-    largest = np.max(np.abs(scaled), axis=0)
-    silent = largest <= ROUND_OFF * np.max(largest, axis=0)
-    return np.asarray(np.where(silent, largest, common) / scale)
 
 
 def _unlike(stage: Stage, mobility: int | None, formula: str, links: bool) -> list[list[float]] | None:

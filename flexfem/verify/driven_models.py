@@ -9,7 +9,7 @@ import numpy as np
 from flexfem.analytic.drive import DrivenModel, driven_model
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
 from flexfem.arrays import Array
-from flexfem.fem.drive import DrivenResponse, driven_response
+from flexfem.fem.drive import DrivenResponse, driven_response, neck_wrenches
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
@@ -19,6 +19,7 @@ from flexfem.stage.contacts import Stack
 from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
+from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
 from flexfem.verify.driven import Driven, Motion, driven, moved
 from flexfem.verify.neck_limits import NeckForces, NeckSections, neck_forces, sections_of, stress_along
 
@@ -69,6 +70,22 @@ def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:
     known = 3 + len(drive.stacks)
     response = DrivenResponse(C[:known, :known], fields[:known])
     return DrivenMetal(mesh, response, driven(response.compliance, drive), C[:known, known:])
+
+
+def metal_answers(stage: Stage, mesh: StageMesh) -> DriveAnswers:
+    """What the drive of a stage does, n = 1, by finite elements on a mesh of it.
+
+    Notes
+    -----
+    Forces, poses and what the necks carry are of the finite elements; the stress of necks is that of `neck_limits`.
+
+    Raises as `driven_response`, and BadInput without actuators.
+    """
+    drive, plate = drive_of(stage), plate_of(stage)
+    C, fields = driven_response(mesh, plate, drive.stacks)
+    numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
+    one = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
+    return drive_answers(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
 
 
 def with_friction(drive: StageDrive) -> tuple[Stack, ...]:

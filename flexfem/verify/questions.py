@@ -160,6 +160,8 @@ def ask_elements(
     bands: bool = True,
     payload: Payload | None = None,
     repeated: Repeated | None = None,
+    driven: bool = False,
+    warm: bool = False,
 ) -> Answers:
     """Finite elements of one feasible design, n = 1.
 
@@ -168,6 +170,7 @@ def ask_elements(
     predicted : (3, 3), the stiffness by which (18) predicts the loads, to ask for its errors.
     bands : ask for the mesh bands of these too, from coarser meshes.
     payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `ask_formulas`.
+    driven, warm : ask what the stage's own drive does, and for its drift.
 
     Raises
     ------
@@ -176,7 +179,10 @@ def ask_elements(
     """
     from flexfem.fem.cyclic_fields import base_rotations, neck_stresses
     from flexfem.fem.cyclic_fields import envelope as meshed
+    from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
+    from flexfem.fem.response import plate_of
+    from flexfem.verify.driven_models import metal_answers
     from flexfem.verify.modes import vibration
 
     response = elements(stage, resolution, clock)
@@ -192,6 +198,11 @@ def ask_elements(
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
         found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
+    if driven:
+        found = found._replace(drives=metal_answers(stage, response.mesh))
+    if warm:
+        expansions = (each.item() for each in in_plane(lower(stage)))
+        found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))
     if predicted is None:
         return found
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))

@@ -128,8 +128,23 @@ def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any
     assert not any("expansion" in key for key in (*plain.not_stated, *plain.assumed))
 
 
-@pytest.mark.parametrize("model", ["fe", "verify", "three_dimensional"])
-def test_models_without_drift_refuse_it(warm: Any, model: str) -> None:
+@pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
+def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any, plane: str) -> None:
+    (studies.folder / "stage.toml").write_text(toml_text(content(model=plane)))
+    loaded = study(studies, 'model = "fe"\nresolution = 8\n', 1)
+    (row,), (values,) = answer(loaded, 0, 1).values, sample(loaded, 0, 1)
+    cases = flexfem.drift(stage_of(loaded, values), resolution=8).cases
+    poses = np.array([cases[name].elements.pose for name in CASES]).T * np.array([[1e3], [1e3], [1e6]])
+    turn = np.linspace(0, np.pi, 20_001)
+    x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
+    np.testing.assert_allclose(row[-5:-2], poses[:, 0], rtol=1e-8)
+    np.testing.assert_allclose(row[-2:], [np.max(np.hypot(x, y)), np.max(np.abs(theta))], rtol=1e-8)
+    model = study(studies, f"{HEAD}links = true\n", 1)
+    np.testing.assert_allclose(row[-5:], answer(model, 0, 1).values[0, -5:], rtol=3e-3)  # meshes, up to 0.2 %
+
+
+def test_three_dimensions_refuse_drift(warm: Any) -> None:
+    model = "three_dimensional"
     with pytest.raises(BadInput, match=rf'line \d+: drift = {{}}, expected no drift with model = "{model}"') as refused:
         study(warm, f'model = "{model}"\n', 4, "[drift]", FACTORS[:2])
     assert "\n" not in str(refused.value)

@@ -13,13 +13,13 @@ from flexfem.refused import BadInput
 from flexfem.stage.driven_designs import drives_of
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import Stage
-from flexfem.study.answer import answer_designs
+from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.outputs import DRIVE_RANGES, ENGAGED
 from flexfem.study.sampling import sample
 from flexfem.verify.drive_limits import limits_of_commands
-from flexfem.verify.driven_models import commanding
+from flexfem.verify.driven_models import commanding, driven_metal
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
@@ -82,16 +82,20 @@ def write(folder: Path, factors: dict[str, tuple[float, float]], head: str = HEA
     return load_study(folder / "study.toml")
 
 
-def ranges(stage: Stage, choice: tuple[int | None, str, bool]) -> tuple[Array, Array]:
-    """Range (3,) along each axis, mm and rad, the lesser of both ways, and stiffness engaged: one design, by HiGHS."""
+def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int | None = None) -> tuple[Array, Array]:
+    """Range (3,) along each axis, mm and rad, the lesser of both ways, and stiffness engaged: one design, by HiGHS.
+
+    resolution : of finite elements that push and move; what their necks carry is then the model's.
+    """
     one, drive = commanding(stage, *choice), drive_of(stage)
-    limits = limits_of_commands(stage, one, one.of, drive, np.zeros(3))
+    of = one.of if resolution is None else driven_metal(stage, resolution).of
+    limits = limits_of_commands(stage, one, of, drive, np.zeros(3))
     rows, ends = limits.rows, limits.bounds
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
     found = np.zeros((2, 3))
     for k, sign in enumerate((1.0, -1.0)):
         for axis in range(3):
-            pose = np.column_stack([-sign * np.eye(3)[axis], unit[:, None] * one.of.poses])  # um a um of the commands
+            pose = np.column_stack([-sign * np.eye(3)[axis], unit[:, None] * of.poses])  # um a um of the commands
             program = linprog(
                 np.append(-1.0, np.zeros(pose.shape[1] - 1)),
                 A_ub=np.column_stack([np.zeros(len(rows)), 1e-3 * rows / norm[:, None]]),
@@ -102,7 +106,7 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool]) -> tuple[Array, A
                 method="highs",
             )
             found[k, axis] = -1e-3 * program.fun / unit[axis]
-    return np.min(found, axis=0), np.diag(np.linalg.inv(one.of.engaged))
+    return np.min(found, axis=0), np.diag(np.linalg.inv(of.engaged))
 
 
 def same_as_one_by_one(loaded: LoadedStudy, choice: tuple[int | None, str, bool], count: int) -> int:
@@ -150,6 +154,36 @@ def test_preloads_of_single_stacks_stress_necks(tmp_path):
 def test_designs_with_elastic_links_are_as_one_stage_by_another_solver(tmp_path):
     loaded = write(tmp_path, FACTORS, HEAD.replace("mobility = 21", "mobility = 21\nlinks = true"))
     assert same_as_one_by_one(loaded, (None, "calibrated", True), 5) >= 4
+
+
+@pytest.mark.parametrize("strength", [12.0, 5.0e3])
+def test_finite_elements_drive_a_stage_as_by_another_solver(tmp_path, strength):
+    """With necks that yield, by the model's forces in them, and with none: the same ranges and stiffness engaged."""
+    numbers = {
+        "override.2.platform.neck_mm": 0.41,
+        "actuator.base.arm_mm": 8.0,
+        "material.yield_strength_mpa": strength,
+    }
+    factors = {key: (value, value + 1e-9) for key, value in numbers.items()}
+    head = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
+    loaded = write(tmp_path, factors, head)
+    row = dict(zip(loaded.outputs, answer(loaded, 0, 1).values[0], strict=True))
+    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    reach, engaged = ranges(stage, (None, "calibrated", True), 4)
+    carried = 1e-9 if strength > 1e3 else 3e-4  # of the necks, by either
+    np.testing.assert_allclose([row[column] for column in DRIVE_RANGES], 1e3 * reach, rtol=carried)
+    np.testing.assert_allclose([row[column] for column in ENGAGED], engaged, rtol=1e-9)
+    yields = ranges(stage.replace(material={"yield_strength": 5.0e3}), (None, "calibrated", True), 4)[0]
+    assert np.all(reach < 0.99 * yields) == (strength < 1e3)
+
+
+def test_finite_elements_refuse_a_drive_whose_preloads_make_a_neck_yield(tmp_path):
+    head = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
+    loaded = write(tmp_path, {"material.yield_strength_mpa": (30.0, 31.0)}, head)
+    text = (tmp_path / "stage.toml").read_text()
+    (tmp_path / "stage.toml").write_text(text.replace("pair = true", "pair = false"))
+    rows = answer(load_study(loaded.path), 0, 1)
+    assert rows.status.tolist() == ["refused"] and rows.reason[0] == UNMOVED
 
 
 def test_the_drives_of_many_designs_are_those_of_each(tmp_path):

@@ -146,8 +146,9 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "lever arm missing": ([(LAST, f"{LAST}[drive]\nstroke_um = 17.4\n")], ["lever_arm_mm is missing"]),
     "drive that asks nothing": ([(LAST, f"{LAST}[drive]\nactuators = false\n")], ["drive = {", "or stroke"]),
     "drive of a stage without one": ([(LAST, f"{LAST}[drive]\nactuators = true\n")], ["with [[actuator]]"]),
-    "drive of finite elements": (
-        [(LAST, f"{LAST}[drive]\nactuators = true\n"), (ANALYTIC, 'model = "fe"')], ["drive.actuators", "analytic"]),
+    "drive of three dimensions": (
+        [(LAST, f"{LAST}[drive]\nactuators = true\n"), (ANALYTIC, 'model = "three_dimensional"')],
+        ["drive.actuators", "in the plane"]),
     "factor of a drive not asked about": (
         [("material.youngs_modulus_gpa", "actuator.base.preload_n")], ["factor[1]", "actuators = true"]),
     "factor of no number of an actuator": (

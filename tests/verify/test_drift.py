@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.verify.drift import CASES, pose_bands
+from flexfem.verify.corners import corner_bands, pose_bands
+from flexfem.verify.drift import CASES
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}
@@ -153,6 +154,12 @@ def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zer
     found = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -1.4, 10.0)
     assert found[0, 0] > 8.0**-4 and found[2, 0] == pytest.approx(found[0, 0] / 10.0)
     assert found[1, 0] == pytest.approx(1e-12)
+
+
+def test_a_band_by_corners_is_the_larger_error_of_two_differences_times_three():
+    """Values 0.9, 1, 1.1 at 4, 6, 8: (8/6)^1.4 - 1 = 0.4959, and (8/4)^1.4 - (8/6)^1.4 = 1.1431."""
+    found = corner_bands(np.array([4.0, 6.0, 8.0]), np.array([[0.9, 0.0], [1.0, 1.0], [1.1, 1.0]]))
+    np.testing.assert_allclose(found, [3 * 0.1 / 0.4959, 3 * 1.0 / 1.1431], rtol=2e-4)
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -9,6 +9,8 @@ import pytest
 
 from flexfem.analytic.model import assemble
 from flexfem.analytic.stiffness import inverse_kinematics, stiffness
+from flexfem.fem.drive import neck_wrenches
+from flexfem.fem.response import plate_of
 from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Push, Stack
 from flexfem.stage.drives import StageDrive, drive_of
@@ -201,6 +203,18 @@ def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike):
     full = calibration(metal.of, model.of, drive, lever)
     x = commands_for(model.of, drive, full @ POSE, np.zeros(3), lever, "least energy")
     np.testing.assert_allclose(moved(metal.of, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
+
+
+def test_necks_of_finite_elements_carry_what_balances_and_what_the_model_says(unlike):
+    """Platform hinges together hold the load; base hinges, pushed from the frame alone, with the stacks there."""
+    drive, one, metal = drive_of(unlike), commanding(unlike, None, "calibrated", True), driven_metal(unlike, 4)
+    found = neck_wrenches(metal.mesh, plate_of(unlike), metal.response.fields)
+    np.testing.assert_allclose(found[:, 2, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
+    np.testing.assert_allclose(found[:, 0, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
+    lever = np.array([1.0, 1.0, unlike.chain.link_lengths[2]])[:, None]
+    size = np.max(np.abs(one.model.necks / lever), axis=(0, 1, 2))
+    assert found.shape == (3, 3, 3, 3 + len(drive.stacks))
+    assert np.max(np.abs(found - one.model.necks) / lever / size) < MESH
 
 
 def test_neck_stresses_of_shear_are_those_of_finite_elements(stage):
