@@ -18,11 +18,18 @@ GROUPS = {
     "Check and trust": ("benchmark", "cross-check", "regression", "baseline"),
 }
 OTHERS = "Other commands"
+OF_THE_SHELL = ("--install-completion", "--show-completion")
 SENTENCE = 400  # letters, of which a longer one shows the first
 
 
 class GroupedCommands(TyperGroup):
     """A group whose help has its commands in sections."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse the name of a shell, of which no notice would be taken: completion is of the shell that asks."""
+        if args and args[0] in OF_THE_SHELL and args[1:]:
+            ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
+        return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the sections, each command with its first sentence."""

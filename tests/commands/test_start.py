@@ -46,6 +46,15 @@ def test_completion_names_commands_options_and_commands_of_studies(flexfem, monk
         assert (code, sorted(out.split()), err) == (0, expected, "")
 
 
+@pytest.mark.parametrize("option", ["--show-completion", "--install-completion"])
+def test_completion_of_a_named_shell_is_refused_and_nothing_is_installed(option, flexfem, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    code, out, err = flexfem(option, "nosh")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"flexfem: {option} nosh: expected nothing behind it")
+    assert not (tmp_path / "home").exists()
+
+
 SHELLS = {
     "bash": 'source "$1"; COMP_WORDS=(flexfem st); COMP_CWORD=1; _flexfem_completion flexfem; echo "${COMPREPLY[@]}"',
     "zsh": 'compdef() {}; _arguments() { echo "$@" }; source "$1"; words=(flexfem st); CURRENT=2; _flexfem_completion',
