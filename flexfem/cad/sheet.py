@@ -76,9 +76,9 @@ def notes_of(stage: Stage, part: Part, kerf: float | None) -> Iterator[str]:
     if stage.chains_alike:
         yield "chains 2 and 3 as chain 1, turned by 120 and 240 degrees"
     if stage.assumed:
-        yield f"ASSUMED: {len(stage.assumed)} numbers of this stage"
+        yield f"ASSUMED: {len(stage.assumed)} numbers of geometry and material"
     if stage.not_stated:
-        yield f"NO STATED SOURCE: {len(stage.not_stated)} numbers of this stage"
+        yield f"NO STATED SOURCE: {len(stage.not_stated)} numbers of geometry and material"
     yield "In the models: clamped along the back edges of the pads, the hub hole filled by a rigid disc."
     if part.mounting:
         yield "Not in the models: the mounting holes."

@@ -79,6 +79,8 @@ def size_of(count: int) -> str:
 
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
+    from flexfem.stage.tables import scopes_of
+
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
     print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} open{elsewhere}")
@@ -99,9 +101,8 @@ def print_status(facts: dict[str, Any]) -> None:
     for text in facts["warnings"]:
         print(f"warning: {text}")
     print(f"stress: {facts['stress_accuracy']}")
-    if facts["assumed"]:
-        print(f"{len(facts['assumed'])} of the numbers behind it are assumed, not the paper's: --json lists them")
-    if facts["not_stated"]:
-        print(f"{len(facts['not_stated'])} of the numbers behind it have no stated source: --json lists them")
+    for key, said in (("assumed", "are assumed, not the paper's"), ("not_stated", "have no stated source")):
+        if facts[key]:
+            print(f"{len(facts[key])} of the numbers behind it {said} ({scopes_of(facts[key])}): --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")

@@ -159,9 +159,10 @@ def _print_matrix(out: Console, title: str, matrix: Array) -> None:
 
 def print_ending(out: Console, of: Any) -> None:
     """Print the warnings of a record, and how many numbers are in doubt."""
+    from flexfem.stage.tables import scopes_of
+
     for text in of.warnings:
         out.print(f"warning: {text}")
-    if of.assumed:
-        out.print(f"{len(of.assumed)} of these numbers are assumed, not the paper's: --json lists them")
-    if of.not_stated:
-        out.print(f"{len(of.not_stated)} of these numbers have no stated source: --json lists them")
+    for keys, said in ((of.assumed, "are assumed, not the paper's"), (of.not_stated, "have no stated source")):
+        if keys:
+            out.print(f"{len(keys)} of these numbers {said} ({scopes_of(keys)}): --json lists them")

@@ -6,7 +6,7 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, Field
@@ -183,3 +183,17 @@ def of_drive(key: str) -> bool:
 def of_heat(key: str) -> bool:
     """Whether a key path of a stage file, or of its provenance, is about expansion."""
     return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
+
+
+FILES = {"measured": "the measurements", "necks": "the measured necks"}  # where the word before a key is not the file's
+
+
+def scopes_of(doubted: Iterable[str]) -> str:
+    """What key paths of numbers in doubt are of, counted: "17 of geometry and material, 2 of the case"."""
+    counts: dict[str, int] = {}
+    for key in doubted:
+        file, _, own = key.rpartition(": ")
+        scope = "the drive" if of_drive(own) else "expansion" if of_heat(own) else "geometry and material"
+        scope = scope if file in ("", "stage") else FILES.get(file, f"the {file}")
+        counts[scope] = counts.get(scope, 0) + 1
+    return ", ".join(f"{count} of {scope}" for scope, count in counts.items())

@@ -219,7 +219,9 @@ def test_a_dxf_states_dimensions_that_it_measures(drawing):
     said = [each.plain_text() for each in space.query("TEXT")]
     assert {f"R {radius}, t {neck}" for hinges in HINGES.values() for radius, neck in hinges} < set(said)
     assert {"platform R 16.3", "hub R 7.7", "3 holes R 2.15", HOSTILE} < set(said)
-    assert "mm; thickness 9.7; generic metal" in said and "NO STATED SOURCE: 22 numbers of this stage" in said
+    assert (
+        "mm; thickness 9.7; generic metal" in said and "NO STATED SOURCE: 22 numbers of geometry and material" in said
+    )
     assert "Not in the models: the mounting holes." in said
 
 
@@ -317,7 +319,7 @@ def test_alike_chains_are_labelled_once_and_assumed_numbers_said(tmp_path):
     document = ezdxf.readfile(tmp_path / "part.dxf")
     said = [each.plain_text() for each in document.modelspace().query("TEXT")]
     assert [text for text in said if text.startswith("R ")] == ["R 4, t 0.5", "R 1.5, t 0.5", "R 1.5, t 0.5"]
-    assert "ASSUMED: 17 numbers of this stage" in said
+    assert "ASSUMED: 17 numbers of geometry and material" in said
     assert "chains 2 and 3 as chain 1, turned by 120 and 240 degrees" in said
 
 

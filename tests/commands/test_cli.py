@@ -164,7 +164,8 @@ def test_verify_prints_and_stores_the_same_result_and_says_that_numbers_are_assu
     out = flexfem("verify", five, "--output", tmp_path)[1]
     alone = json.loads((tmp_path / "fig5.json").read_text())
     listed = len(alone["assumed"])  # of the case, too: `check` reads stages alone
-    assert f"{listed} of these numbers are assumed, not the paper's: --json lists them" in out
+    counted = "(2 of the case, 17 of geometry and material)"
+    assert f"{listed} of these numbers are assumed, not the paper's {counted}: --json lists them" in out
     assert alone["direction"] == "x"
     for label, curve in alone["curves"].items():
         largest = alone["commanded"][-1]

@@ -73,7 +73,8 @@ def test_assumed_numbers_are_counted_first_and_listed(written):
     page = written.read_text()
     stage = flexfem.load(written.with_name("hostile.toml"))
     keys = {*stage.assumed, *stage.drive_doubts.assumed}
-    assert f"{len(keys)} of the numbers behind this page are assumed" in page.split("<nav")[0]
+    scopes = "(17 of geometry and material, 2 of expansion, 12 of the drive)"
+    assert f"{len(keys)} of the numbers behind this page are assumed {scopes}" in page.split("<nav")[0]
     listed = cells(page.split("Where the numbers come from</h2>")[1])
     assert {key for key in keys if listed[listed.index(key) + 1] == "assumed"} == keys and len(keys) > 20
 
@@ -200,7 +201,7 @@ def test_what_is_not_in_doubt_is_not_said_to_be():
 
     assert doubts_line(Subject("", "", [], [], [])) == ""
     assert doubts_line(Subject("", "", ["a"], ["b", "c"], [])).startswith(
-        "1 of the numbers behind this page are assumed; 2 have no stated source."
+        "1 of the numbers behind this page are assumed (1 of geometry and material); 2 have no stated source (2 of geo"
     )
 
 

@@ -29,6 +29,7 @@ from flexfem.stage.schema import (
     Stage,
     load_stage,
 )
+from flexfem.stage.tables import scopes_of
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 PATIENCE = 15.0  # s of processor time for a hostile file of at most 1 MiB; they take 1.5 s, quadratic reading minutes
@@ -1034,3 +1035,12 @@ def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
     for model in ("plane_stress", "corrected"):
         assert elastic(model, 60.0, 0.25) == (60.0, 0.25) and out_of_plane(model, 0.25) == 0.0
     assert out_of_plane("plane_strain", 0.25) == 0.25
+
+
+def test_numbers_in_doubt_are_counted_by_what_they_are_of():
+    keys = ["stage: thickness_mm", "hinges.base.neck_mm", "override.2.actuator.base.preload_n", "actuator.base.arm_mm"]
+    keys += ["frame.expansion_um_per_m_k", "material.expansion_um_per_m_k", "case: points", "measured: pole.height_mm"]
+    assert scopes_of(keys) == (
+        "2 of geometry and material, 2 of the drive, 2 of expansion, 1 of the case, 1 of the measurements"
+    )
+    assert scopes_of([]) == ""
