@@ -36,7 +36,7 @@ def report(
     folder: Annotated[Path, typer.Option(help="Of a study, where its designs are kept.")] = studies.REPORTS,
     json: Json = False,
 ) -> None:
-    """Write one self-contained HTML page of a stage, a study or stored results."""
+    """Write one self-contained HTML page of a stage, a study or stored results and designs."""
     from flexfem.page import report as page
     from flexfem.reports.given import LARGEST_AMPLITUDE
 

@@ -26,6 +26,10 @@ from flexfem.verify.result import stamp, versions
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from flexfem.synthesis.result import Designed
+    from flexfem.verdicts.records import ClaimsReport
+    from flexfem.verify.result import Result
+
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 MORE = ("workspace", "modes", "drift", "life")
 SECTIONS = (*STANDARD, *MORE)
@@ -75,8 +79,8 @@ def report(
 
     Parameters
     ----------
-    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify` and
-        claims of `flexfem claims`, both JSON.
+    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify`, claims of
+        `flexfem claims` and records of `flexfem design`, all JSON.
     output : the file to write, .html.
     sections : of a stage, of `STANDARD` and `MORE`; the drawing and the sources of its numbers are always there.
     amplitude : (3,), mm, mm, rad, of the platform, fully reversed, for the section `life`.
@@ -208,12 +212,18 @@ def _study(path: Path, folder: Path) -> Subject:
 
 def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.page import results as of_results
+    from flexfem.page.design import design_parts
+    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_result
 
     claims = [path for path in files if is_claims(path)]
-    results = [read_result(path) for path in files if path not in claims]
+    drawn = [path for path in files if path not in claims and is_design(path)]
+    results = [read_result(path) for path in files if path not in (*claims, *drawn)]
     reports = [read_claims(path) for path in claims]
+    designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
+    for number, design in enumerate(designs, start=1):
+        parts += design_parts(design, number, len(designs) > 1)
     if results:
         parts += [("errors", lambda: of_results.errors_section(results))]
         for number, result in enumerate(results, start=1):
@@ -222,11 +232,11 @@ def _stored(files: Sequence[Path]) -> Subject:
         parts.append(("verdicts", lambda one=each, k=number: _numbered(of_results.claims_section(one), k)))  # type: ignore[misc]
     if results:
         parts += [("models", lambda: of_results.models_section(results))]
-    every = [*results, *reports]
-    parts += [("sources", lambda: of_results.doubts_section(results, reports))]
+    every: list[Result | ClaimsReport | Designed] = [*results, *reports, *designs]
+    parts += [("sources", lambda: of_results.doubts_section(results, [*reports, *designs]))]
     found = ([key for each in every for key in getattr(each, kind)] for kind in ("assumed", "not_stated"))
     assumed, not_stated = (list(dict.fromkeys(keys)) for keys in found)
-    title = results[0].name if len(every) == 1 and results else reports[0].name if len(every) == 1 else "Verification"
+    title = every[0].name if len(every) == 1 else "Verification" if results or reports else "Designs"
     return Subject(title, "Stored results", assumed, not_stated, parts)
 
 

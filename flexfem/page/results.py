@@ -13,6 +13,7 @@ from flexfem.page.section import Content, PageSection, notes, table
 from flexfem.plot.curves import driven_by, error_figure
 from flexfem.plot.text import banded, significant
 from flexfem.plot.told import error_spots
+from flexfem.synthesis.result import Designed
 from flexfem.units import LENGTH, STRESS, unit_for
 from flexfem.verdicts.page import said_of_ensemble
 from flexfem.verdicts.records import ClaimsReport
@@ -105,11 +106,11 @@ def models_section(results: Sequence[Result]) -> PageSection:
     return PageSection("models", "Models and meshes", table(head, rows, numbers=4))
 
 
-def doubts_section(results: Sequence[Result], claims: Sequence[ClaimsReport] = ()) -> PageSection:
+def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | Designed] = ()) -> PageSection:
     """Numbers that are assumed or have no source, and versions of what computed the results."""
-    named: list[tuple[str, Result | ClaimsReport]] = [
+    named: list[tuple[str, Result | ClaimsReport | Designed]] = [
         *((each.case, each) for each in results),
-        *((each.name, each) for each in claims),
+        *((each.name, each) for each in others),
     ]
     kinds: dict[tuple[str, str], list[str]] = {}
     for name, each in named:
@@ -129,9 +130,9 @@ def doubts_section(results: Sequence[Result], claims: Sequence[ClaimsReport] = (
     return PageSection("provenance", "Where the numbers come from", parts)
 
 
-def _computed(of: Result | ClaimsReport) -> tuple[str, str]:
-    """When a result was computed and how long that took; of claims neither is stored."""
-    return ("", "") if isinstance(of, ClaimsReport) else (of.written, f"{of.seconds:g} s")
+def _computed(of: Result | ClaimsReport | Designed) -> tuple[str, str]:
+    """When a result was computed and how long that took; of claims and designs neither is stored."""
+    return ("", "") if isinstance(of, ClaimsReport | Designed) else (of.written, f"{of.seconds:g} s")
 
 
 def _versions(of: dict[str, str]) -> str:

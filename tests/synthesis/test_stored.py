@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
 from collections import Counter
 
 import pytest
 
+import flexfem as api
 from flexfem.commands.design import print_design
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
+from flexfem.synthesis.result import SoleRelaxation
 from flexfem.synthesis.stored import is_design, read_design
 
 from .conftest import HEAD, best, require
@@ -22,6 +26,8 @@ WANTED = (
     '[[objective]]\nlabel = "stiffness"\nmaximise = "range_x_um"\n',
     best("maximise", "ktt_n_mm_per_rad"),
 )
+
+PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}", " -")
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +90,50 @@ def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem
     assert sorted(names) == sorted(path.name for path in (tmp_path / "drawn").iterdir())
     code, out, err = flexfem("plot", stored, "--displacement", "-o", tmp_path / "none")
     assert (code, out) == (2, "") and "--displacement with a design" in err and not (tmp_path / "none").exists()
+
+
+def cells(page):
+    """Text of every cell of the tables of a page, without what marks it up."""
+    found = re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", page, re.DOTALL)
+    return [html.unescape(re.sub(r"<[^>]+>", "", cell)).translate(PLAIN) for cell in found]
+
+
+def test_a_page_of_a_design_has_its_margins_prices_and_sensitivities_and_hostile_names_as_text(stored, tmp_path):
+    found = read_design(stored)
+    written = api.report(stored, tmp_path / "page.html")
+    assert written.assumed == found.assumed and "Front" in written.sections
+    page = (tmp_path / "page.html").read_text()
+    assert "<script>alert" not in page and f"{len(found.assumed)} of the numbers behind this page are assumed" in page
+    every = cells(page)
+    row = every[every.index(HOSTILE) :]
+    one = found.requirements[0]
+    assert (
+        row[1] == "at least 60"
+        and row[3] == one.verdict == "met"
+        and row[6:8] == ["finite elements", f"{one.uncorrected:.4f}"]
+    )
+    assert row[2].startswith(f"{one.value:.4f} ± ") and row[2].endswith("N/mm")
+    assert float(row[4].split(" ± ")[0]) == pytest.approx(one.margin_percent, rel=1e-2)
+    assert float(row[5]) == pytest.approx(one.price_percent, rel=1e-2)
+    row = every[every.index("dimension", every.index(HOSTILE)) :]
+    assert row[1:5] == [HOSTILE, "envelope_mm", "stiffness", "ktt_n_mm_per_rad"] and row[5] == "neck"
+    assert float(row[6]) == pytest.approx(found.sensitivities["neck"]["kxx_n_per_mm"], rel=1e-2)
+    assert f"{found.evaluations['analytic']:,}" in every
+
+
+def test_a_page_of_two_designs_says_which_is_which_and_what_is_not_known(stored, tmp_path):
+    found = read_design(stored)
+    one = found.requirements[0].model_copy(update={"price_percent": None, "active": True, "verdict": "missed"})
+    alone = [SoleRelaxation(requirement="reach", relax_to=12.5, percent=3.25)]
+    changes = {"name": "Other", "requirements": [one], "alternatives": alone, "front": [], "feasible": False}
+    rows = {key: {name: None for name in row if name != "envelope_mm"} for key, row in found.sensitivities.items()}
+    other = tmp_path / "other.json"
+    other.write_text(found.model_copy(update={**changes, "sensitivities": rows}).model_dump_json())
+    written = api.report([stored, other], tmp_path / "page.html")
+    assert "Requirements: Other" in written.sections and "Front: a test" in written.sections
+    assert "Front: Other" not in written.sections
+    page = (tmp_path / "page.html").read_text()
+    every = cells(page)
+    assert every[every.index("reach") : every.index("reach") + 3] == ["reach", "12.5000", "3.25000"]
+    assert "it does not meet all requirements: the nearest that was found" in page
+    assert every.count("not known") == 1 + 3 * len(rows)

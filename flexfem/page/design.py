@@ -1,0 +1,162 @@
+"""What a page says of a design: its stage and figures, requirements with margins and prices, sensitivities, search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from flexfem.page.drawn import shown_figure
+from flexfem.page.section import Cell, Content, PageSection, facts, notes, table
+from flexfem.plot.design import design_figure
+from flexfem.plot.sensitivity import sensitivity_figure
+from flexfem.plot.text import SPACE, significant
+
+if TYPE_CHECKING:
+    from flexfem.synthesis.result import Designed, Requirement, Stated
+
+UNKNOWN = Cell("not known", "")
+BANDS = Markup("<p>± is the band of the meshes; without one a value is exact, or of the analytic model alone.</p>")
+
+
+def design_parts(of: Designed, number: int, several: bool) -> Iterator[tuple[str, Callable[[], PageSection | None]]]:
+    """The sections of a design, which is the `number`th of a page, by name; of `several` each says of which it is."""
+    yield of.name, lambda: _found(of, number)
+    for name, make in MADE.items():
+        yield f"{of.name}: {name}", lambda name=name, make=make: _titled(make(of, number), of, several)  # type: ignore[misc]
+
+
+def _titled(section: PageSection | None, of: Designed, several: bool) -> PageSection | None:
+    return section if section is None or not several else replace(section, title=f"{section.title}: {of.name}")
+
+
+def _found(of: Designed, number: int) -> PageSection:
+    """The dimensions, the objectives, and the figure."""
+    state = "meets all requirements" if of.feasible else "does not meet all requirements: the nearest that was found"
+    rows: list[list[Content]] = [
+        [name, f"{value:g}", f"{of.relaxed[name]:.6g}", "at an end of its range" if name in of.at_ends else ""]
+        for name, value in of.design.items()
+    ]
+    head = ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"]
+    said = f"Outline of the designed stage, margins of its requirements, and the history of the search. It {state}."
+    parts = [
+        facts([("requirements", of.file), ("base stage", of.base), ("result", f"it {state}")]),
+        notes(of.warnings),
+        shown_figure(f"design-{number}-figure", lambda: design_figure(of), said),
+        table(head, rows, caption="Dimensions of the design"),
+        table(["objective", "value", "better", *RESTS], map(_goal, of.objectives), caption="Objectives"),
+        BANDS,
+    ]
+    return PageSection(f"design-{number}", of.name, Markup("\n").join(parts))
+
+
+RESTS = ("checked by", "model by itself")
+
+
+def _goal(of: Stated) -> list[Content]:
+    return [of.label, _value(of), getattr(of, "better", ""), of.checked_by, significant(of.uncorrected, 6)]
+
+
+def _value(of: Stated) -> str:
+    band = "" if not of.band else f"{SPACE}±{SPACE}{significant(of.band, 2)}"
+    return f"{significant(of.value, 6)}{band}{SPACE}{of.unit}".rstrip()
+
+
+def _requirements(of: Designed, number: int) -> PageSection | None:
+    """Every requirement with its margin and price, and the relaxations where they cannot all be met."""
+    if not of.requirements:
+        return None
+    head = ["requirement", "wanted", "value", "verdict", "margin (%)", "1 % more costs the objective (%)", *RESTS]
+    parts = [table(head, map(_asked, of.requirements), caption="Requirements with their margins and prices")]
+    parts += [
+        Markup(
+            "<p>Margins are in per cent of the end that is wanted. The price of an active requirement is by how many "
+            "per cent of itself the first objective gets worse, without steps.</p>"
+        )
+    ]
+    rows: list[list[Content]] = [
+        [one.requirement, *(UNKNOWN if end is None else significant(end, 6) for end in (one.relax_to, one.percent))]
+        for one in of.alternatives
+    ]
+    if rows:
+        said = "Smallest relaxation of each requirement alone, the others kept, by the model"
+        parts += [table(["requirement", "relaxed to", "by (%)"], rows, caption=said, numbers=2)]
+    return PageSection(f"design-{number}-requirements", "Requirements", Markup("\n").join(parts))
+
+
+def _asked(of: Requirement) -> list[Content]:
+    ends = (("at least", of.at_least), ("at most", of.at_most))
+    wanted = " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
+    band = "" if not of.band_percent else f"{SPACE}±{SPACE}{significant(of.band_percent, 2)}"
+    margin = Cell(significant(of.margin_percent, 3) + band, of.margin_percent)
+    price: Content = "" if not of.active else UNKNOWN
+    if of.price_percent is not None:
+        price = Cell(significant(of.price_percent, 3), of.price_percent)
+    verdict = Markup("<strong>{}</strong>").format(of.verdict)
+    return [of.label, wanted, _value(of), verdict, margin, price, of.checked_by, significant(of.uncorrected, 6)]
+
+
+def _sensitivity(of: Designed, number: int) -> PageSection:
+    """How every quantity follows every dimension."""
+    every = {each.name: each.label for each in (*of.requirements, *of.objectives)}
+    rows: list[list[Content]] = [
+        [name, *(_change(row[key]) for key in every)] for name, row in of.sensitivities.items()
+    ]
+    data = table(["dimension", *every.values()], rows, numbers=len(every), caption="Change (%) for 1 % of a dimension")
+    asked = ", ".join(each.label for each in of.decisive)
+    figure = shown_figure(
+        f"design-{number}-bars",
+        lambda: sensitivity_figure(of),
+        f"Bars of how these follow each dimension: {asked}. Their lengths are in the table below.",
+        data=data,
+    )
+    return PageSection(f"design-{number}-sensitivity", "Sensitivity to each dimension", figure)
+
+
+def _change(value: float | None) -> Content:
+    return UNKNOWN if value is None else Cell(significant(value, 3), value)
+
+
+def _front(of: Designed, number: int) -> PageSection | None:
+    """The designs of the front, by finite elements, with what the corrected model said of them."""
+    if not of.front:
+        return None
+    goals = [f"{goal.label} ({goal.unit})" if str(goal.unit) else goal.label for goal in of.objectives]
+    head = ["design", *of.front[0].design, *goals, *(f"{goal}, corrected model" for goal in goals), "requirements"]
+    rows: list[list[Content]] = []
+    for place, one in enumerate(of.front, 1):
+        numbers = [*one.values, *one.predicted]
+        made = (Cell(f"{value:g}", value) for value in one.design.values())
+        kept = "met" if one.met else Markup("<strong>not met</strong>")
+        rows.append([str(place), *made, *(Cell(significant(value, 5), value) for value in numbers), kept])
+    said = "Designs that no other beats in all objectives, solved by finite elements"
+    return PageSection(f"design-{number}-front", "Front", table(head, rows, caption=said))
+
+
+def _search(of: Designed, number: int) -> PageSection:
+    """What the search took, and how well the corrected model agreed with finite elements."""
+    counts = [[name, f"{count:,}"] for name, count in of.evaluations.items()]
+    rounds: list[list[Content]] = [
+        [str(place), f"{turn.evaluations:,}", significant(turn.gap_percent, 3)]
+        for place, turn in enumerate(of.rounds, 1)
+    ]
+    agreed = "came to agree" if of.agreed else "did not come to agree"
+    said = (
+        f"Corrected model and finite elements {agreed} within {of.accuracy_percent:g} % at the design. Seed {of.seed}."
+    )
+    parts = [
+        notes([said], "note"),
+        table(["model", "designs"], counts, caption="Evaluations", numbers=1),
+        table(["round", "designs by the model", "largest difference (%)"], rounds, caption="Rounds", numbers=2),
+    ]
+    return PageSection(f"design-{number}-search", "Search", Markup("\n").join(parts))
+
+
+MADE: dict[str, Callable[[Designed, int], PageSection | None]] = {
+    "requirements": _requirements,
+    "sensitivity": _sensitivity,
+    "front": _front,
+    "search": _search,
+}
