@@ -94,7 +94,7 @@ def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem
 
 def cells(page):
     """Text of every cell of the tables of a page, without what marks it up."""
-    found = re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", page, re.DOTALL)
+    found = re.findall(r"<t[hd](?: [^>]*)?>(.*?)</t[hd]>", page, re.DOTALL)
     return [html.unescape(re.sub(r"<[^>]+>", "", cell)).translate(PLAIN) for cell in found]
 
 
