@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from html import unescape
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,16 +21,14 @@ from flexfem.plot.study_records import Source, map_of
 from flexfem.stage.contour import part_of
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import load_stage
-from flexfem.study.answer import answer
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import findings
-from flexfem.study.loaded import LoadedStudy, load_study
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.probes import own_values
-from flexfem.study.sampling import sample
-from flexfem.study.study_table import StudyTable
 
-STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
-HEAD = f'name = "A study"\nstage = "{STAGE}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+from ..study.answered import STAGE, answered, head, study
+
+HEAD = head("A study")
 GRID = f"""{HEAD}
 [sampling]
 method = "grid"
@@ -71,20 +68,9 @@ STATUS = {"designs": 12, "ok": 10, "refused": 2, "failed": 0, "open": 0, "warnin
 REASONS = {"reasons": {"refused": {"bodies overlap": 2}}}
 
 
-def study(folder: Path, text: str) -> LoadedStudy:
-    path = folder / "tried.toml"
-    path.write_text(text)
-    return load_study(path)
-
-
 def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
     """A study with its answers, some columns replaced."""
-    rows, values = answer(loaded, 0, loaded.count), sample(loaded, 0, loaded.count)
-    columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
-    columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
-    return Source(
-        loaded, StudyTable(np.arange(loaded.count), rows.status, rows.reason, columns | changed), own_values(loaded)
-    )
+    return Source(loaded, answered(loaded, **changed), own_values(loaded))
 
 
 def page_of(source: Source) -> str:

@@ -31,7 +31,6 @@ from flexfem.plot.study_scatter import (
 from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
-from flexfem.study.answer import answer
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Refused, Shown, findings
 from flexfem.study.loaded import LoadedStudy, load_study
@@ -42,9 +41,10 @@ from flexfem.study.statistics import Indices, Percentile
 from flexfem.study.study_table import StudyTable
 from flexfem.study.tables import Figure
 
-STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+from ..study.answered import answered, head, study
+
 CAPTION = Caption("A title", ["a line"], ["stage: thickness_mm"])
-HEAD = f'name = "A study $y$"\nstage = "{STAGE}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+HEAD = head("A study $y$")
 GRID = f"""{HEAD}
 [sampling]
 method = "grid"
@@ -94,23 +94,6 @@ values = ["kxx_n_per_mm", "coupling_xy"]
 kind = "sensitivity"
 values = ["kxx_n_per_mm", "ktt_n_mm_per_rad"]
 """
-
-
-def study(folder: Path, text: str, *edits: tuple[str, str]) -> LoadedStudy:
-    for old, new in edits:
-        assert old in text, old
-        text = text.replace(old, new)
-    path = folder / "tried.toml"
-    path.write_text(text)
-    return load_study(path)
-
-
-def answered(loaded: LoadedStudy, **changed: np.ndarray) -> StudyTable:
-    count = loaded.count
-    rows, values = answer(loaded, 0, count), sample(loaded, 0, count)
-    columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
-    columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
-    return StudyTable(np.arange(count), rows.status, rows.reason, columns | changed)
 
 
 def source_of(loaded: LoadedStudy, table: StudyTable) -> Source:
