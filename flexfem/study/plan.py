@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
@@ -10,13 +11,15 @@ from pydantic import ConfigDict, Field, model_validator
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
+from flexfem.files.refusals import refusal, shown
+from flexfem.stage.keys import keys, meant
 from flexfem.stage.schema import Label
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in
-from flexfem.study.outputs import outputs_of
-from flexfem.study.rules import check_keys, rules
-from flexfem.study.tables import Constraint, Correlation, Figure, Output, Sampling
+from flexfem.study.outputs import FEASIBLE, RESERVED, outputs_of
+from flexfem.study.rules import APPLIES, require_correlated, require_sampled, require_shown, require_unlike, rules
+from flexfem.study.tables import MOST, Constraint, Correlation, Figure, Output, Sampling
 from flexfem.verify import warning
 from flexfem.verify.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 
@@ -105,8 +108,60 @@ class Study(Sourced):
     figure: tuple[Figure, ...] = Field(default=(), max_length=50, description="What `flexfem study plot` draws")
 
     @model_validator(mode="after")
-    def _keys_fit_each_other(self) -> Study:
-        check_keys(self)
+    def _keys_of_its_model(self) -> Study:
+        for name, field in type(self).model_fields.items():
+            key = field.alias or name
+            if name in self.model_fields_set and self.model not in APPLIES.get(key, (self.model,)):
+                raise refusal(f'no {key} with model = "{self.model}"', key)
+        if self.links and self.mobility != 21:
+            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
+        if self.check == "closed_form" and self.model != "analytic":
+            raise refusal("drawing: what is meshed is drawn first", "check")
+        return self
+
+    @model_validator(mode="after")
+    def _drive_is_of_its_model(self) -> Study:
+        if self.driven and self.model == "three_dimensional":
+            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane'
+            raise refusal(expected, "drive", "actuators")
+        for index, factor in enumerate(self.factor):
+            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
+                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
+                raise refusal(expected, "factor", index)
+        return self
+
+    @model_validator(mode="after")
+    def _factors_fit(self) -> Study:
+        require_sampled(self.factor, self.sampling.method)
+        if self.sampling.method == "grid" and self.count > MOST:
+            raise refusal(f"a grid of at most {MOST} designs, not {self.count}", "factor")
+        if self.sampling.base is not None and self.count > MOST:
+            raise refusal(f"base * (factors + 2) of at most {MOST}, not {self.count}", "sampling", "base")
+        require_unlike(self.factor, self.outputs)
+        return self
+
+    @model_validator(mode="after")
+    def _expressions_name_columns(self) -> Study:
+        names = {column.name for column in columns_of(self.factor)}
+        taken = {*RESERVED, FEASIBLE, *self.outputs, *names, *keys()}
+        known = {*names, *self.outputs}
+        for index, output in enumerate(self.output):
+            if output.name in taken:
+                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
+            _require_known(output.expression, known, "output", index, "expression")
+            taken.add(output.name)
+            known.add(output.name)
+        for index, constraint in enumerate(self.constraint):
+            _require_known(constraint.value, known, "constraint", index, "value")
+            if self.sampling.method == "saltelli" and self.is_given(constraint.value):
+                expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
+                raise refusal(expected, "constraint", index, "value")
+        return self
+
+    @model_validator(mode="after")
+    def _what_is_shown_fits(self) -> Study:
+        require_correlated(self.correlation, self.factor, self.sampling.method)
+        require_shown(self.figure, self.factor, self.every_output, self.sampling.method)
         return self
 
     @property
@@ -179,3 +234,11 @@ class Study(Sourced):
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn, to see that none overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
+
+
+def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
+    names = set(known)
+    for name in names_in(expression):
+        if name not in names and name not in keys():
+            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*names, *keys()}))}"
+            raise refusal(expected, *at)
