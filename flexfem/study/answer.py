@@ -81,7 +81,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.rotation)
     answers[reason != ""] = np.nan
-    return _doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
+    return doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
 
 
 def _units(study: Study, designs: Designs) -> list[Broken]:
@@ -125,7 +125,7 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
         stage = stage_of(loaded, values)
         check_feasible(stage)
         found = solved_values(stage, loaded, inside)
-        return _doubted(loaded, values[None], row_of("ok", "", found))
+        return doubted(loaded, values[None], row_of("ok", "", found))
     except BadInput as refusal:
         status, reason = "refused", str(refusal)
     except MeshTimeout as failure:
@@ -135,7 +135,7 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
     return row_of(status, reason, np.full(len(loaded.outputs), np.nan))
 
 
-def _doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
+def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
     """The rows of designs (n, columns), with a reason where an answer is from a formula, or a life, out of range."""
     doubts = list[Broken]()
     if loaded.study.model not in ("fe", "three_dimensional"):

@@ -31,7 +31,7 @@ class Proof(NamedTuple):
 
     predicted : of the model as it was corrected when it proposed the design.   bands : by meshes.
     uncorrected : of the analytic model itself.   gap : largest difference of prediction and elements, over the sizes.
-    corrections : that make the model agree here.
+    corrections : that make the model agree here.   columns : by name, of the finite elements where they answer.
     """
 
     values: Array
@@ -41,6 +41,7 @@ class Proof(NamedTuple):
     bands: Array
     gap: float
     corrections: dict[str, Correction]
+    columns: dict[str, float]
 
 
 class Mapped(NamedTuple):
@@ -128,7 +129,7 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
     predicted = model.found(values[None]).quantities[0]
     size = np.maximum(np.abs(quantities[-1]), np.concatenate([np.zeros(model.objectives), model.scales]))
     gap = float(np.max(np.abs(predicted - quantities[-1]) / np.where(size > 0, size, 1.0)))
-    return Proof(values, predicted, _quantities(model, own), quantities[-1], bands, gap, corrections)
+    return Proof(values, predicted, _quantities(model, own), quantities[-1], bands, gap, corrections, by_mesh[-1])
 
 
 def _quantities(model: Model, columns: Mapping[str, float]) -> Array:

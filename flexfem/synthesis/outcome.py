@@ -14,6 +14,7 @@ from flexfem.stage.schema import Stage
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.synthesis import extra
+from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
 from flexfem.synthesis.mapping import Mapped, Proof, mapped
@@ -202,6 +203,7 @@ def _warnings(loaded: LoadedRequirements, found: Mapped, last: Proof) -> list[st
     if not found.agreed:
         gap = 100 * found.rounds[-1].gap
         said.append(f"after {len(found.rounds)} rounds model and finite elements still differ by {gap:.3g} %")
+    said += doubts_of(loaded, last.values, last.columns)
     tolerance = loaded.requirements.tolerance
     if tolerance is not None and not tolerance.checked:
         said.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")

@@ -90,6 +90,18 @@ def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
     assert "chain.link_lengths_mm" in stage.assumed
 
 
+def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
+    """At 2 % more than an amplitude for 1e7 cycles the life is beyond 1e6, to which Basquin's law is taken to hold."""
+    head = HEAD.replace(str(ROOT / "geometry/mobility6.toml"), str(ROOT / "cases/stage-2024.toml"))
+    life = "[life]\namplitude_x_um = 100.0\ncycles = 1e7\n"
+    wanted = require("life_amplitude_x_um", 100.0)
+    loaded = load(STEPPED[0], life, wanted, best("maximise", "kxx_n_per_mm"), head=head)
+    found = outcome.designed(loaded, Softer(loaded, Counter()))
+    said = "life extrapolated, outside the cycles of Basquin's law"
+    assert found.requirements[0].verdict == "met" and said in found.warnings
+    assert any(text.startswith("amplitudes for 1e+07 cycles extrapolated") for text in found.warnings)
+
+
 @pytest.mark.slow
 def test_what_cannot_be_met_says_how_much_each_requirement_would_have_to_give(load):
     loaded = load(*STEPPED, require("kxx_n_per_mm", 400), require("range_x_um", 1.0), best("minimise", "envelope_mm"))
