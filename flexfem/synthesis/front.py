@@ -7,37 +7,58 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.study.reductions import spread, wide
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.mapping import proof
 from flexfem.synthesis.model import WORST, Model
-from flexfem.synthesis.search import Say, optimum
+from flexfem.synthesis.search import Say, beside, optimum
+from flexfem.synthesis.surface import sketched
 
 
-def front(model: Model, count: int, seed: int, say: Say = lambda text: None) -> list[Array]:
+def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
+
+    Parameters
+    ----------
+    first : (d,), the best in the first objective.
 
     Notes
     -----
-    The first objective is best while the second keeps one of `count` bounds, evenly between its ends (the method of
-    bounded objectives: Haimes, Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297).
+    The first objective is best while the second keeps a bound, `count` of them about evenly along the front (the method
+    of bounded objectives: Haimes, Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297). Response surfaces
+    say where it begins; all is searched for the second objective, and where nothing beside that keeps the bound.
     """
-    ends = [optimum(model.changed(objective=k), seed, None, say) for k in range(2)]
+    near = np.vstack([first, sketched(model, seed, say=say)])
+    ends = [beside(model, near[:2], seed), optimum(model.changed(objective=1), seed, near[-1], say)]
     if any(end.merit >= WORST for end in ends):
         return []
-    second = model.changed(objective=1)
-    worst, best = (float(second.wanted(model.found(end.values[None]))[0]) for end in ends)
-    found = [ends[0].values]
-    for bound in np.linspace(worst, best, count)[1:-1]:
-        between = optimum(model.changed(bounded={1: float(bound)}), seed, found[-1], say)
+    near = np.array(best_of(model, [ends[0].relaxed, *near, ends[1].relaxed]))
+    found, along = [ends[0].values], _objectives(model, near)
+    for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
+        bounded = model.changed(bounded={1: float(along[k, 1])})
+        between = beside(bounded, np.vstack([near[k], found[-1]]), seed)
+        if between.merit >= WORST:
+            between = optimum(bounded, seed, near[k], say)
         if between.merit < WORST:
             found.append(between.values)
+        say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return best_of(model, [*found, ends[1].values])
+
+
+def _objectives(model: Model, designs: Array) -> Array:
+    """Both objectives (n, 2) of designs, with their signs: to be small."""
+    found = model.found(designs)
+    return np.column_stack([model.changed(objective=k).wanted(found) for k in range(2)])
+
+
+def _drawn(values: Array) -> Array:
+    """An objective (n,), its logarithm where it is wide: as designs are far apart on a figure."""
+    return np.asarray(np.log(np.abs(values)) if wide(np.abs(values)) else values)
 
 
 def best_of(model: Model, designs: list[Array]) -> list[Array]:
     """Those of some designs that no other beats in both objectives, in the order of the first."""
-    found = model.found(np.array(designs))
-    both = np.column_stack([model.changed(objective=k).wanted(found) for k in range(2)])
+    both = _objectives(model, np.array(designs))
     kept = [
         k
         for k, own in enumerate(both)

@@ -201,7 +201,7 @@ class Model:
         margins = [(q[:, k] - low[k]) / self.scales[k] for k in np.flatnonzero(np.isfinite(low))]
         margins += [(high[k] - q[:, k]) / self.scales[k] for k in np.flatnonzero(np.isfinite(high))]
         margins += self.margins(found)[len(self.scales) :]
-        return Smooth(self.wanted(found) / size, np.column_stack([*margins, self._gaps(values)]))
+        return Smooth(self.wanted(found) / size, np.column_stack([*margins, self.gaps(values)]))
 
     @property
     def soft(self) -> int:
@@ -209,7 +209,7 @@ class Model:
         low, high = self.ends
         return int(np.isfinite(low).sum() + np.isfinite(high).sum()) + len(self.bounded)
 
-    def _gaps(self, values: Array) -> Array:
+    def gaps(self, values: Array) -> Array:
         """Gaps (n, 8) of the closed conditions over sizes of the stage: notches, platform, neighbours, hub."""
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)

@@ -173,7 +173,7 @@ def _kept(found: Mapped, last: Proof, costs: Prices, elements: ProposedElements)
 
 def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDesign]:
     of = found.model.loaded.requirements
-    designs = front(found.model, of.front, of.seed, say)
+    designs = front(found.model, found.optima[-1].relaxed, of.front, of.seed, say)
     return [
         FrontDesign(
             design=_named(found.model.loaded, values),

@@ -1,0 +1,107 @@
+"""Fronts that are known by other routes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.study.answer import answer
+from flexfem.study.loaded import load_study
+from flexfem.study.reductions import non_dominated
+from flexfem.synthesis.front import front
+from flexfem.synthesis.model import Model
+from flexfem.synthesis.requirements import load_requirements
+from flexfem.synthesis.surface import Surface, gains, sketched
+
+from .conftest import NECK, RADIUS, ROOT, best, require
+
+NECK_MM, RADIUS_MM = "hinges.elbow.neck_mm", "hinges.elbow.radius_mm"
+CIRCLE = f"({NECK_MM} / 0.7) ** 2 + ({RADIUS_MM} / 4.0) ** 2"  # 0.18 to 0.84 and 0.14 to 1 of it within the ends
+BOTH = best("maximise", NECK_MM) + best("maximise", RADIUS_MM)
+
+
+def test_surfaces_are_exact_at_their_points_and_of_a_plane():
+    rng = np.random.default_rng(3)
+    places, elsewhere = rng.random((9, 3)), rng.random((50, 3))
+    plane = Surface(places, 2.0 + places @ [1.0, -3.0, 0.5])
+    assert plane.at(elsewhere) == pytest.approx(2.0 + elsewhere @ [1.0, -3.0, 0.5], abs=1e-6)
+    curved = np.exp(places @ [1.0, -2.0, 0.3])
+    assert Surface(places, curved).at(places) == pytest.approx(curved, rel=1e-4)
+
+
+def test_the_area_that_a_design_adds_is_that_of_rectangles():
+    known, reference = np.array([[0.0, 3.0], [1.0, 1.0], [2.0, 2.0]]), np.array([4.0, 5.0])
+    asked = np.array([[0.5, 2.0], [2.0, 0.5], [-1.0, -1.0], [1.5, 1.5], [5.0, 0.0]])
+    assert gains(known, asked, reference) == pytest.approx([0.5, 1.0, 30.0 - 14.0, 0.0, 0.0])
+    assert gains(np.empty((0, 2)), asked[:1], reference) == pytest.approx([3.5 * 3.0])
+
+
+def test_few_answers_show_where_the_front_within_a_circle_is(load):
+    """The largest neck and radius with (t/0.7)^2 + (R/4)^2 <= 1, no one of 14 answers beyond it."""
+    model = Model(load(NECK, RADIUS, require(CIRCLE, None, 1.0), BOTH))
+    t, R = sketched(model, 3, added=8).T / [[0.7], [4.0]]
+    assert model.counts["analytic"] == 14
+    assert len(t) >= 5 and np.all(t**2 + R**2 <= 1 + 1e-9) and np.mean(t**2 + R**2) > 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", ["", "step = 0.001\n"])
+def test_the_front_within_a_circle_is_the_circle(load, steps):
+    """The largest neck and radius with (t/0.7)^2 + (R/4)^2 <= 1."""
+    model = Model(load(NECK + steps, RADIUS, require(CIRCLE, None, 1.0), BOTH))
+    found = np.array(front(model, np.array([0.6, 2.0]), 5, 3))
+    t, R = found.T / [[0.7], [4.0]]
+    assert len(found) == 5
+    assert t**2 + R**2 == pytest.approx(np.ones(5), abs=1e-3 if steps == "" else 3e-3)
+    assert t[0] == pytest.approx((1 - (1.5 / 4) ** 2) ** 0.5, abs=2e-3)
+    assert t[-1] == pytest.approx(0.3 / 0.7, abs=1e-6)
+    assert np.all(np.diff(t) < 0) and np.all(np.hypot(np.diff(t), np.diff(R)) < 0.4)
+
+
+@pytest.fixture(scope="module")
+def studied():
+    """The front (m, 2) of the 4096 designs of study-reach, by the study: range at yield in um, stiffness in N/mm."""
+    loaded = load_study(ROOT / "cases/study-reach.toml")
+    rows = answer(loaded, 0, 4096)
+    names = [loaded.outputs.index(name) for name in ("range_x_um", "kxx_n_per_mm")]
+    both = rows.values[rows.status == "ok"][:, names]
+    return both[non_dominated(*both.T)]
+
+
+@pytest.fixture
+def reach(tmp_path):
+    """The same question, asked for its front."""
+    text = (ROOT / "cases/study-reach.toml").read_text()
+    free = text[text.index("[[factor]]") : text.index("[drive]")].replace("[[factor]]", "[[free]]")
+    head = f'name = "reach"\nstage = "{ROOT / "geometry/mobility6.toml"}"\nseed = 2003\n'
+    path = tmp_path / "reach.toml"
+    path.write_text(head + free + best("maximise", "range_x_um") + best("maximise", "kxx_n_per_mm"))
+    return load_requirements(path)
+
+
+def share_beaten(both, low, high):
+    """Share of points between `low` and `high`, even in logarithms, that some design beats in both values."""
+    grid = np.exp(np.array(np.meshgrid(*np.linspace(np.log(low), np.log(high), 300).T)).reshape(2, -1))
+    beaten = np.zeros(grid.shape[1], dtype=bool)
+    for x, y in both:
+        beaten |= (x >= grid[0]) & (y >= grid[1])
+    return np.mean(beaten)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_the_front_of_study_reach_is_beaten_with_a_hundredth_of_its_evaluations(studied, reach, seed):
+    """As a whole: 41 answers dominate more than the 4096 do, and none of them is beaten by any of these.
+
+    Not point by point: some 50 of its 58 designs are reached or beaten, the others to within 8 % of both values.
+    """
+    model = Model(reach)
+    designs = sketched(model, seed)
+    assert model.counts["analytic"] == 41
+    assert all(model.drawable(each) == "" for each in designs)
+    found = Model(reach).found(designs).quantities
+    ends = studied.min(axis=0), 1.1 * np.maximum(studied.max(axis=0), found.max(axis=0))
+    assert share_beaten(found, *ends) > 1.01 * share_beaten(studied, *ends)
+    assert not any(np.any(np.all(studied >= each, axis=1)) for each in found)
+    short = [np.min(np.max(each / found, axis=1)) for each in studied]
+    assert len(studied) == 58 and np.sum(np.array(short) <= 1) >= 45 and max(short) < 1.08
