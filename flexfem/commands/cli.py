@@ -29,7 +29,7 @@ from flexfem.commands import (
 )
 from flexfem.commands.grouped import GroupedCommands
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
-from flexfem.sources import manifest
+from flexfem.sources import ONE_THREAD, manifest
 
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
 ABOUT = "Verification and design of planar flexure-hinge stages."
@@ -70,6 +70,7 @@ def main() -> None:
     """Run the command line; whatever goes wrong is one line on standard error."""
     streams.open_streams()
     os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
+    os.environ.update(ONE_THREAD | os.environ)  # matrices are small: threads that wait take up to twice the time
     code, text = 130, streams.Stopped.said
     with streams.plain_streams():
         with suppress(KeyboardInterrupt), streams.stoppable() as stops:

@@ -46,6 +46,13 @@ def test_completion_names_commands_options_and_commands_of_studies(flexfem, monk
         assert (code, sorted(out.split()), err) == (0, expected, "")
 
 
+def test_linear_algebra_has_one_thread_unless_it_is_given_others(flexfem, monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert flexfem("--version")[0] == 0
+    assert (os.environ["OPENBLAS_NUM_THREADS"], os.environ["OMP_NUM_THREADS"]) == ("1", "3")
+
+
 @pytest.mark.parametrize("option", ["--show-completion", "--install-completion"])
 def test_completion_of_a_named_shell_is_refused_and_nothing_is_installed(option, flexfem, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
