@@ -1,0 +1,72 @@
+"""Parts of a design on problems of one free dimension, whose answers are read off."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from flexfem.synthesis.elements import ProposedElements, Solve
+from flexfem.synthesis.mapping import Proof, _content, _kept
+from flexfem.synthesis.model import WORST, Correction, Model
+from flexfem.synthesis.prices import prices
+from flexfem.synthesis.relaxed import alternatives
+
+from .conftest import NECK, best, require
+
+THICKNESS = '[[free]]\nlabel = "b"\nkey = "thickness_mm"\nfrom = 6.0\nto = 12.0\n'
+STIFFEST, SOFTEST = best("maximise", "kxx_n_per_mm"), best("minimise", "kxx_n_per_mm")
+
+
+@pytest.mark.parametrize(
+    ("ends", "objective"), [((None, 8.0), STIFFEST), ((8.0, None), SOFTEST)], ids=["at most", "at least"]
+)
+def test_one_per_cent_less_thickness_costs_one_per_cent_of_the_stiffness_and_more_likewise(load, ends, objective):
+    costs = prices(Model(load(THICKNESS, require("thickness_mm", *ends), objective)), np.array([8.0]))
+    assert costs.active == [True] and costs.price == pytest.approx([1.0], rel=1e-4)
+    assert costs.at_ends == []
+
+
+def test_an_objective_goes_the_way_that_is_asked_and_a_miss_is_worse_than_any_value(load):
+    designs = np.array([[7.0], [9.0], [11.0]])
+    for objective, order in ((STIFFEST, [1, 0, 2]), (SOFTEST, [0, 1, 2])):
+        model = Model(load(THICKNESS, require("thickness_mm", None, 10.0), objective))
+        merit = model.merit(model.found(designs))
+        assert np.argsort(merit).tolist() == order
+        assert merit[2] == pytest.approx(1.1 * WORST) and np.all(np.abs(merit[:2]) < WORST)
+
+
+def test_a_guard_moves_each_end_inward_by_its_part_of_the_size(load):
+    model = Model(load(THICKNESS, require("thickness_mm", 7.0, 10.0), STIFFEST), guard=np.array([0.05]))
+    low, high = model.ends
+    assert low == pytest.approx([7.5]) and high == pytest.approx([9.5])
+
+
+def test_the_smallest_relaxation_of_what_no_thickness_gives_is_at_the_thickest(load):
+    """Stiffness goes as thickness: 12 mm is the most that there is, and 13 mm would give what is asked."""
+    of = Model(load(THICKNESS, require("kxx_n_per_mm", 1.0), STIFFEST)).found(np.array([[12.0]])).quantities[0, 0]
+    model = Model(load(THICKNESS, require("kxx_n_per_mm", 13 / 12 * of), SOFTEST))
+    (one,) = alternatives(model, np.array([7.0]), 3)
+    assert one.relax_to == pytest.approx(of, rel=1e-6) and one.percent == pytest.approx(100 / 13, rel=1e-6)
+
+
+@pytest.mark.parametrize(("value", "kept"), [(60.6, True), (60.4, False), (69.6, False), (69.4, True)])
+def test_an_end_is_kept_where_the_band_is_within_it_too(load, value, kept):
+    model = Model(load(NECK, require("kxx_n_per_mm", 60, 70), STIFFEST))
+    said = {"elements": np.array([value, value]), "bands": np.array([0.5, 0.5])}
+    assert _kept(model, Proof(**(dict.fromkeys(Proof._fields) | said))) is kept
+
+
+def test_what_is_stored_answers_its_own_question_alone(load):
+    loaded = load(THICKNESS, NECK, STIFFEST)
+    elements = ProposedElements(loaded, Counter())
+    thin, thick = (elements._study(loaded.stage.replace(thickness=b), 4, 2) for b in (8.0, 9.0))
+    finer = elements._study(loaded.stage.replace(thickness=8.0), 6, 2)
+    asked = [Solve(thin, 0), Solve(thin, 1), Solve(thick, 0), Solve(finer, 0)]
+    assert len({each.question for each in asked}) == 4 and Solve(thin, 0).question == asked[0].question
+    model = Model(loaded)
+    corrected = model.changed(corrections={"kxx_n_per_mm": Correction(1.01)})
+    guarded = model.changed(guard=np.zeros(0))
+    states = [_content(each) for each in (model, corrected, guarded)]
+    assert all(a != b for k, a in enumerate(states) for b in states[:k]) and _content(Model(loaded)) == states[0]
