@@ -10,6 +10,7 @@ import numpy as np
 from flexfem.files.json_schema import Rule, both, has, only, says, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import refusal, shown, suggestion
+from flexfem.stage.keys import keys
 from flexfem.study.columns import NAMED, WAYS, Factor, columns_of
 from flexfem.study.outputs import FEASIBLE, RESERVED
 from flexfem.study.tables import Correlation, Figure, Method, normal_correlation
@@ -73,7 +74,7 @@ def require_unlike(factors: Sequence[Factor], outputs: Iterable[str]) -> None:
     names, set_by = {*RESERVED, FEASIBLE, *outputs}, dict[str, int]()
     for index, factor in enumerate(factors):
         for column in columns_of([factor]):
-            if column.name in names:
+            if column.name in names or (column.name in keys() and column.name not in column.keys):
                 raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
             names.add(column.name)
         for path in factor.paths:

@@ -104,6 +104,10 @@ class Requirements(Sourced):
 
     @model_validator(mode="after")
     def _expressions_name_columns(self) -> Requirements:
+        for index, free in enumerate(self.free):
+            for column in columns_of([free]):
+                if column.name in (*MASS, *ERRORS, *SCATTERED):
+                    raise refusal(f"a name of its own, not {shown(column.name)} again", "free", index, "label")
         known = {*(column.name for column in columns_of(self.free)), *self.base, *MASS, *ERRORS}
         known |= {*SCATTERED} if self.tolerance is not None else set()
         for index, output in enumerate(self.output):

@@ -29,6 +29,9 @@ RANGE = best("maximise", "range_x_um")
         ((NECK.replace("elbow.neck_mm", "elbow.neck"), RANGE), "did you mean hinges.elbow.neck_mm"),
         ((NECK, best("maximise", "coupling_95")), "coupling_95"),
         ((NECK,), "objective is missing"),
+        ((NECK.replace('"neck"', '"mass_kg"'), RANGE), 'a name of its own, not "mass_kg" again'),
+        ((NECK.replace('"neck"', '"coupling_95"'), RANGE), 'a name of its own, not "coupling_95" again'),
+        ((NECK.replace('"neck"', '"thickness_mm"'), RANGE), 'a column name of its own, not "thickness_mm" again'),
         (
             (NECK, '[[objective]]\nmaximise = "kxx_n_per_mm"\nminimise = "kyy_n_per_mm"\n'),
             "either maximise or minimise",
