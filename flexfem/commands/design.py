@@ -97,6 +97,8 @@ def print_design(of: Designed) -> None:
             f"alone, to {one.relax_to:.6g}, {one.percent:.3g} % (by the model)"
         )  # fmt: skip
         out.print(f"relaxing {one.requirement}: {alone}")
+    for coupling in of.scattered:
+        out.print(coupling.said)
     if of.front:
         out.print(f"front of {len(of.front)} designs in {' and '.join(goal.label for goal in of.objectives)}: --json")
     counted = ", ".join(f"{count:,} by {name}" for name, count in of.evaluations.items() if name != "drawn")
@@ -116,7 +118,8 @@ def _followed(value: float | None) -> str:
 
 def _value(of: Stated) -> str:
     band = "" if of.band is None else f" ± {of.band:.2g}"
-    return f"{of.value:.6g}{band} {of.unit.plain}".rstrip()
+    sampling = "" if of.sampling is None else f", of that {of.sampling:.2g} by sampling"
+    return f"{of.value:.6g}{band} {of.unit.plain}".rstrip() + sampling
 
 
 def _rests(of: Stated) -> str:

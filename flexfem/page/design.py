@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from flexfem.synthesis.result import Designed, Requirement, Stated
 
 UNKNOWN = Cell("not known", "")
-BANDS = Markup("<p>± is the band of the meshes; without one a value is exact, or of the analytic model alone.</p>")
+BANDS = Markup(
+    "<p>± is the band of the meshes, and of the stages drawn for a coupling under tolerance; without one a value is "
+    "exact, or of the analytic model alone.</p>"
+)
 
 
 def design_parts(of: Designed, number: int, several: bool) -> Iterator[tuple[str, Callable[[], PageSection | None]]]:
@@ -44,6 +47,7 @@ def _found(of: Designed, number: int) -> PageSection:
     parts = [
         facts([("requirements", of.file), ("base stage", of.base), ("result", f"it {state}")]),
         notes(of.warnings),
+        notes([coupling.said for coupling in of.scattered], "note"),
         shown_figure(f"design-{number}-figure", lambda: design_figure(of), said),
         table(head, rows, caption="Dimensions of the design"),
         table(["objective", "value", "better", *RESTS], map(_goal, of.objectives), caption="Objectives"),

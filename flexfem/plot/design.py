@@ -96,7 +96,7 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
         ax.plot([0, each.margin_percent], [place, place], color=colour, linewidth=4, alpha=0.45, solid_capstyle="butt")
         ax.errorbar(
             each.margin_percent, place, xerr=each.band_percent or 0.0, fmt=MARKS[each.verdict], color=colour, capsize=4,
-            markersize=6, markerfacecolor="white" if each.band_percent is None else colour,
+            markersize=6, markerfacecolor=colour if each.checked_by.startswith("finite") else "white",
         )  # fmt: skip
         price = "" if each.price_percent is None else f"; 1 % more costs {significant(each.price_percent, 2)} %"
         said = wrapped(f"{each.label}: {each.verdict}{price}", LABEL, LETTERS)
@@ -109,7 +109,7 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
     ax.set(xlim=(2.0 * lowest - 1.0, 2.0 * reach), ylim=(-0.5, max(len(places) - 0.2, 0.8)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("margin over the end that is wanted (%);\nlinear to 1 %; bars: mesh band; hollow: model alone")
+    ax.set_xlabel("margin over the end that is wanted (%);\nlinear to 1 %; bars: band; hollow: model alone")
     ax.grid(axis="x")
     return ax
 

@@ -25,8 +25,8 @@ from flexfem.study.pool import POLL, Pool, require_workers
 from flexfem.study.tables import Sampling
 from flexfem.study.versions import versions_of
 from flexfem.study.worker import Died
-from flexfem.synthesis.extra import quantiles_of, scattered_study
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
+from flexfem.synthesis.scatter import scattered_study, seed_of_others
 from flexfem.synthesis.store import Store
 from flexfem.verify.errors import levels
 
@@ -82,18 +82,20 @@ class ProposedElements:
         found = [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
         return Meshed(tuple(mesh[0] for mesh in meshes), found)
 
-    def scattered(self, values: Array, say: Callable[[str], object] = lambda text: None) -> Meshed | None:
-        """The 95 % couplings of a design whose nine necks scatter, on two meshes; None where that is not asked."""
+    def scattered(self, values: Array, say: Callable[[str], object] = lambda text: None) -> list[Array] | None:
+        """Couplings (3, checked) of a design whose nine necks scatter, of the first of the stages that no search sees.
+
+        On each of the meshes of `SCATTER`; None where that is not asked.
+        """
         of = self.loaded.requirements
         if of.tolerance is None or not of.tolerance.checked or not of.asked & {*SCATTERED} or self.solid:
             return None
-        stage, found = stage_of(self.loaded.study, values), list[dict[str, float]]()
+        stage, found, seed = stage_of(self.loaded.study, values), list[Array](), seed_of_others(of.seed)
         for resolution in SCATTER:
-            study = scattered_study(self._study(stage, resolution, 2), of.tolerance, of.tolerance.checked, of.seed)
+            study = scattered_study(self._study(stage, resolution, 2), of.tolerance, of.tolerance.checked, seed)
             rows = np.array(self._solved([Solve(study, k) for k in range(of.tolerance.checked)], say))
-            columns = [study.outputs.index(name) for name in COUPLINGS]
-            found.append(dict(zip(SCATTERED, map(float, quantiles_of(rows[:, columns])), strict=True)))
-        return Meshed(SCATTER, found)
+            found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
+        return found
 
     def _study(self, stage: Stage, resolution: int, layers: int) -> LoadedStudy:
         """A study of one design, the stage itself."""

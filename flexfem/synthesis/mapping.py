@@ -12,13 +12,11 @@ from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
-from flexfem.study.designs import designs_of
 from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS
 from flexfem.study.versions import versions_of
-from flexfem.synthesis import extra
-from flexfem.synthesis.elements import ProposedElements
+from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
-from flexfem.synthesis.requirements import SCATTERED
+from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
 from flexfem.synthesis.search import BestDesign, Say, optimum
 from flexfem.verify.corners import corner_bands
 from flexfem.verify.errors import mesh_band
@@ -29,9 +27,10 @@ ROUNDS = 8  # at most
 class Proof(NamedTuple):
     """What finite elements say of a design, quantities in their order (q,).
 
-    predicted : of the model as it was corrected when it proposed the design.   bands : by meshes.
+    predicted : of the model as it was corrected when it proposed the design.   bands : by meshes and by sampling.
     uncorrected : of the analytic model itself.   gap : largest difference of prediction and elements, over the sizes.
-    corrections : that make the model agree here.   columns : by name, of the finite elements where they answer.
+    corrections, shifts : that make the model agree here.   sampling : part of the bands that is by sampling.
+    columns : by name, of the finite elements where they answer.   scattered : of stages whose necks scatter, if asked.
     """
 
     values: Array
@@ -42,6 +41,13 @@ class Proof(NamedTuple):
     gap: float
     corrections: dict[str, Correction]
     columns: dict[str, float]
+    shifts: Mapping[str, float]
+    sampling: Array
+    scattered: ScatteredStages | None
+
+    def correcting(self, model: Model) -> Model:
+        """The model that agrees here."""
+        return model.changed(corrections=self.corrections, shifts=self.shifts)
 
 
 class Mapped(NamedTuple):
@@ -68,12 +74,12 @@ def mapped(model: Model, elements: ProposedElements, say: Say = lambda text: Non
         rounds.append(proof(model, elements, best.values, say))
         near = best.values
         if rounds[-1].gap <= accuracy and (best.merit >= WORST or _kept(model, rounds[-1])):
-            return Mapped(model.changed(corrections=rounds[-1].corrections), rounds, optima, True)
+            return Mapped(rounds[-1].correcting(model), rounds, optima, True)
         guard = rounds[-1].bands[model.objectives :] / model.scales
         if model.space.continuous.any():
             guard = guard + accuracy
         guard = guard if model.guard is None else np.maximum(guard, model.guard)
-        model = model.changed(corrections=rounds[-1].corrections, guard=guard)
+        model = rounds[-1].correcting(model).changed(guard=guard)
     return Mapped(model, rounds, optima, False)
 
 
@@ -106,30 +112,33 @@ def _content(model: Model) -> Any:
     """All that a search depends on, as plain data."""
     own = {name: digits for name, digits in manifest().items() if name.startswith("synthesis/")}
     guard = None if model.guard is None else model.guard.tolist()
-    state = [guard, sorted((k, list(v)) for k, v in model.corrections.items())]
+    state = [guard, sorted((k, list(v)) for k, v in model.corrections.items()), sorted(model.shifts.items())]
     return [model.loaded.hash, state, own, dict(versions_of(True))]
 
 
 def proof(model: Model, elements: ProposedElements, values: Array, say: Say = lambda text: None) -> Proof:
     """Finite elements of a design, and the corrections that make the model agree with them there."""
+    meshed, scattered = elements.of(values, say), scattered_stages(model.loaded, elements, values, say)
+    model = model.changed(shifts={} if scattered is None else scattered.shifts)
     columns, _ = model.columns(values[None])
     own = {name: float(column[0]) for name, column in columns.items()}
-    meshed, scattered = elements.of(values, say), elements.scattered(values, say)
-    by_mesh = [own | found for found in meshed.columns]
-    corrections = {name: correction_of(own[name], value) for name, value in meshed.columns[-1].items() if name in own}
-    quantities = np.array([_quantities(model, each) for each in by_mesh])
-    bands = _bands(model, meshed.resolutions, quantities)
+    found = meshed.columns[-1] | ({} if scattered is None else scattered.columns[-1])
+    corrections = {name: correction_of(own[name], value) for name, value in found.items() if name in own}
+    elastic = _quantities(model, own | found)
+    by_mesh = np.array([_quantities(model, own | each) for each in meshed.columns])
+    bands = _bands(model, meshed.resolutions, by_mesh)
+    sampling = np.zeros(len(elastic))
     if scattered is not None:
-        some = _scatter_of_model(model, values)
-        corrections |= {name: correction_of(some[name], scattered.columns[-1][name]) for name in SCATTERED}
-        of_scatter = [_with(own | meshed.columns[-1], each, some) for each in scattered.columns]
-        of_meshes = np.array([_quantities(model, each) for each in of_scatter])
-        bands = np.maximum(bands, [_band(scattered.resolutions, each) for each in of_meshes.T])
-        quantities[-1] = of_meshes[-1]
+        if scattered.fits:
+            of_meshes = np.array([_quantities(model, own | found | each) for each in scattered.columns])
+            bands = np.maximum(bands, [_band(SCATTER, each) for each in of_meshes.T])
+        ends = [_quantities(model, own | found | each) for each in scattered.ends]
+        sampling = np.max(np.abs(np.array(ends) - elastic), axis=0)
     predicted = model.found(values[None]).quantities[0]
-    size = np.maximum(np.abs(quantities[-1]), np.concatenate([np.zeros(model.objectives), model.scales]))
-    gap = float(np.max(np.abs(predicted - quantities[-1]) / np.where(size > 0, size, 1.0)))
-    return Proof(values, predicted, _quantities(model, own), quantities[-1], bands, gap, corrections, by_mesh[-1])
+    size = np.maximum(np.abs(elastic), np.concatenate([np.zeros(model.objectives), model.scales]))
+    gap = float(np.max(np.abs(predicted - elastic) / np.where(size > 0, size, 1.0)))
+    about = corrections, own | found, model.shifts, sampling, scattered
+    return Proof(values, predicted, _quantities(model, own), elastic, bands + sampling, gap, *about)
 
 
 def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
@@ -149,18 +158,3 @@ def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:
 def _band(resolutions: tuple[int, ...], values: Array) -> float:
     found = np.array(resolutions, dtype=float)
     return mesh_band(found, values) if np.ptp(values) > 0 else 0.0
-
-
-def _scatter_of_model(model: Model, values: Array) -> dict[str, float]:
-    """The 95 % couplings by the model of those scattered stages alone that finite elements solve."""
-    tolerance = model.loaded.requirements.tolerance
-    assert tolerance is not None
-    deviations = extra.offsets(model.loaded.study, tolerance, model.loaded.requirements.seed, tolerance.checked)
-    designs = designs_of(model.loaded.study, values[None])
-    found = extra.scattered_coupling(model.loaded.study, designs, deviations)[0]
-    return dict(zip(SCATTERED, map(float, found), strict=True))
-
-
-def _with(columns: dict[str, float], scattered: Mapping[str, float], some: Mapping[str, float]) -> dict[str, float]:
-    """Columns with the couplings of all scattered stages: the model's times what elements say of some over its own."""
-    return columns | {name: columns[name] * scattered[name] / some[name] for name in SCATTERED}

@@ -18,6 +18,7 @@ from flexfem.study.designs import designs_of, evaluated, stage_of
 from flexfem.study.outputs import ERRORS, STIFFNESSES
 from flexfem.synthesis import extra
 from flexfem.synthesis.requirements import MASS, SCATTERED, LoadedRequirements
+from flexfem.synthesis.scatter import LOST
 from flexfem.synthesis.space import DesignSpace
 
 CHUNK = 2048  # designs at a time
@@ -58,12 +59,14 @@ class Smooth(NamedTuple):
 class Model:
     """The corrected analytic model of requirements.
 
-    corrections : by column.   guard : (m,), by how much of its size each requirement is to be met beyond its end.
+    corrections : by column.   shifts : by column, its value of other stages than it is searched with over its own.
+    guard : (m,), by how much of its size each requirement is to be met beyond its end.
     objective : which of them is to be best.   bounded : values that the others must not exceed, with their signs.
     """
 
     loaded: LoadedRequirements
     corrections: Mapping[str, Correction] = field(default_factory=dict)
+    shifts: Mapping[str, float] = field(default_factory=dict)
     guard: Array | None = None
     tightened: Mapping[int, float] = field(default_factory=dict)
     objective: int = 0
@@ -74,14 +77,6 @@ class Model:
     def space(self) -> DesignSpace:
         """The free dimensions."""
         return DesignSpace(self.loaded.columns)
-
-    @cached_property
-    def deviations(self) -> Array | None:
-        """Scatter of the nine necks, where it is asked."""
-        of = self.loaded.requirements
-        if of.tolerance is None or not of.asked & {*SCATTERED}:
-            return None
-        return extra.offsets(self.loaded.study, of.tolerance, of.seed)
 
     def changed(self, **changes: object) -> Model:
         """The same with other corrections, guards or objective; evaluations go on being counted together."""
@@ -115,10 +110,11 @@ class Model:
             if of.asked & {*ERRORS}:
                 K = np.array([found[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
                 found |= dict(zip(ERRORS, extra.formula_errors(designs, K, of.paper_formula).T, strict=True))
-            if self.deviations is not None:
-                self.counts["analytic"] += len(values) * len(self.deviations)
-                couplings = extra.scattered_coupling(loaded, designs, self.deviations)
-                found |= dict(zip(SCATTERED, couplings.T, strict=True))
+            if (scatter := self.loaded.scatter) is not None:
+                self.counts["analytic with scattered necks"] += len(values) * len(scatter.searched)
+                couplings = scatter.searched_values(loaded, designs)
+                reason[(reason == "") & np.isnan(couplings).any(axis=1)] = LOST
+                found |= {n: self.shifts.get(n, 1.0) * of for n, of in zip(SCATTERED, couplings.T, strict=True)}
         return found, reason
 
     def _corrected(self, name: str, column: Array) -> Array:

@@ -11,9 +11,8 @@ from flexfem.arrays import Array
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.stage.schema import Stage
-from flexfem.study.designs import designs_of, stage_of
+from flexfem.study.designs import stage_of
 from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
-from flexfem.synthesis import extra
 from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
@@ -22,13 +21,25 @@ from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.prices import Prices, prices, sensitivities
 from flexfem.synthesis.relaxed import alternatives
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
-from flexfem.synthesis.result import Checked, Designed, FrontDesign, Goal, Requirement, Step, Turn, Verdict, finite
+from flexfem.synthesis.result import (
+    Checked,
+    Designed,
+    FrontDesign,
+    Goal,
+    Requirement,
+    ScatteredCoupling,
+    Step,
+    Turn,
+    Verdict,
+    finite,
+)
+from flexfem.synthesis.scatter import OTHERS
+from flexfem.synthesis.scattered import ScatteredStages
 from flexfem.synthesis.search import Say
 from flexfem.verify.result import versions
 
 PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
 SHOWN = 200  # steps of a history
-OTHERS = 10_000  # stages that a coupling under tolerance is also stated for
 
 
 def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = lambda text: None) -> Designed:
@@ -71,6 +82,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
             for r, o in zip(found.rounds, found.optima, strict=True)
         ],
         front=best_of_both,
+        scattered=_scattered(loaded, last.scattered),
         history=_thinned(found.optima[0].history),
         evaluations=dict(sorted(elements.counts.items())),
         versions=versions(),
@@ -126,12 +138,14 @@ def checked_by(model: Model, expression_names: frozenset[str], solid: bool) -> C
 def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> dict[str, Any]:
     asked = found.model.loaded.requirements.names_of(text)
     by = checked_by(found.model, asked, found.model.loaded.stage.model == "corrected")
-    banded = by.startswith("finite")
+    sampled = bool(asked & {*SCATTERED})
+    banded = by.startswith("finite") or sampled
     return {
         "name": text,
         "label": label,
         "value": float(of.elements[place]),
         "band": float(of.bands[place]) if banded else None,
+        "sampling": float(of.sampling[place]) if sampled else None,
         "uncorrected": float(of.uncorrected[place]),
         "checked_by": by,
     }
@@ -207,23 +221,30 @@ def _warnings(loaded: LoadedRequirements, found: Mapped, last: Proof) -> list[st
     tolerance = loaded.requirements.tolerance
     if tolerance is not None and not tolerance.checked:
         said.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")
-    if tolerance is not None and found.model.deviations is not None:
-        own, others = (float(each[-1]) for each in _scatters(loaded, last.values))
-        said.append(
-            f"coupling_95 is of {tolerance.stages} stages, and its band by meshes alone: by the model {own:.4g}, and "
-            f"{others:.4g} of {OTHERS:,} others"
-        )
     return said
 
 
-def _scatters(loaded: LoadedRequirements, values: Array) -> tuple[Array, Array]:
-    """The 95 % couplings (4,) of a design by the model: of the stages that were searched with, and of others."""
-    tolerance, seed = loaded.requirements.tolerance, loaded.requirements.seed
-    assert tolerance is not None
-    samples = extra.offsets(loaded.study, tolerance, seed), extra.offsets(loaded.study, tolerance, seed + 1, OTHERS)
-    designs = designs_of(loaded.study, values[None])
-    own, others = (extra.scattered_coupling(loaded.study, designs, each)[0] for each in samples)
-    return own, others
+def _scattered(loaded: LoadedRequirements, of: ScatteredStages | None) -> list[ScatteredCoupling]:
+    """What couplings under tolerance rest on, of those that are asked."""
+    tolerance = loaded.requirements.tolerance
+    if tolerance is None or of is None:
+        return []
+    return [
+        ScatteredCoupling(
+            name=name,
+            searched=float(of.searched[k]),
+            searched_stages=tolerance.stages,
+            others=float(of.others.value[k]),
+            low=float(of.others.low[k]),
+            high=float(of.others.high[k]),
+            other_stages=OTHERS,
+            checked_stages=tolerance.checked if of.fits else 0,
+            factor=float(of.fits[-1].factor[k]) if of.fits else None,
+            misfit=float(of.fits[-1].misfit[k]) if of.fits else None,
+        )
+        for k, name in enumerate(SCATTERED)
+        if name in loaded.requirements.asked
+    ]
 
 
 def _doubts(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:

@@ -35,8 +35,9 @@ def alternatives(model: Model, near: Array, seed: int) -> Iterator[SoleRelaxatio
     of = model.loaded.requirements.require
     for k, each in enumerate(of):
         alone = Yielding(
-            model.loaded, model.corrections, None, {}, model.objective, model.bounded, model.counts, yielding=k
-        )
+            model.loaded, model.corrections, model.shifts, objective=model.objective, bounded=model.bounded,
+            counts=model.counts, yielding=k,
+        )  # fmt: skip
         best = optimum(alone, seed, near)
         if best.merit >= WORST:
             yield SoleRelaxation(requirement=each.said, relax_to=None, percent=None)

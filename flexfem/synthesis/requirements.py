@@ -29,6 +29,7 @@ from flexfem.study.loaded import LoadedStudy, require_model
 from flexfem.study.outputs import ERRORS
 from flexfem.study.plan import Study
 from flexfem.study.tables import Output
+from flexfem.synthesis.scatter import NeckScatter
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
 from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
@@ -191,6 +192,14 @@ class LoadedRequirements:
     def study(self) -> LoadedStudy:
         """What answers designs by the analytic model, none of them drawn."""
         return LoadedStudy(self.path, self.requirements.study, self.stage, self.columns, self.path.stem)
+
+    @cached_property
+    def scatter(self) -> NeckScatter | None:
+        """Scatter of the nine necks, where a coupling under it is asked."""
+        of = self.requirements
+        if of.tolerance is None or not of.asked & {*SCATTERED}:
+            return None
+        return NeckScatter.of(self.study, of.tolerance, of.seed)
 
     @property
     def hash(self) -> str:

@@ -23,12 +23,14 @@ class Stated(Record):
 
     value : of finite elements where they answer it, with their `band` by meshes; else of the analytic model, None.
     uncorrected : of the analytic model by itself.   checked_by : which of them `value` is.
+    sampling : of a coupling under tolerance, the part of the band that is not by meshes; None else.
     """
 
     name: str
     label: str
     value: float
     band: float | None
+    sampling: float | None = None
     uncorrected: float
     checked_by: Checked
 
@@ -92,6 +94,38 @@ class FrontDesign(Record):
     met: bool
 
 
+class ScatteredCoupling(Record):
+    """A coupling that 95 % of stages keep whose necks scatter.
+
+    searched : by the model, of those that the design was searched with.   others : of others, which no search has seen;
+        those of all stages lie between `low` and `high` with a confidence of 95 %, by order statistics.
+    factor : by which finite elements differ from the model in those others that both solve, by least squares;
+        misfit : the largest difference that is left. None where none are checked.
+    """
+
+    name: str
+    searched: float
+    searched_stages: int
+    others: float
+    low: float
+    high: float
+    other_stages: int
+    checked_stages: int
+    factor: float | None
+    misfit: float | None
+
+    @property
+    def said(self) -> str:
+        """In words."""
+        text = f"{self.name} of {self.other_stages:,} stages that no search has seen, by the model: {self.others:.4g}, "
+        text += f"95 % interval {self.low:.4g} to {self.high:.4g}; "
+        text += f"of the {self.searched_stages:,} searched {self.searched:.4g}"
+        if self.factor is None:
+            return text
+        of_elements = f"{self.factor:.4f} times that, off by at most {self.misfit:.2g} in one"
+        return f"{text}; finite elements of {self.checked_stages}: {of_elements}"
+
+
 class Step(Record):
     """How far a search was: evaluations by the analytic model, best objective, and what was missed in all."""
 
@@ -128,6 +162,7 @@ class Designed(Record):
     sensitivities: dict[str, dict[str, float | None]]
     rounds: list[Turn] = Field(min_length=1)
     front: list[FrontDesign]
+    scattered: list[ScatteredCoupling] = Field(default_factory=list)
     history: list[Step] = Field(min_length=1)
     evaluations: dict[str, int]
     assumed: list[str]

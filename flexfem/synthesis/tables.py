@@ -17,6 +17,8 @@ from flexfem.study.tables import Expression
 
 MOST_POINTS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
+FEWEST = 72  # stages: of fewer, all are below their 95 % value with a probability of 2.5 % or more
+LEAST_CHECKED = 8  # stages: fewer do not show how model and finite elements differ from stage to stage
 QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
 
 
@@ -152,5 +154,16 @@ class Tolerance(Table):
     """Scatter of the nine necks about their widths, each by itself: the largest coupling of 95 % of stages is asked."""
 
     neck_um: float = Field(gt=0, le=1000, description="Standard deviation of every neck", examples=[5.0])
-    stages: int = Field(default=64, ge=20, le=1024, description="How many are drawn, the same for every design")
-    checked: int = Field(default=0, ge=0, le=1024, description="How many of them finite elements solve at the optimum")
+    stages: int = Field(
+        default=4000, ge=FEWEST, le=20_000,
+        description="How many the search draws, the same for every design; what is stated is of 100,000 others",
+    )  # fmt: skip
+    checked: int = Field(
+        default=0, ge=0, le=1024, description="How many of the others finite elements solve; 0, or >= 8"
+    )
+
+    @model_validator(mode="after")
+    def _checks_enough(self) -> Tolerance:
+        if 0 < self.checked < LEAST_CHECKED:
+            raise refusal(f"0, or at least {LEAST_CHECKED}", "checked")
+        return self
