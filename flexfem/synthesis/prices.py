@@ -20,7 +20,7 @@ class Prices(NamedTuple):
     """At the optimum without steps: whether each requirement (m,) is active, and what 1 % more of it costs.
 
     price : (m,), by how many per cent of itself the objective gets worse; nan where it is not active, or where no
-        design beside the optimum keeps the tightened one.
+        design near the optimum keeps the tightened one.
     at_ends : dimensions at an end of their range.
     """
 

@@ -18,6 +18,7 @@ LEAST, MOST, EACH = 24, 96, 12  # designs of a generation: so many a dimension, 
 GENERATIONS, AGREED = 150, 1e-4  # at most; the spread of a generation's merits over their mean that ends it
 REFINED = 3  # designs from which it is refined
 LOCAL, NARROW = 40, 0.06  # generations, and part of every range, of the search beside the best
+NARROWING = (NARROW, NARROW / 6, NARROW / 36)  # of searches beside a design, one after the other
 MOVES = 200
 RESOLVED = 6  # neighbours whose continuous dimensions are found anew
 
@@ -59,9 +60,16 @@ def beside(model: Model, starts: Array, seed: int) -> BestDesign:
 
 
 def refined(model: Model, values: Array) -> tuple[Array, float]:
-    """The design beside `values` (d,) that is best by sequential quadratic programming alone, and its merit."""
+    """The design beside `values` (d,) that is best, and its merit: by sequential quadratic programming alone, and where
+    that ends at bodies that cannot be drawn by evolution, nearer and nearer.
+    """
     search = _Search(model, 0)
-    return search.climbed(values)
+    found, merit = search.climbed(values)
+    if all(search.drawn.values()):
+        return found, merit
+    for part in NARROWING:
+        found = search.refined(found[None], part)[0]
+    return found, float(search.merit(found[None])[0])
 
 
 class _Search:
@@ -149,13 +157,16 @@ class _Search:
         )
         return np.asarray(found.population), np.asarray(found.population_energies)
 
-    def refined(self, starts: Array) -> Array:
-        """Designs (k, d) beside `starts`, the best first: by quadratic programs and, around kinks, by evolution."""
+    def refined(self, starts: Array, part: float = NARROW) -> Array:
+        """Designs (k, d) beside `starts`, the best first: by quadratic programs and, around kinks, by evolution.
+
+        part : of every range, either way, that evolution looks at.
+        """
         climbed = [self.climbed(each)[0] for each in starts]
         every = np.vstack([climbed, starts])
         top = every[int(np.argmin(self.merit(every)))]
-        low = np.clip(self.space.to_unit(top[None])[0] - NARROW, 0, 1)
-        high = np.clip(low + 2 * NARROW, 0, 1)
+        low = np.clip(self.space.to_unit(top[None])[0] - part, 0, 1)
+        high = np.clip(low + 2 * part, 0, 1)
         beside = low + (high - low) * qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(32)
         beside[0] = np.clip(self.space.to_unit(top[None])[0], low, high)
         found, merits = self._evolve(beside, low, high, LOCAL, lambda text: None)

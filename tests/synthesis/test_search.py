@@ -77,6 +77,28 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load, p
     assert np.any(np.all(np.abs(alike - found.values) <= near, axis=1))
 
 
+@pytest.mark.parametrize("slope", [2.0, pytest.param(-4.0, marks=pytest.mark.slow)])
+def test_a_price_where_what_can_be_drawn_ends_is_that_of_a_dense_grid(load, monkeypatch, slope):
+    """Stiffness and touching bodies, here a line that passes the optimum by, stop it both; programs end beyond."""
+    pieces = NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE
+    at = optimum(Model(load(*pieces)), 5).relaxed
+
+    def room(x):
+        return at[1] - 0.5 + slope * (x[..., 0] - at[0]) - x[..., 1]
+
+    monkeypatch.setattr(Model, "drawable", lambda self, x: "" if room(x) >= 0 else "overlap")
+    model = Model(load(*pieces))
+    found = optimum(model, 5).relaxed
+    costs = prices(model, found)
+    assert costs.active == [True] and room(found) == pytest.approx(0, abs=1e-3)
+    axes = [np.clip(np.linspace(0.985 * x, 1.015 * x, 301), each.low, each.high)
+            for x, each in zip(found, model.space.dimensions, strict=True)]  # fmt: skip
+    values = np.array(np.meshgrid(*axes, indexing="ij")).reshape(2, -1).T
+    reach, stiffness = model.found(values[room(values) >= 0]).quantities.T
+    before, after = (reach[stiffness >= more * STIFFNESS].max() for more in (1.0, 1.01))
+    assert costs.price[0] == pytest.approx(100 * (1 - after / before), rel=0.05)
+
+
 def test_steps_are_kept_and_no_neighbour_is_better(load):
     pieces = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
     model = Model(load(*pieces, require("kxx_n_per_mm", STIFFNESS), RANGE))
