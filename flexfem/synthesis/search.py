@@ -60,7 +60,7 @@ def beside(model: Model, starts: Array, seed: int) -> BestDesign:
 
 
 def refined(model: Model, values: Array) -> tuple[Array, float]:
-    """The design beside `values` (d,) that is best, and its merit: by sequential quadratic programming alone, and where
+    """The design beside `values` (d,) that is best, and its merit: by sequential quadratic programming, and where
     that ends at bodies that cannot be drawn by evolution, nearer and nearer.
     """
     search = _Search(model, 0)

@@ -169,7 +169,7 @@ def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_ele
 def test_a_stage_corrected_for_its_thickness_is_proven_in_three_dimensions(load, tmp_path):
     """Stiffness and range of the extruded stage, the first near calibrated thick hinges on elastic links, 0.2 % off.
 
-    The range is 1 / stress, of which rigid links' model says 10 % too much. Drive, drift and frequency stay the model's.
+    The range is 1 / stress, of which a model of rigid links says 10 % too much. Drive, drift, frequency stay a model's.
     """
     base = (ROOT / "geometry/mobility6.toml").read_text()
     (tmp_path / "base.toml").write_text(base.replace("thickness_mm", 'model = "corrected"\nthickness_mm', 1))
