@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.optimize import minimize
+from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
@@ -19,54 +18,12 @@ FIRST, ADDED = 4, 32  # designs answered at first, more than there are dimension
 SAMPLE, TRIES = 1024, 4  # designs of which the first are taken that have an answer; so many times as many are tried
 TRIED, ROUNDS = 1000, 6  # designs that surfaces are asked for, and how often beside the best of them
 NEAREST, FARTHEST = 1e-3, 0.3  # of a range, that they lie beside them
-SHORT, LONG = 0.15, 10.0  # correlation lengths, parts of a range
-NUGGET = 1e-8  # of the variance: keeps the matrix of correlations regular
+SMOOTHING = 1e-10  # of surfaces: two designs at one place of a list leave them regular
 DRAWN = 20  # proposals in a row that cannot be drawn, after which it is given up
 FEW = 20  # designs that are gone on with where none meets all
 ROOM = 0.1  # of the span of an objective, that the reference point lies beyond the worst design
 
 Foretold = Callable[[Array], tuple[Array, Array]]  # of places (n, d): both objectives (n, 2), what is missed (n,)
-
-
-class Surface:
-    """Kriging with a linear trend through values (n,) at places (n, d) from 0 to 1.
-
-    Notes
-    -----
-    Gaussian correlations, their d lengths by restricted likelihood: Sacks, Welch, Mitchell, Wynn, Statist. Sci. 4
-    (1989) 409-435.
-    """
-
-    def __init__(self, places: Array, values: Array, lengths: Array | None = None) -> None:
-        self.places, self.values = places, values
-        self.trend = np.column_stack([np.ones(len(places)), places])
-        start = np.ones(places.shape[1]) if lengths is None else lengths
-        bounds = [(np.log(SHORT), np.log(LONG))] * len(start)
-        found = minimize(lambda log: self._fitted(np.exp(log)), np.log(start), method="L-BFGS-B", bounds=bounds)
-        self.lengths = np.exp(found.x)
-        self._fitted(self.lengths)
-
-    def _correlated(self, places: Array) -> Array:
-        apart = (places[:, None] - self.places[None]) / self.lengths
-        return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
-
-    def _fitted(self, lengths: Array) -> float:
-        """Half the deviance of correlation lengths (d,), whose coefficients and weights are kept."""
-        self.lengths = lengths
-        L = cholesky(self._correlated(self.places) + NUGGET * np.eye(len(self.values)), lower=True)
-        F, y = (solve_triangular(L, each, lower=True) for each in (self.trend, self.values))
-        self.slopes = np.linalg.lstsq(F, y, rcond=None)[0]
-        left = y - F @ self.slopes
-        self.weights = cho_solve((L, True), self.values - self.trend @ self.slopes)
-        degrees = len(left) - F.shape[1]
-        spread = max(float(left @ left) / degrees, 1e-300)
-        of_trend = np.linalg.slogdet(F.T @ F)[1]
-        return float(0.5 * degrees * np.log(spread) + np.sum(np.log(np.diag(L))) + 0.5 * of_trend)
-
-    def at(self, places: Array) -> Array:
-        """Values (n,) foretold at places (n, d)."""
-        trend = np.column_stack([np.ones(len(places)), places])
-        return np.asarray(trend @ self.slopes + self._correlated(places) @ self.weights)
 
 
 def sketched(model: Model, seed: int, added: int = ADDED, say: Say = lambda text: None) -> Array:
@@ -76,8 +33,9 @@ def sketched(model: Model, seed: int, added: int = ADDED, say: Say = lambda text
 
     Notes
     -----
-    The next design answered is the one that by surfaces adds most to the area that the front dominates, in logarithms:
-    Ponweiser, Wagner, Biermann, Vincze, PPSN X, LNCS 5199 (2008) 784-794, without its optimism.
+    Surfaces are cubic radial basis functions with a linear trend. The next design answered is the one that by these
+    adds most to the area that the front dominates, in logarithms: Ponweiser, Wagner, Biermann, Vincze, PPSN X, LNCS
+    5199 (2008) 784-794, without its optimism.
     """
     sketch = _Sketch(model, seed)
     for k in range(added if sketch.enough else 0):
@@ -96,7 +54,6 @@ class _Sketch:
         self.places, self.quantities = np.empty((0, d)), np.empty((0, len(model.loaded.requirements.quantities)))
         self.lost = np.empty((0, d))
         places = self._allowed(qmc.Sobol(d, rng=self.rng).random(SAMPLE))
-        self.lengths: list[Array | None] = [None] * self.quantities.shape[1]
         for place in places[: TRIES * (d + FIRST)]:
             if len(self.places) == d + FIRST:
                 break
@@ -137,9 +94,14 @@ class _Sketch:
 
     def _judged(self, quantities: Array) -> tuple[Array, Array]:
         """Both objectives (n, 2), to be small, in logarithms where all have them, and what is missed in all (n,)."""
-        both = np.column_stack([_of(self.logarithmic[k], quantities[:, k]) for k in range(2)]) * self.signs
+        both = self._logarithms(quantities)[:, :2] * self.signs
         missed = self.model.violations(Found(quantities, np.full(len(quantities), "", dtype=object)))
         return both, np.sum(missed, axis=1)
+
+    def _logarithms(self, quantities: Array) -> Array:
+        """Quantities (n, q), those as logarithms that are positive at every design."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.logarithmic, np.log(quantities), quantities)
 
     @property
     def logarithmic(self) -> AnyArray:
@@ -155,15 +117,17 @@ class _Sketch:
         return self.space.of_unit(np.asarray(self.places[_best(both, missed)]))
 
     def add(self) -> bool:
-        """Answer the design that adds most by surfaces fitted anew; False where none has an answer."""
-        log, q = self.logarithmic, self.quantities
-        surfaces = [Surface(self.places, _of(log[k], q[:, k]), self.lengths[k]) for k in range(q.shape[1])]
-        self.lengths = [each.lengths for each in surfaces]
+        """Answer the design that adds most by surfaces through all so far; False where there is none."""
+        q = self.quantities
+        try:
+            surfaces = RBFInterpolator(self.places, self._logarithms(q), smoothing=SMOOTHING, kernel="cubic", degree=1)
+        except np.linalg.LinAlgError:  # the places are all in one plane
+            return False
 
         def foretold(places: Array) -> tuple[Array, Array]:
-            values = [each.at(places) for each in surfaces]
-            back = [np.exp(v) if log[k] else v for k, v in enumerate(values)]
-            return self._judged(np.column_stack(back))
+            values = surfaces(places)
+            with np.errstate(over="ignore"):
+                return self._judged(np.where(self.logarithmic, np.exp(values), values))
 
         for _ in range(DRAWN):
             places = self._searched(foretold)
@@ -202,10 +166,6 @@ def gains(known: Array, both: Array, reference: Array) -> Array:
     heights = np.concatenate([reference[1:], np.minimum(known[:, 1], reference[1])])
     widths = np.clip(edges[1:] - np.maximum(edges[:-1], both[:, :1]), 0, None)
     return np.asarray(np.sum(widths * np.clip(heights - both[:, 1:], 0, None), axis=1))
-
-
-def _of(logarithmic: bool, values: Array) -> Array:
-    return np.log(values) if logarithmic else values
 
 
 def _best(both: Array, missed: Array) -> Index:

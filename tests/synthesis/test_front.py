@@ -11,22 +11,13 @@ from flexfem.study.reductions import non_dominated
 from flexfem.synthesis.front import front
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.requirements import load_requirements
-from flexfem.synthesis.surface import Surface, gains, sketched
+from flexfem.synthesis.surface import gains, sketched
 
 from .conftest import NECK, RADIUS, ROOT, best, require
 
 NECK_MM, RADIUS_MM = "hinges.elbow.neck_mm", "hinges.elbow.radius_mm"
 CIRCLE = f"({NECK_MM} / 0.7) ** 2 + ({RADIUS_MM} / 4.0) ** 2"  # 0.18 to 0.84 and 0.14 to 1 of it within the ends
 BOTH = best("maximise", NECK_MM) + best("maximise", RADIUS_MM)
-
-
-def test_surfaces_are_exact_at_their_points_and_of_a_plane():
-    rng = np.random.default_rng(3)
-    places, elsewhere = rng.random((9, 3)), rng.random((50, 3))
-    plane = Surface(places, 2.0 + places @ [1.0, -3.0, 0.5])
-    assert plane.at(elsewhere) == pytest.approx(2.0 + elsewhere @ [1.0, -3.0, 0.5], abs=1e-6)
-    curved = np.exp(places @ [1.0, -2.0, 0.3])
-    assert Surface(places, curved).at(places) == pytest.approx(curved, rel=1e-4)
 
 
 def test_the_area_that_a_design_adds_is_that_of_rectangles():
