@@ -106,7 +106,7 @@ class _Sketch:
     @property
     def logarithmic(self) -> AnyArray:
         """Which quantities (q,) are positive at every design."""
-        return np.all(self.quantities > 0, axis=0)
+        return np.asarray(np.all(self.quantities > 0, axis=0))
 
     @property
     def front(self) -> Array:
