@@ -32,7 +32,8 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     ends = [beside(model, near[:2], seed), optimum(model.changed(objective=1), seed, near[-1], say)]
     if any(end.merit >= WORST for end in ends):
         return []
-    near = np.array(best_of(model, [ends[0].relaxed, *near, ends[1].relaxed]))
+    near = np.vstack([ends[0].relaxed, near, ends[1].relaxed])
+    near = np.array(best_of(model, list(near[model.merit(model.found(near)) < WORST])))
     found, along = [ends[0].values], _objectives(model, near)
     for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
         bounded = model.changed(bounded={1: float(along[k, 1])})
@@ -46,9 +47,9 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
 
 
 def _objectives(model: Model, designs: Array) -> Array:
-    """Both objectives (n, 2) of designs, with their signs: to be small."""
+    """All objectives (n, k) of designs, with their signs: to be small."""
     found = model.found(designs)
-    return np.column_stack([model.changed(objective=k).wanted(found) for k in range(2)])
+    return np.column_stack([model.changed(objective=k).wanted(found) for k in range(model.objectives)])
 
 
 def _drawn(values: Array) -> Array:
@@ -57,7 +58,7 @@ def _drawn(values: Array) -> Array:
 
 
 def best_of(model: Model, designs: list[Array]) -> list[Array]:
-    """Those of some designs that no other beats in both objectives, in the order of the first."""
+    """Those of some designs that no other beats in all objectives, in the order of the first."""
     both = _objectives(model, np.array(designs))
     kept = [
         k

@@ -16,6 +16,7 @@ from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED,
 from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
+from flexfem.synthesis.many import front_of_many, require_pymoo
 from flexfem.synthesis.mapping import Mapped, Proof, mapped
 from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.prices import Prices, prices, sensitivities
@@ -47,8 +48,9 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
 
     Raises
     ------
-    ComputationFailed : finite elements of a proposed design fail.
+    ComputationFailed : finite elements of a proposed design fail.   BadInput : pymoo is needed and not installed.
     """
+    require_pymoo(loaded)
     model = Model(loaded, counts=elements.counts)
     found = mapped(model, elements, say)
     last, best = found.rounds[-1], found.optima[-1]
@@ -59,7 +61,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     stage = made(loaded, last.values)
     of = loaded.requirements
     missed = [] if reached else list(alternatives(found.model.changed(guard=None), last.values, of.seed))
-    best_of_both = _front(found, elements, say) if model.objectives == 2 and reached else []
+    best_of_both = _front(found, elements, say) if model.objectives > 1 and reached else []
     return Designed(
         name=of.name,
         file=str(loaded.path),
@@ -187,7 +189,8 @@ def _kept(found: Mapped, last: Proof, costs: Prices, elements: ProposedElements)
 
 def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDesign]:
     of = found.model.loaded.requirements
-    designs = front(found.model, found.optima[-1].relaxed, of.front, of.seed, say)
+    search = front if found.model.objectives == 2 else front_of_many
+    designs = search(found.model, found.optima[-1].relaxed, of.front, of.seed, say)
     return [
         FrontDesign(
             design=_named(found.model.loaded, values),

@@ -74,7 +74,7 @@ class Requirements(Sourced):
         min_length=1, max_length=30, description="What may differ from the base stage; numbers in the unit of the key"
     )
     require: tuple[Require, ...] = Field(default=(), max_length=50, description="What the stage must keep")
-    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="What is to be best")
+    objective: tuple[Objective, ...] = Field(min_length=1, max_length=4, description="What is to be best")
     output: tuple[Output, ...] = Field(
         default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
     )

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
+
 import numpy as np
 import pytest
 
+from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
 from flexfem.study.reductions import non_dominated
+from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front
+from flexfem.synthesis.many import apart, front_of_many
 from flexfem.synthesis.model import Model
+from flexfem.synthesis.outcome import designed
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.synthesis.surface import gains, sketched
 
-from .conftest import NECK, RADIUS, ROOT, best, require
+from .conftest import LINK, NECK, RADIUS, ROOT, best, require
 
 NECK_MM, RADIUS_MM = "hinges.elbow.neck_mm", "hinges.elbow.radius_mm"
 CIRCLE = f"({NECK_MM} / 0.7) ** 2 + ({RADIUS_MM} / 4.0) ** 2"  # 0.18 to 0.84 and 0.14 to 1 of it within the ends
+LINK_MM = "chain.link_lengths_mm[0]"
 BOTH = best("maximise", NECK_MM) + best("maximise", RADIUS_MM)
+LONGEST = best("maximise", LINK_MM)
 
 
 def test_the_area_that_a_design_adds_is_that_of_rectangles():
@@ -96,3 +105,42 @@ def test_the_front_of_study_reach_is_beaten_with_a_hundredth_of_its_evaluations(
     assert not any(np.any(np.all(studied >= each, axis=1)) for each in found)
     short = [np.min(np.max(each / found, axis=1)) for each in studied]
     assert len(studied) == 58 and np.sum(np.array(short) <= 1) >= 45 and max(short) < 1.08
+
+
+@pytest.mark.slow
+def test_the_front_of_three_lengths_within_an_ellipsoid_is_the_ellipsoid(load):
+    """The largest neck, radius and link with (t/0.7)^2 + (R/4)^2 + (l/40)^2 <= 1.6: each part of it at most 1."""
+    pytest.importorskip("pymoo")
+    model = Model(load(NECK, RADIUS, LINK, require(f"{CIRCLE} + ({LINK_MM} / 40) ** 2", None, 1.6), BOTH + LONGEST))
+    found = np.array(front_of_many(model, np.array([0.6, 2.0, 30.0]), 9, 3))
+    t, R, length = found.T / [[0.7], [4.0], [40.0]]
+    assert len(found) == 9
+    assert t**2 + R**2 + length**2 == pytest.approx(np.full(9, 1.6), abs=1e-5)
+    assert [t.max(), R.max(), length.max()] == pytest.approx([1.0, 1.0, 1.0], abs=1e-3)
+
+
+@pytest.mark.slow
+def test_evolution_and_bounded_objectives_find_the_same_front(load):
+    pytest.importorskip("pymoo")
+    loaded = load(NECK, RADIUS, best("maximise", "range_x_um"), best("maximise", "kxx_n_per_mm"))
+    model, first = Model(loaded), np.array([0.3, 4.0])
+    bounded, evolved = (
+        Model(loaded).found(np.array(search(model, first, 9, 3))).quantities for search in (front, front_of_many)
+    )
+    for k, one in enumerate(bounded):
+        assert not np.any(np.all(evolved > one * 1.002, axis=1)), k
+    for k, one in enumerate(evolved):
+        assert not np.any(np.all(bounded > one * 1.002, axis=1)), k
+    assert evolved.max(axis=0) == pytest.approx(bounded.max(axis=0), rel=2e-3)
+
+
+def test_designs_of_a_front_are_chosen_far_from_each_other():
+    t = np.linspace(0, np.pi / 2, 91)
+    assert apart(np.column_stack([np.cos(t), 100 * np.sin(t)]), 5) == [90, 67, 45, 22, 0]
+
+
+def test_without_pymoo_three_objectives_are_refused_in_one_line(load, monkeypatch):
+    loaded = load(NECK, RADIUS, LINK, BOTH + LONGEST)
+    monkeypatch.setitem(sys.modules, "pymoo", None)
+    with pytest.raises(BadInput, match=r"wanted.toml: objective: 3 of them need pymoo, expected flexfem\[fronts\]"):
+        designed(loaded, ProposedElements(loaded, Counter()))
