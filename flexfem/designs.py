@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 PathLike = str | os.PathLike[str]
 STAGE = "{}-stage.toml"
+FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
 
 def design(
@@ -31,8 +32,8 @@ def design(
     Parameters
     ----------
     requirements : their file.
-    output : folder for the stage file, `<stem>-stage.toml`, and the record, `<stem>-design.json`; a search that was
-        stopped goes on there where it was. None writes nothing.
+    output : folder for the stage file, `<stem>-stage.toml`, those of the front, `<stem>-front-1.toml` and so on, and
+        the record, `<stem>-design.json`; a search that was stopped goes on there where it was. None writes nothing.
     workers : processes for finite elements, 1 for this one.   scheduler : address of a Dask cluster instead.
     say : is told in a line now and then how far it is.
 
@@ -57,8 +58,10 @@ def design(
     if folder is not None:
         check_folder(folder)
         base = Path(loaded.stage.origin.path or "")
-        if (target := folder / STAGE.format(loaded.path.stem)).parent.is_dir():
-            check_file(target, base)
+        stem, count = loaded.path.stem, loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
+        for name in (STAGE.format(stem), *(FRONT.format(stem, number + 1) for number in range(count))):
+            if folder.is_dir():
+                check_file(folder / name, base)
     store = Store(None if folder is None else folder / f".{loaded.path.stem}-design.found")
     with _pool(workers, scheduler, say) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
@@ -69,14 +72,17 @@ def design(
 
 
 def write_design(found: Designed, folder: Path) -> list[Path]:
-    """Write the stage file and the record of a design; returns their paths. Raises BadInput."""
+    """Write the stage file of a design, those of its front, and the record; returns their paths. Raises BadInput."""
     from flexfem.files.writing import write_atomically
     from flexfem.verify.result import write_record
 
     stem = Path(found.file).stem
-    stage = folder / STAGE.format(stem)
-    write_atomically(stage, lambda file: file.write(found.stage.encode()))
-    return [stage, write_record(found, folder / f"{stem}-design.json")]
+    written = [folder / STAGE.format(stem)]
+    write_atomically(written[0], lambda file: file.write(found.stage.encode()))
+    for number, one in enumerate(found.front, 1):
+        written.append(folder / FRONT.format(stem, number))
+        write_atomically(written[-1], lambda file, text=one.stage: file.write(text.encode()))  # type: ignore[misc]
+    return [*written, write_record(found, folder / f"{stem}-design.json")]
 
 
 @contextmanager

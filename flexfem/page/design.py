@@ -11,6 +11,7 @@ from markupsafe import Markup
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import Cell, Content, PageSection, facts, notes, table
 from flexfem.plot.design import design_figure
+from flexfem.plot.design_front import front_figure
 from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.text import SPACE, significant
 
@@ -136,7 +137,9 @@ def _front(of: Designed, number: int) -> PageSection | None:
         kept = "met" if one.met else Markup("<strong>not met</strong>")
         rows.append([str(place), *made, *(Cell(significant(value, 5), value) for value in numbers), kept])
     said = "Designs that no other beats in all objectives, solved by finite elements"
-    return PageSection(f"design-{number}-front", "Front", table(head, rows, caption=said))
+    drawn = "The front by finite elements, and its designs to one scale, by their numbers."
+    parts = [shown_figure(f"front-{number}-figure", lambda: front_figure(of), drawn), table(head, rows, caption=said)]
+    return PageSection(f"design-{number}-front", "Front", Markup("\n").join(parts))
 
 
 def _search(of: Designed, number: int) -> PageSection:

@@ -15,6 +15,7 @@ _HOMES = {
     "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
     "curves": ("plot_displaced", "plot_errors"),
     "design": ("plot_history", "plot_margins", "plot_tradeoff"),
+    "design_front": ("plot_objectives",),
     "dimensions": ("plot_dimensions",),
     "displacement": ("plot_displacement",),
     "drift": ("plot_drift",),

@@ -35,7 +35,8 @@ def design_figure(found: Designed) -> Figure:
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
         *found.warnings,
     ]
-    columns = 4 if found.front else 3
+    plane = bool(found.front) and len(found.objectives) == 2
+    columns = 4 if plane else 3
     height = max(HEIGHT, ROW * len(found.requirements) + 1.6)
     width = WIDTH + 3.6 * (columns - 3)
     ratios = [1.05, 1.0, 1.0, 1.0][:columns]
@@ -44,7 +45,7 @@ def design_figure(found: Designed) -> Figure:
     plot_designed(axes[0], found)
     plot_margins(axes[1], found)
     plot_history(axes[2], found)
-    if found.front:
+    if plane:
         plot_tradeoff(axes[3], found)
     titles = (
         "designed stage",

@@ -90,9 +90,9 @@ def pareto_figure(shown: ParetoFront) -> Figure:
     axes = add_axes(figure, AXES_LEFT, rows.height + FOOT, AXES_WIDTH, AXES_HEIGHT)
     plot_front(axes, shown)
     for index, chosen in enumerate(shown.chosen):
-        _draw_design(figure, rows, index, chosen)
+        draw_design(figure, rows, index, chosen, letter(index))
     if rows.number:
-        _draw_scale(add_axes(figure, LEFT, 0.08, CELL, 0.26), float(rows.high[0] - rows.low[0]))
+        draw_scale(add_axes(figure, LEFT, 0.08, CELL, 0.26), float(rows.high[0] - rows.low[0]))
     return figure
 
 
@@ -178,14 +178,15 @@ def _draw_legend(axes: Axes, shown: ParetoFront) -> None:
     axes.legend(**place, ncols=2, frameon=False)
 
 
-def _draw_design(figure: Figure, rows: RowLayout, index: int, chosen: Chosen) -> None:
+def draw_design(figure: Figure, rows: RowLayout, index: int, chosen: Chosen, name: str) -> None:
+    """Draw a design in the cell of an index, with its name and lines below."""
     down, along = divmod(index, ACROSS)
     left, bottom = LEFT + along * (AXES_LEFT + AXES_WIDTH - LEFT) / ACROSS, rows.height - down * rows.row - rows.cell[1]
     axes = add_axes(figure, left, bottom, *rows.cell)
     axes.set(xlim=(rows.low[0], rows.high[0]), ylim=(rows.low[1], rows.high[1]))
     axes.set_axis_off()
     draw_outline(axes, chosen.outline)
-    text = _text(chosen, letter(index))
+    text = _text(chosen, name)
     axes.annotate(text, (0.0, 0.0), (0, -5), "axes fraction", "offset points", size=LETTERS, va="top", linespacing=1.3)
 
 
@@ -194,7 +195,7 @@ def _text(chosen: Chosen, name: str) -> str:
     return "\n".join(wrapped(line, CELL, LETTERS) for line in (f"{name}:  {first}", *others))
 
 
-def _draw_scale(axes: Axes, width: float) -> None:
+def draw_scale(axes: Axes, width: float) -> None:
     """A bar of a round length for the drawings, all of one scale, in axes that are `width` mm wide."""
     length = round_factor(0.4 * width)
     axes.set(xlim=(0.0, width), ylim=(0.0, 1.0))

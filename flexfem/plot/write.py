@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from flexfem.files.writing import write_atomically
 from flexfem.plot.curves import error_figure
 from flexfem.plot.design import design_figure
+from flexfem.plot.design_front import front_figure
 from flexfem.plot.displacement import deformed_figure
 from flexfem.plot.hinge_sketch import hinge_sketch
 from flexfem.plot.model_sketch import model_sketch
@@ -73,9 +74,12 @@ def write_beside(stored: Path, figure: Figure) -> list[Path]:
 
 
 def write_design_figures(found: Designed, stored: Path) -> list[Path]:
-    """Draw a design, and its sensitivity to each dimension, beside its record. Raises BadInput."""
-    beside = stored.with_name(f"{stored.stem}-sensitivity.json")
-    return [*write_beside(stored, design_figure(found)), *write_beside(beside, sensitivity_figure(found))]
+    """Draw a design, its sensitivity to each dimension and its front beside its record. Raises BadInput."""
+    figures = {"": design_figure, "-sensitivity": sensitivity_figure} | (
+        {"-front": front_figure} if found.front else {}
+    )
+    named = [(stored.with_name(f"{stored.stem}{part}.json"), draw) for part, draw in figures.items()]
+    return [path for beside, draw in named for path in write_beside(beside, draw(found))]
 
 
 def plans(results: list[Stored], displacement: bool = False) -> list[Plan]:

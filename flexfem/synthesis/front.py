@@ -32,9 +32,10 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     ends = [beside(model, near[:2], seed), optimum(model.changed(objective=1), seed, near[-1], say)]
     if any(end.merit >= WORST for end in ends):
         return []
+    first, last = (in_turn(model, end.values, seed) for end in ends)
     near = np.vstack([ends[0].relaxed, near, ends[1].relaxed])
     near = np.array(best_of(model, list(near[model.merit(model.found(near)) < WORST])))
-    found, along = [ends[0].values], _objectives(model, near)
+    found, along = [first], objectives_of(model, near)
     for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
         bounded = model.changed(bounded={1: float(along[k, 1])})
         between = beside(bounded, np.vstack([near[k], found[-1]]), seed)
@@ -43,10 +44,21 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
         if between.merit < WORST:
             found.append(between.values)
         say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
-    return best_of(model, [*found, ends[1].values])
+    return best_of(model, [*found, last])
 
 
-def _objectives(model: Model, designs: Array) -> Array:
+def in_turn(model: Model, values: Array, seed: int) -> Array:
+    """The design (d,) beside `values` that is best in one objective after the other while the others are kept."""
+    for k in range(model.objectives):
+        own = objectives_of(model, values[None])[0]
+        bounded = model.changed(objective=k, bounded={j: float(x) for j, x in enumerate(own) if j != k})
+        best = beside(bounded, values[None], seed)
+        if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
+            values = best.values
+    return values
+
+
+def objectives_of(model: Model, designs: Array) -> Array:
     """All objectives (n, k) of designs, with their signs: to be small."""
     found = model.found(designs)
     return np.column_stack([model.changed(objective=k).wanted(found) for k in range(model.objectives)])
@@ -59,7 +71,7 @@ def _drawn(values: Array) -> Array:
 
 def best_of(model: Model, designs: list[Array]) -> list[Array]:
     """Those of some designs that no other beats in all objectives, in the order of the first."""
-    both = _objectives(model, np.array(designs))
+    both = objectives_of(model, np.array(designs))
     kept = [
         k
         for k, own in enumerate(both)
@@ -70,21 +82,26 @@ def best_of(model: Model, designs: list[Array]) -> list[Array]:
 
 
 class OnFront(NamedTuple):
-    """A design (d,) with its objectives by finite elements and as predicted, and whether every end is kept."""
+    """A design (d,) with its objectives by finite elements and as predicted.
+
+    margins : (m,), of the requirements over their sizes.   met : whether every end is kept, within its band.
+    """
 
     values: Array
     elements: Array
     predicted: Array
+    margins: Array
     met: bool
 
 
 def proven(model: Model, elements: ProposedElements, designs: list[Array], say: Say) -> list[OnFront]:
     """Solve designs by finite elements."""
     low, high = model.changed(guard=None).ends
-    found = []
+    k, found = model.objectives, []
     for values in designs:
         of = proof(model, elements, values, say)
-        q, band = of.elements[model.objectives :], of.bands[model.objectives :]
-        met = bool(np.all((q + band >= low) & (q - band <= high)))
-        found.append(OnFront(values, of.elements[: model.objectives], of.predicted[: model.objectives], met))
+        q, band = of.elements[k:], of.bands[k:]
+        margins = np.minimum(q - low, high - q)
+        met = bool(np.all(margins >= -band))
+        found.append(OnFront(values, of.elements[:k], of.predicted[:k], margins / model.scales, met))
     return found

@@ -11,9 +11,10 @@ from scipy.stats import qmc
 from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
+from flexfem.synthesis.front import in_turn
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.requirements import LoadedRequirements
-from flexfem.synthesis.search import Say, beside
+from flexfem.synthesis.search import Say
 
 PARTITIONS = {2: 60, 3: 12, 4: 7}  # of an objective, between whose ends reference directions lie: 61, 91, 120
 GENERATIONS = 120
@@ -31,8 +32,8 @@ def front_of_many(model: Model, first: Array, count: int, seed: int, say: Say = 
 
     Notes
     -----
-    NSGA-III: Deb, Jain, IEEE Trans. Evol. Comput. 18 (2014) 577-601. From each design that is chosen the first
-    objective is then made best while the others are kept.
+    NSGA-III: Deb, Jain, IEEE Trans. Evol. Comput. 18 (2014) 577-601. From each design that is chosen one
+    objective after the other is then made best while the others are kept.
     """
     archive = _Archive(model)
     _evolved(archive, first, seed, say)
@@ -40,10 +41,7 @@ def front_of_many(model: Model, first: Array, count: int, seed: int, say: Say = 
         return []
     found = []
     for place in apart(archive.both, count):
-        kept = {k: float(archive.both[place, k]) for k in range(1, model.objectives)}
-        own, bounded = archive.values[place], model.changed(bounded=kept)
-        best = beside(bounded, own[None], seed)
-        found.append(best.values if best.merit < float(bounded.merit(bounded.found(own[None]))[0]) else own)
+        found.append(in_turn(model, archive.values[place], seed))
         say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return found
 

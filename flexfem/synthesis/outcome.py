@@ -191,14 +191,17 @@ def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDes
     of = found.model.loaded.requirements
     search = front if found.model.objectives == 2 else front_of_many
     designs = search(found.model, found.optima[-1].relaxed, of.front, of.seed, say)
+    loaded = found.model.loaded
     return [
         FrontDesign(
-            design=_named(found.model.loaded, values),
-            values=value.tolist(),
-            predicted=predicted.tolist(),
-            met=met,
+            design=_named(loaded, one.values),
+            values=one.elements.tolist(),
+            predicted=one.predicted.tolist(),
+            margins_percent=(100 * one.margins).tolist(),
+            met=one.met,
+            stage=made(loaded, one.values).to_toml(),
         )
-        for values, value, predicted, met in proven(found.model, elements, designs, say)
+        for one in proven(found.model, elements, designs, say)
     ]
 
 

@@ -86,12 +86,19 @@ class Turn(Record):
 
 
 class FrontDesign(Record):
-    """A design that no other beats in both objectives, by finite elements; those of the model corrected elsewhere."""
+    """A design that no other beats in all objectives.
+
+    values : objectives by finite elements; predicted : by the model as it was corrected at the design of the record.
+    margins_percent : of every requirement, as `Requirement`.   met : whether each is kept, within its band.
+    stage : text of its stage file.
+    """
 
     design: dict[str, float]
     values: list[float]
     predicted: list[float]
+    margins_percent: list[float]
     met: bool
+    stage: str
 
 
 class ScatteredCoupling(Record):
@@ -172,10 +179,7 @@ class Designed(Record):
 
     @model_validator(mode="after")
     def _parts_belong_together(self) -> Designed:
-        try:
-            Stage.model_validate(tomllib.loads(self.stage))
-        except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
-            raise refusal("the text of a stage file", "stage") from None
+        _require_stage(self.stage, "stage")
         quantities = {each.name for each in (*self.objectives, *self.requirements)}
         for name in self.design:
             if name not in self.relaxed:
@@ -185,6 +189,9 @@ class Designed(Record):
         for index, each in enumerate(self.front):
             if not len(each.values) == len(each.predicted) == len(self.objectives):
                 raise refusal("a value of each objective", "front", index)
+            if len(each.margins_percent) != len(self.requirements):
+                raise refusal("a margin of each requirement", "front", index)
+            _require_stage(each.stage, "front", index, "stage")
         return self
 
     @property
@@ -194,6 +201,13 @@ class Designed(Record):
         for each in (*self.objectives, *(one for one in self.requirements if one.active)):
             found.setdefault(each.name, each)
         return list(found.values())
+
+
+def _require_stage(text: str, *at: str | int) -> None:
+    try:
+        Stage.model_validate(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
+        raise refusal("the text of a stage file", *at) from None
 
 
 def finite(value: float) -> float | None:

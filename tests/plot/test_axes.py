@@ -112,7 +112,8 @@ def designed() -> Designed:
     met = {"value": 101.0, "margin": 11.0, "margin_percent": 12.2, "verdict": "met", "price_percent": 0.3}
     missed = {"value": 81.0, "margin": -9.0, "margin_percent": -10.0, "verdict": "missed", "price_percent": None}
     asked = [Requirement(name=name, **found, **said, **ends) for name, found in (("a", met), ("b", missed))]
-    front = [FrontDesign(design={}, values=[k, k / 500], predicted=[k, k / 499], met=True) for k in (99.0, 101.0)]
+    front = [FrontDesign(design={}, values=[k, k / 500], predicted=[k, k / 499], margins_percent=[], met=True, stage="")
+             for k in (99.0, 101.0)]  # fmt: skip
     history = [Step(evaluations=n, objective=k, missed=0.0) for n, k in ((10, None), (40, 90.0), (90, 99.0))]
     design = {"neck": 0.5, "link": 22.0, "pad": 3.0}
     rows = zip(design, [(2.4, 1.0, 0.0, 0.7), (-1.0, 0.4, 0.0, -0.2), (None, 0.0, 0.0, 0.0)], strict=True)
@@ -152,6 +153,7 @@ DRAWN: dict[str, Any] = {
     "plot_model": lambda made: (made.model(),),
     "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
     "plot_notch": lambda made: (made.fields(), made.model().hinges[1]),
+    "plot_objectives": lambda made: (designed(),),
     "plot_open_loop": lambda made: (driven(), "x"),
     "plot_push": lambda made: (pushed(), "theta"),
     "plot_region": lambda made: (identified(),),

@@ -7,12 +7,15 @@ import json
 import re
 from collections import Counter
 
+import numpy as np
 import pytest
 
 import flexfem as api
 from flexfem.commands.design import print_design
+from flexfem.designs import write_design
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
+from flexfem.synthesis.model import Model
 from flexfem.synthesis.result import SoleRelaxation
 from flexfem.synthesis.stored import is_design, read_design
 
@@ -59,6 +62,24 @@ def test_sensitivities_of_objectives_and_active_requirements_are_printed(stored,
     assert ["radius", "-0.500", "+0.000", "not", "known"] in lines
 
 
+def test_any_design_of_the_front_is_a_stage_and_has_its_row(stored, tmp_path, capsys):
+    found = read_design(stored)
+    write_design(found, tmp_path)
+    print_design(found)
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for number, one in enumerate(found.front, 1):
+        stage = api.load(tmp_path / f"wanted-front-{number}.toml")
+        assert stage.hinges.elbow.radius == pytest.approx(one.design["radius"])
+        columns, _ = Model(load_requirements(stored.with_name("wanted.toml"))).columns(
+            np.array([[*one.design.values()]])
+        )
+        stiffness = 0.97 * columns["kxx_n_per_mm"][0]
+        assert one.margins_percent[0] == pytest.approx(100 * (stiffness / 60 - 1))
+        row = [str(number), *(f"{x:.6g}" for x in (*one.design.values(), *one.values))]
+        assert [*row, *(f"{x:.3g}" for x in one.margins_percent)] in printed
+    assert len(found.front) >= 2
+
+
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [
@@ -67,6 +88,8 @@ def test_sensitivities_of_objectives_and_active_requirements_are_printed(stored,
         (["sensitivities", "neck"], {"kxx_n_per_mm": 1.0}, "sensitivities.neck: expected each of the quantities"),
         (["relaxed"], {}, "relaxed: expected each of the dimensions"),
         (["front", 0, "values"], [1.0], "front.0: expected a value of each objective"),
+        (["front", 0, "margins_percent"], [1.0], "front.0: expected a margin of each requirement"),
+        (["front", 1, "stage"], "thickness_mm = 3", "front.1.stage: expected the text of a stage file"),
         (["history"], [], "history: "),
         (["requirements", 0, "margin"], "wide", "requirements.0.margin: "),
     ],
@@ -85,7 +108,7 @@ def test_a_design_whose_parts_do_not_belong_together_is_refused(stored, tmp_path
 
 def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem):
     code, out, _ = flexfem("plot", stored, "-o", tmp_path / "drawn")
-    names = [f"wanted-design{part}.{form}" for part in ("", "-sensitivity") for form in ("png", "pdf")]
+    names = [f"wanted-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
     assert code == 0 and out.split() == [str(tmp_path / "drawn" / name) for name in names]
     assert sorted(names) == sorted(path.name for path in (tmp_path / "drawn").iterdir())
     code, out, err = flexfem("plot", stored, "--displacement", "-o", tmp_path / "none")
