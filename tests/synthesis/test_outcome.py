@@ -13,9 +13,11 @@ import flexfem
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
+from flexfem.synthesis.mapping import proof
 from flexfem.synthesis.model import Model, correction_of
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.synthesis.store import Store
+from flexfem.verify.driven_models import driven_metal
 
 from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
 
@@ -88,6 +90,18 @@ def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
         "assumed in part: [1] designed: a test, seed 7; the oth"
     )
     assert "chain.link_lengths_mm" in stage.assumed
+
+
+def test_bands_of_the_drive_are_by_the_corners_of_clamped_edges(load):
+    """Meshes of 4, 6, 8 say 1.004, 1.001, 1: the larger of 0.001 / 0.4959 and 0.003 / 1.1431 counts three times."""
+    asked = "[drive]\nactuators = true\n", require("engaged_kxx_n_per_mm", 1.0), require("kxx_n_per_mm", 1.0)
+    loaded = load(NECK, RADIUS, *asked, best("maximise", "drive_range_x_um"))
+    found = proof(Model(loaded), Softer(loaded, Counter()), np.array([0.5, 1.5]))
+    reach, engaged, stiffness = found.bands / found.elements
+    assert [reach, engaged] == pytest.approx([3 * 0.003 / 1.1431] * 2, rel=1e-3)
+    assert stiffness == pytest.approx(3 * 0.001 / ((8 / 6) ** 4 - 1), rel=1e-9)
+    names = (frozenset({name}) for name in ("drive_range_x_um", "engaged_kxx_n_per_mm"))
+    assert {outcome.checked_by(Model(loaded), each, False) for each in names} == {"finite elements"}
 
 
 def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
@@ -163,6 +177,21 @@ def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_ele
     stiffness = json.loads((tmp_path / "one/wanted-design.json").read_text())["requirements"][0]
     assert stiffness["value"] == pytest.approx(metal.stiffness[0, 0], rel=2e-5)
     assert stiffness["value"] - stiffness["band"] >= 60.0
+
+
+@pytest.mark.slow
+def test_what_a_drive_does_is_proven_by_finite_elements(load, tmp_path):
+    """Engaged, with rigid links 50 % too stiff: the design keeps its end by the metal of the whole driven stage."""
+    asked = "[drive]\nactuators = true\n", require("engaged_kxx_n_per_mm", 4800.0)
+    loaded = load(NECK + "step = 0.02\n", *asked, best("maximise", "drive_range_x_um"))
+    found = flexfem.design(loaded.path)
+    (engaged,) = found.requirements
+    made = tmp_path / "made.toml"
+    made.write_text(found.stage)
+    metal = driven_metal(flexfem.load(made), 8).of.engaged
+    assert engaged.value == pytest.approx(np.linalg.inv(metal)[0, 0], rel=1e-6) and engaged.verdict == "met"
+    assert engaged.uncorrected > 1.4 * engaged.value and found.agreed
+    assert engaged.checked_by == found.objectives[0].checked_by == "finite elements"
 
 
 @pytest.mark.slow
