@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import Outline, draw_outline, outline_of
@@ -132,6 +132,7 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
         ax.step(*np.array(missed).T, where="post", color=COLOURS[1])
         ax.set_ylabel("missed in all, % of the ends")
+    ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlabel("evaluations of the analytic model")
     ax.grid()
     return ax
