@@ -161,7 +161,8 @@ class Model:
         """Margins over sizes, (n,) each: the lesser of both ends of a requirement."""
         low, high = self.ends
         q = found.quantities[:, self.objectives :]
-        of_ends = np.minimum(q - low, high - q) / self.scales
+        with np.errstate(invalid="ignore"):  # quantities without a finite value
+            of_ends = np.minimum(q - low, high - q) / self.scales
         more = [
             (most - self.loaded.requirements.objective[k].sign * found.quantities[:, k]) / max(abs(most), 1e-30)
             for k, most in self.bounded.items()

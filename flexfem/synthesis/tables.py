@@ -17,6 +17,7 @@ from flexfem.study.tables import Expression
 
 MOST_POINTS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
+FARTHEST = 1e30  # of an end, in its unit; and one over the least
 FEWEST = 72  # stages: of fewer, all are below their 95 % value with a probability of 2.5 % or more
 LEAST_CHECKED = 8  # stages: fewer do not show how model and finite elements differ from stage to stage
 QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
@@ -90,10 +91,20 @@ class Require(Table):
 
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: float | None = Field(
-        default=None, description="The lower end", examples=[100.0], json_schema_extra=OF_THE_KEY
+        default=None,
+        ge=-FARTHEST,
+        le=FARTHEST,
+        description="The lower end",
+        examples=[100.0],
+        json_schema_extra=OF_THE_KEY,
     )
     at_most: float | None = Field(
-        default=None, description="The upper end; one of both or both", examples=[150.0], json_schema_extra=OF_THE_KEY
+        default=None,
+        ge=-FARTHEST,
+        le=FARTHEST,
+        description="The upper end; one of both or both",
+        examples=[150.0],
+        json_schema_extra=OF_THE_KEY,
     )
     label: Label | None = Field(
         default=None, description="How it is called in what is printed", examples=["stiffness in X"]
@@ -105,6 +116,9 @@ class Require(Table):
             raise refusal("at_least, at_most or both")
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
             raise refusal(f">= {self.at_least:g}, the least", "at_most")
+        for key in ("at_least", "at_most"):
+            if 0 < abs(getattr(self, key) or 0.0) < 1 / FARTHEST:
+                raise refusal(f"zero, or a size of {1 / FARTHEST:g} or more: margins are in parts of it", key)
         return self
 
     @property

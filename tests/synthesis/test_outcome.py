@@ -231,9 +231,16 @@ def test_a_cluster_writes_the_same_files_as_one_process(load, tmp_path):
     assert written(tmp_path / "one") == written(tmp_path / "cluster")
 
 
-def test_what_has_no_finite_value_is_refused_before_finite_elements_and_nothing_is_written(tmp_path):
+@pytest.mark.parametrize(
+    "asked",
+    [
+        best("maximise", "9 ** 999 * range_x_um"),
+        require("1 / (kxx_n_per_mm - kxx_n_per_mm)", 1.0) + best("maximise", "range_x_um"),
+    ],
+)
+def test_what_has_no_finite_value_is_refused_before_finite_elements_and_nothing_is_written(asked, tmp_path):
     wanted = tmp_path / "wanted.toml"
-    wanted.write_text("\n".join([HEAD, NECK, best("maximise", "9 ** 999 * range_x_um")]))
+    wanted.write_text("\n".join([HEAD, NECK, asked]))
     with pytest.raises(BadInput, match=r"wanted.toml: no design .* can be answered: a quantity without a finite value"):
         flexfem.design(wanted, tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["wanted.toml"]

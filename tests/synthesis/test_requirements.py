@@ -29,6 +29,8 @@ RANGE = best("maximise", "range_x_um")
         ((NECK.replace("elbow.neck_mm", "elbow.neck"), RANGE), "did you mean hinges.elbow.neck_mm"),
         ((NECK, best("maximise", "coupling_95")), "coupling_95"),
         ((NECK,), "objective is missing"),
+        ((NECK, require("kxx_n_per_mm", 1e308), RANGE), "require[0].at_least = 1e+308, expected <= 1e+30"),
+        ((NECK, require("kxx_n_per_mm", None, -1e-300), RANGE), "at_most = -1e-300, expected zero, or a size of 1e-30"),
         ((NECK.replace('"neck"', '"mass_kg"'), RANGE), 'a name of its own, not "mass_kg" again'),
         ((NECK.replace('"neck"', '"coupling_95"'), RANGE), 'a name of its own, not "coupling_95" again'),
         ((NECK.replace('"neck"', '"thickness_mm"'), RANGE), 'a column name of its own, not "thickness_mm" again'),
