@@ -16,7 +16,7 @@ PLOT_CODE := $(wildcard flexfem/plot/*.py)
 OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
 
-.PHONY: install help reproduce-figures full-report test test-slow test-all check docs baselines regression studies chart bench clean
+.PHONY: install help reproduce-figures full-report test test-slow test-all check docs baselines regression studies designs chart bench clean
 .DELETE_ON_ERROR:
 
 install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
@@ -53,6 +53,13 @@ full-report: reproduce-figures ## also joints commanded, error budgets, large di
 studies: $(SETUP) ## run and draw the shipped design studies, into reports/
 	@for study in cases/study-*.toml; do \
 	    $(FLEXFEM) study run $$study --output reports && $(FLEXFEM) study plot $$study --output reports || exit 1; done
+
+designs: $(TEST_SETUP) ## run the worked designs, minutes each, into reports/, and their figures into docs/
+	@for file in cases/design-*.toml; do \
+	    name=$$(basename $$file .toml); $(FLEXFEM) design $$file --output reports && \
+	    cp reports/$$name-design.png docs/$$name.png && \
+	    cp reports/$$name-design-sensitivity.png docs/$$name-sensitivity.png || exit 1; done
+	@$(BIN)/python -m tests.test_docs
 
 test: $(TEST_SETUP) ## the tests but the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"

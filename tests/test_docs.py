@@ -1,7 +1,8 @@
 """Figures under docs/ are of the numbers and inputs that are accepted now.
 
 `docs/figures.json` says of each figure what it was drawn from: accepted numbers that it shows, hashes of its inputs.
-After a figure is drawn anew, `python -m tests.test_docs` in the root of the project writes them down again.
+After a figure is drawn anew, `python -m tests.test_docs` in the root of the project writes them down again; `make
+designs` draws those of the worked designs and does so, too.
 """
 
 from __future__ import annotations
@@ -70,6 +71,12 @@ def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
     assert [line for figure, sources in manifest.items() for line in stale(figure, sources)] == []
 
 
+def case_of(figure):
+    """What a figure of a worked design that has no sources yet is of: its requirements file."""
+    found = [f"cases/{path.name}" for path in (ROOT / "cases").glob("design-*.toml") if figure.startswith(path.stem)]
+    return dict.fromkeys(found)
+
+
 def links(page):
     """Targets of the links and pictures of a page that are files, without the heading that they lead to."""
     found = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text())]
@@ -78,6 +85,11 @@ def links(page):
 
 def test_every_link_of_a_page_leads_to_a_file():
     assert [f"{page.name}: {link}" for page in PAGES for link in links(page) if not (page.parent / link).exists()] == []
+
+
+def test_a_figure_of_a_worked_design_is_of_its_requirements():
+    assert [*case_of("design-life-sensitivity.png")] == [*case_of("design-life.png")] == ["cases/design-life.toml"]
+    assert case_of("elastica.png") == {}
 
 
 def test_a_figure_of_other_numbers_or_another_input_is_stale():
@@ -89,5 +101,5 @@ def test_a_figure_of_other_numbers_or_another_input_is_stale():
 
 if __name__ == "__main__":
     kept = json.loads(MANIFEST.read_text())
-    kept = {figure: {source: now(source) for source in sources} for figure, sources in kept.items()}
+    kept = {figure: {source: now(source) for source in sources or case_of(figure)} for figure, sources in kept.items()}
     MANIFEST.write_text(json.dumps(kept, indent=1) + "\n")

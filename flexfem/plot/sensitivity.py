@@ -84,8 +84,9 @@ def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) 
         )  # fmt: skip
     ended = [f"{key} (at an end)" if key in found.at_ends else key for key in found.design]
     ax.set_yticks(places, [wrapped(key, LABELS - 0.2, LETTERS) for key in ended], size=LETTERS)
-    ax.invert_yaxis()
+    ax.set_ylim(len(values) - 0.5, -0.5)
     ax.axvline(0.0, color=GREY, linewidth=0.8)
     ax.set(xlim=(-reach, reach), xlabel="change (%) for 1 %")
+    ax.set_axisbelow(True)
     ax.grid(axis="x")
     return ax

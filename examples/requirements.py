@@ -1,0 +1,64 @@
+"""
+Which neck and which link for a wanted stiffness?
+=================================================
+
+The longest range at yield in X that keeps 60 N/mm, of the reference stage with two dimensions free: found by the
+analytic model, corrected and proven by finite elements. Dimensions are assumed.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from matplotlib import pyplot
+
+import flexfem
+
+WANTED = f"""
+name = "Longest range in X at 60 N/mm"
+stage = "{Path("../geometry/mobility6.toml").resolve().as_posix()}"
+seed = 2003
+
+[[free]]
+label = "neck of elbow and platform"
+keys = ["hinges.elbow.neck_mm", "hinges.platform.neck_mm"]
+from = 0.3
+to = 0.8
+step = 0.01
+
+[[free]]
+label = "link 1"
+key = "chain.link_lengths_mm[0]"
+from = 26.0
+to = 40.0
+step = 0.5
+
+[[require]]
+label = "stiffness in X"
+quantity = "kxx_n_per_mm"
+at_least = 60.0
+
+[[objective]]
+label = "range at yield in X"
+maximise = "range_x_um"
+"""
+
+with TemporaryDirectory() as folder:
+    path = Path(folder) / "wanted.toml"
+    path.write_text(WANTED)
+    found = flexfem.design(path)
+
+for name, value in found.design.items():
+    print(f"{name}: {value:g} mm")
+for each in (*found.objectives, *found.requirements):
+    print(f"{each.label}: {each.value:.4g} ± {each.band:.2g} {each.unit} by {each.checked_by}")
+print(f"1 % more stiffness costs {found.requirements[0].price_percent:.2g} % of the range")
+
+# %%
+# What one per cent of each dimension does to both, and the stage as a file:
+
+figure, axes = pyplot.subplots(1, 2, figsize=(9, 2.6), layout="constrained", sharey=True)
+for ax, each in zip(axes, (*found.objectives, *found.requirements), strict=True):
+    flexfem.plot.plot_sensitivity(ax, found, each.name)
+    ax.set_title(each.label)
+
+print(found.stage.partition("[provenance]")[0])
