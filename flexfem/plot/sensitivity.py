@@ -82,8 +82,7 @@ def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) 
             said, (value or 0.0, place), xytext=(-4 if before else 4, 0), textcoords="offset points",
             ha="right" if before else "left", va="center", size=LETTERS, color=INK,
         )  # fmt: skip
-    ended = [f"{key} (at an end)" if key in found.at_ends else key for key in found.design]
-    ax.set_yticks(places, [wrapped(key, LABELS - 0.2, LETTERS) for key in ended], size=LETTERS)
+    ax.set_yticks(places, [wrapped(key, LABELS - 0.2, LETTERS) for key in found.design], size=LETTERS)
     ax.set_ylim(len(values) - 0.5, -0.5)
     ax.axvline(0.0, color=GREY, linewidth=0.8)
     ax.set(xlim=(-reach, reach), xlabel="change (%) for 1 %")

@@ -238,7 +238,7 @@ def test_bars_of_a_sensitivity_are_its_numbers_and_what_is_not_known_has_none():
     flexfem.plot.plot_sensitivity(ax, designed())
     assert [bar.get_width() for bar in ax.patches] == [2.4, -1.0, 0.0]
     assert [text.get_text() for text in ax.texts] == ["+2.4", "\N{MINUS SIGN}1.0", "not known"]
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["neck", "link (at an end)", "pad"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["neck", "link", "pad"]
     assert ax.yaxis_inverted() and -ax.get_xlim()[0] == ax.get_xlim()[1] > 2.4
     with pytest.raises(flexfem.BadInput, match='quantity "kyy_n_per_mm", expected one of kxx_n_per_mm, mass_kg, a, b'):
         flexfem.plot.plot_sensitivity(ax, designed(), "kyy_n_per_mm")
