@@ -56,9 +56,9 @@ studies: $(SETUP) ## run and draw the shipped design studies, into reports/
 
 designs: $(TEST_SETUP) ## run the worked designs, minutes each, into reports/, and their figures into docs/
 	@for file in cases/design-*.toml; do \
-	    name=$$(basename $$file .toml); $(FLEXFEM) design $$file --output reports && \
-	    cp reports/$$name-design.png docs/$$name.png && \
-	    cp reports/$$name-design-sensitivity.png docs/$$name-sensitivity.png || exit 1; done
+	    name=$$(basename $$file .toml); $(FLEXFEM) design $$file --output reports || exit 1; \
+	    for figure in reports/$$name-design*.png; do \
+	        cp $$figure docs/$$name$${figure#reports/$$name-design} || exit 1; done; done
 	@$(BIN)/python -m tests.test_docs
 
 test: $(TEST_SETUP) ## the tests but the slow ones
