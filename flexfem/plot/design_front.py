@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import outline_of
+from flexfem.plot.study_labels import log_ticks
 from flexfem.plot.study_pareto import (
     AXES_LEFT,
     AXES_WIDTH,
@@ -73,6 +74,9 @@ def plot_objectives(ax: Axes | None, found: Designed, first: int = 0, second: in
     ax.set_xlabel(_axis(found.objectives[first]))
     ax.set_ylabel(_axis(found.objectives[second]))
     ax.margins(0.08)
+    for axis, ends in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
+        if axis.get_scale() == "log":
+            log_ticks(axis, ends)
     ax.grid()
     return ax
 

@@ -254,3 +254,12 @@ def test_a_figure_of_sensitivities_has_objectives_and_active_requirements_on_one
     ]  # fmt: skip
     assert [ax.patches[0].get_width() for ax in figure.axes] == [2.4, 1.0, 0.7]
     assert len({ax.get_xlim() for ax in figure.axes}) == 1
+
+
+def test_objectives_of_more_than_a_decade_have_plain_numbers_at_their_ticks():
+    one = designed()
+    front = [one.front[k].model_copy(update={"values": [8.6 * 50**k, 0.2]}) for k in range(2)]
+    ax = flexfem.plot.plot_objectives(None, one.model_copy(update={"front": front}))
+    shown = [label.get_text() for label in ax.get_xticklabels()]
+    assert ax.get_xscale() == "log" and {"10", "100"} <= {*shown} and not any("$" in text for text in shown)
+    pyplot.close(ax.figure)
