@@ -51,6 +51,48 @@ class Mutation(NamedTuple):
 
 MUTATIONS = [
     Mutation(
+        "area that a design adds counted from the left of all that is known",
+        "gains",
+        "np.maximum(edges[:-1], both[:, :1])",
+        "edges[:-1]",
+        "test_the_area_that_a_design_adds_is_that_of_rectangles",
+    ),
+    Mutation(
+        "designs on a front that break requirements",
+        "_best",
+        "meet = np.flatnonzero(missed <= 0)",
+        "meet = np.arange(len(missed))",
+        "test_few_answers_show_where_the_front_within_a_circle_is",
+    ),
+    Mutation(
+        "the next design of a front chosen by the farthest of those before it",
+        "apart",
+        "np.min(np.linalg.norm(_a, axis=2), axis=1)",
+        "np.max(np.linalg.norm(_a, axis=2), axis=1)",
+        "test_designs_of_a_front_are_chosen_far_from_each_other",
+    ),
+    Mutation(
+        "margins of a front in units of the requirement called per cent",
+        "proven",
+        "margins / model.scales",
+        "margins",
+        "test_any_design_of_the_front_is_a_stage_and_has_its_row",
+    ),
+    Mutation(
+        "stage files of a front numbered otherwise than its figure",
+        "write_design",
+        "enumerate(found.front, 1)",
+        "enumerate(found.front, 0)",
+        "test_any_design_of_the_front_is_a_stage_and_has_its_row",
+    ),
+    Mutation(
+        "three objectives searched without what searches them",
+        "require_pymoo",
+        "len(loaded.requirements.objective) > 2",
+        "len(loaded.requirements.objective) > 4",
+        "test_without_pymoo_three_objectives_are_refused_in_one_line",
+    ),
+    Mutation(
         "the largest sought where the smallest is asked",
         "sign",
         "1.0 if self.maximise is None else -1.0",

@@ -14,6 +14,8 @@ from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.search import Say, beside, optimum
 from flexfem.synthesis.surface import sketched
 
+KEPT = 1e-6  # part of an objective within which it is kept: room for programs at the end of a range
+
 
 def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
@@ -51,7 +53,8 @@ def in_turn(model: Model, values: Array, seed: int) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the others are kept."""
     for k in range(model.objectives):
         own = objectives_of(model, values[None])[0]
-        bounded = model.changed(objective=k, bounded={j: float(x) for j, x in enumerate(own) if j != k})
+        kept = {j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k}
+        bounded = model.changed(objective=k, bounded=kept)
         best = beside(bounded, values[None], seed)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
