@@ -14,7 +14,7 @@ from flexfem.refused import BadInput
 from flexfem.synthesis.front import in_turn
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.requirements import LoadedRequirements
-from flexfem.synthesis.search import Say
+from flexfem.synthesis.search import Say, beside
 
 PARTITIONS = {2: 60, 3: 12, 4: 7}  # of an objective, between whose ends reference directions lie: 61, 91, 120
 GENERATIONS = 120
@@ -32,13 +32,16 @@ def front_of_many(model: Model, first: Array, count: int, seed: int, say: Say = 
 
     Notes
     -----
-    NSGA-III: Deb, Jain, IEEE Trans. Evol. Comput. 18 (2014) 577-601. From each design that is chosen one
-    objective after the other is then made best while the others are kept.
+    NSGA-III: Deb, Jain, IEEE Trans. Evol. Comput. 18 (2014) 577-601. Beside the best in each objective that
+    objective is made better, and beside each design that is chosen one after the other while the others are kept.
     """
     archive = _Archive(model)
     _evolved(archive, first, seed, say)
     if not len(archive.values):
         return []
+    for k in range(model.objectives):
+        least = archive.values[[int(np.argmin(archive.both[:, k]))]]
+        archive.judged(model.space.to_unit(beside(model.changed(objective=k), least, seed).values[None]))
     found = []
     for place in apart(archive.both, count):
         found.append(in_turn(model, archive.values[place], seed))

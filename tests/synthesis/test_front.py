@@ -54,7 +54,7 @@ def test_the_front_within_a_circle_is_the_circle(load, steps):
     assert len(found) == 5
     assert t**2 + R**2 == pytest.approx(np.ones(5), abs=1e-3 if steps == "" else 3e-3)
     assert t[0] == pytest.approx((1 - (1.5 / 4) ** 2) ** 0.5, abs=2e-3)
-    assert t[-1] == pytest.approx(0.3 / 0.7, abs=1e-6)
+    assert t[-1] == pytest.approx(0.3 / 0.7, abs=5e-6)  # objectives are kept within 1e-6 of themselves
     assert np.all(np.diff(t) < 0) and np.all(np.hypot(np.diff(t), np.diff(R)) < 0.4)
 
 
@@ -93,7 +93,7 @@ def share_beaten(both, low, high):
 def test_the_front_of_study_reach_is_beaten_with_a_hundredth_of_its_evaluations(studied, reach, seed):
     """As a whole: 41 answers dominate more than the 4096 do, and none of them is beaten by any of these.
 
-    Not point by point: some 50 of its 58 designs are reached or beaten, the others to within 8 % of both values.
+    Not point by point: 50 to 55 of its 58 designs are reached or beaten, the others to within 7 % of both values.
     """
     model = Model(reach)
     designs = sketched(model, seed)
@@ -104,7 +104,7 @@ def test_the_front_of_study_reach_is_beaten_with_a_hundredth_of_its_evaluations(
     assert share_beaten(found, *ends) > 1.01 * share_beaten(studied, *ends)
     assert not any(np.any(np.all(studied >= each, axis=1)) for each in found)
     short = [np.min(np.max(each / found, axis=1)) for each in studied]
-    assert len(studied) == 58 and np.sum(np.array(short) <= 1) >= 45 and max(short) < 1.08
+    assert len(studied) == 58 and np.sum(np.array(short) <= 1) >= 50 and max(short) < 1.07
 
 
 @pytest.mark.slow
