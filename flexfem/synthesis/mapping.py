@@ -84,9 +84,9 @@ def mapped(model: Model, elements: ProposedElements, say: Say = lambda text: Non
 
 
 def _kept(model: Model, of: Proof) -> bool:
-    """Whether finite elements, the band included, keep every end."""
+    """Whether finite elements, the band included where there is room for it between two ends, keep every end."""
     low, high = model.changed(guard=None).ends
-    q, band = of.elements[model.objectives :], of.bands[model.objectives :]
+    q, band = of.elements[model.objectives :], np.minimum(of.bands[model.objectives :], model.room)
     return bool(np.all((q - band >= low) & (q + band <= high)))
 
 

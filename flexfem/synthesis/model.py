@@ -24,6 +24,7 @@ from flexfem.synthesis.space import DesignSpace
 CHUNK = 2048  # designs at a time
 WORST = 1e30  # merit of a design that breaks requirements is this and more, of one that is refused a hundred times this
 ROUND_OFF = 1e-9  # of a size: less is not missed
+BETWEEN = 0.45  # of what lies between two ends, that a value can be kept from both
 NEAR = 0.1  # finite elements over the model, and the inverse: beyond it they differ by a term, not by a factor
 
 
@@ -135,10 +136,21 @@ class Model:
         return np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
 
     @cached_property
+    def room(self) -> Array:
+        """The most (m,) by which values can be kept from both ends of a requirement; infinite where there is one."""
+        of = self.loaded.requirements.require
+        return np.array(
+            [
+                np.inf if each.at_least is None or each.at_most is None else BETWEEN * (each.at_most - each.at_least)
+                for each in of
+            ]
+        )
+
+    @cached_property
     def ends(self) -> tuple[Array, Array]:
         """Least and greatest values (m,) that count, guards included; infinite where there is none."""
         of = self.loaded.requirements.require
-        guard = (np.zeros(len(of)) if self.guard is None else self.guard) * self.scales
+        guard = np.minimum(0.0 if self.guard is None else self.guard * self.scales, self.room)
         more = np.array([self.tightened.get(k, 0.0) for k in range(len(of))]) * self.scales
         low = np.array([-np.inf if each.at_least is None else each.at_least for each in of]) + guard + more
         return low, np.array([np.inf if each.at_most is None else each.at_most for each in of]) - guard - more

@@ -123,6 +123,17 @@ class Requirements(Sourced):
             _require_known(objective.quantity, known, "objective", index, key)
         return self
 
+    @model_validator(mode="after")
+    def _ends_are_apart(self) -> Requirements:
+        for index, each in enumerate(self.require):
+            if each.at_least is None or each.at_most is None:
+                continue
+            apart = 0.02 * self.accuracy_percent * max(abs(each.at_least), abs(each.at_most))
+            if each.at_most < each.at_least + apart:
+                said = f">= {each.at_least + apart:.6g}, with both ends twice accuracy_percent apart"
+                raise refusal(said, "require", index, "at_most")
+        return self
+
     @property
     def base(self) -> tuple[str, ...]:
         """Names of the columns that a study of the same tables has."""

@@ -77,7 +77,7 @@ class _Search:
 
     def __init__(self, model: Model, seed: int) -> None:
         self.model, self.space, self.seed = model, model.space, seed
-        self.best, self.history = np.inf, list[tuple[int, float | None, float]]()
+        self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
         self.drawn, self.snapping = dict[bytes, bool](), False
         self.began = model.counts["analytic"]
 
@@ -105,7 +105,8 @@ class _Search:
         return self.space.snapped(values) if self.snapping else values
 
     def note(self, merit: float) -> None:
-        """Add to the history."""
+        """Add the best so far, or `merit`, to the history."""
+        self.noted = merit = min(merit, self.noted)
         missed = max(merit / WORST - 1, 0.0) if merit >= WORST else 0.0
         objective = None if merit >= WORST else float(merit) * self._sign
         self.history.append((self.model.counts["analytic"] - self.began, objective, float(missed)))
@@ -200,10 +201,12 @@ class _Search:
 
     def made(self, starts: Array) -> tuple[Array, float]:
         """The best design that can be made beside any of `starts` (k, d), and its merit: step by step downhill."""
+        if not self.space.continuous.all():
+            self.noted = np.inf
         values, merit = min(map(self._downhill, np.unique(self.space.snapped(starts), axis=0)), key=lambda end: end[1])
         if merit < 100 * WORST:
             return values, merit
-        self.snapping, self.best = True, np.inf  # nothing beside them can be drawn
+        self.snapping, self.best, self.noted = True, np.inf, np.inf  # nothing beside them can be drawn
         return self._downhill(self.space.snapped(self.everywhere(None, lambda text: None)[:1])[0])
 
     def _downhill(self, values: Array) -> tuple[Array, float]:

@@ -43,6 +43,15 @@ def test_a_guard_moves_each_end_inward_by_its_part_of_the_size(load):
     assert low == pytest.approx([7.5]) and high == pytest.approx([9.5])
 
 
+def test_ends_that_are_near_leave_room_between_their_guards_and_for_the_band(load):
+    model = Model(load(THICKNESS, require("thickness_mm", 7.0, 7.2), STIFFEST), guard=np.array([0.05]))
+    low, high = model.ends
+    assert low == pytest.approx([7.09]) and high == pytest.approx([7.11])
+    for value, kept in ((7.1, True), (7.05, False)):
+        said = {"elements": np.array([0.0, value]), "bands": np.array([0.0, 0.3])}
+        assert _kept(model, Proof(**(dict.fromkeys(Proof._fields) | said))) is kept
+
+
 def test_the_smallest_relaxation_of_what_no_thickness_gives_is_at_the_thickest(load):
     """Stiffness goes as thickness: 12 mm is the most that there is, and 13 mm would give what is asked."""
     of = Model(load(THICKNESS, require("kxx_n_per_mm", 1.0), STIFFEST)).found(np.array([[12.0]])).quantities[0, 0]

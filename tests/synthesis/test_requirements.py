@@ -19,6 +19,7 @@ RANGE = best("maximise", "range_x_um")
     [
         ((NECK, require("kxx_n_per_mm"), RANGE), "at_least, at_most or both"),
         ((NECK, require("kxx_n_per_mm", 50, 40), RANGE), "at_most = 40.0, expected >= 50"),
+        ((NECK, require("kxx_n_per_mm", 60, 60), RANGE), "at_most = 60.0, expected >= 60.12"),
         ((NECK, require("kxx_per_mm", 50), RANGE), "did you mean kxx_n_per_mm"),
         ((NECK, RANGE, NECK.replace('"neck"', '"other"')), "free[0] sets hinges.elbow.neck_mm"),
         ((NECK, best("maximise", "thickness_mm")), 'maximise = "thickness_mm", expected what a free dimension changes'),

@@ -71,6 +71,8 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load, p
     least = int(np.argmin(merits))
     found = optimum(model, 5)
     assert merits[least] < WORST
+    objectives = [objective for _, objective, _ in found.history if objective is not None]
+    assert objectives == sorted(objectives) and objectives[-1] == pytest.approx(-found.merit, rel=1e-9)
     assert found.merit <= merits[least] + 1e-9 * abs(merits[least])
     near = [np.ptp(values[:, k]) / (points - 1) for k in range(2)]
     alike = values[merits <= merits[least] + 2e-3 * abs(merits[least])]
