@@ -28,7 +28,7 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     -----
     The first objective is best while the second keeps a bound, `count` of them about evenly along the front (the method
     of bounded objectives: Haimes, Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297). Response surfaces
-    say where it begins; all is searched for the second objective, and where nothing beside that keeps the bound.
+    say where it begins; for every bound all is searched, because bodies that overlap part what can be made.
     """
     near = np.vstack([first, sketched(model, seed, say=say)])
     ends = [beside(model, near[:2], seed), optimum(model.changed(objective=1), seed, near[-1], say)]
@@ -39,10 +39,7 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     near = np.array(best_of(model, list(near[model.merit(model.found(near)) < WORST])))
     found, along = [first], objectives_of(model, near)
     for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
-        bounded = model.changed(bounded={1: float(along[k, 1])})
-        between = beside(bounded, np.vstack([near[k], found[-1]]), seed)
-        if between.merit >= WORST:
-            between = optimum(bounded, seed, near[k], say)
+        between = optimum(model.changed(bounded={1: float(along[k, 1])}), seed, near[k], say)
         if between.merit < WORST:
             found.append(between.values)
         say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
