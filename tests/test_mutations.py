@@ -109,7 +109,7 @@ MUTATIONS = [
     Mutation(
         "requirements tightened by no guard",
         "ends",
-        "(np.zeros(len(of)) if self.guard is None else self.guard) * self.scales",
+        "np.minimum(_a, self.room)",
         "np.zeros(len(of))",
         "test_a_guard_moves_each_end_inward_by_its_part_of_the_size",
     ),

@@ -121,7 +121,9 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     ends = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
     goal = found.objectives[0]
     if ends:
-        ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
+        rising = np.diff([value for _, value in ends]) * (1 if goal.better == "larger" else -1)
+        label = "best that meets all" + (";\nsteps begin where it falls" if np.any(rising < 0) else "")
+        ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label=label)
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
         ax.set_ylabel(wrapped(f"{goal.label} {_unit(goal)}".rstrip(), 3.2, 9.0))
         early = [step.evaluations for step in found.history if step.objective is None]

@@ -12,16 +12,18 @@ from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
-from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS
+from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting
 from flexfem.study.versions import versions_of
 from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
 from flexfem.synthesis.search import BestDesign, Say, optimum
-from flexfem.verify.corners import corner_bands
+from flexfem.verify.corners import corner_bands, stress_bands
 from flexfem.verify.errors import mesh_band
 
 ROUNDS = 8  # at most
+OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
+OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
 
 
 class Proof(NamedTuple):
@@ -146,13 +148,15 @@ def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
 
 
 def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:
-    """Half-widths (q,) by meshes of quantities (levels, q); of those of drives and drift by the order of corners."""
-    of = model.loaded.requirements
-    slow = [bool(of.names_of(text) & {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}) for text in of.quantities]
-    plain = np.array([_band(resolutions, each) for each in values.T])
-    if len(resolutions) < 3 or not any(slow):  # in three dimensions the model alone says these
-        return plain
-    return np.where(slow, np.maximum(plain, corner_bands(np.array(resolutions, dtype=float), values)), plain)
+    """Half-widths (q,) by meshes of quantities (levels, q): the largest of those by the columns that they use."""
+    of, levels = model.loaded.requirements, np.array(resolutions, dtype=float)
+    bands = np.array([_band(resolutions, each) for each in values.T])
+    if len(resolutions) < 3:  # in three dimensions
+        return bands
+    for columns, band in ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands)):
+        used = [bool(of.names_of(text) & columns) for text in of.quantities]
+        bands = np.where(used, np.maximum(bands, band(levels, values)), bands)
+    return bands
 
 
 def _band(resolutions: tuple[int, ...], values: Array) -> float:

@@ -28,6 +28,7 @@ from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Drive
 from flexfem.verify.command import of_limits
+from flexfem.verify.corners import stress_bands
 from flexfem.verify.driven import Driven, commands_for, driven, held
 from flexfem.verify.errors import (
     Comparison,
@@ -35,7 +36,6 @@ from flexfem.verify.errors import (
     command_convergence,
     compare,
     error_matrix,
-    grid_convergence,
     levels,
 )
 
@@ -176,7 +176,7 @@ def answer_to_joints(stage: Stage, analytic: AnalyticResult, case: Case) -> Curv
 
 def peak_band(steps: Sequence[int], stresses: Sequence[Array]) -> float:
     """Half-width by meshes, coarse to fine, of the highest of neck stresses (3, 3) per displacement."""
-    return float(grid_convergence(np.array(steps), np.array([np.max(each) for each in stresses])).band)
+    return float(stress_bands(np.array(steps, dtype=float), np.array([np.max(each) for each in stresses])))
 
 
 def compared(given: Imposed, compliance: Array, case: Case, lever: float) -> Comparison:

@@ -12,8 +12,9 @@ from flexfem.arrays import first_highest
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import STRESS
 from flexfem.verify import warning
+from flexfem.verify.corners import stress_bands
 from flexfem.verify.driven_models import best_model
-from flexfem.verify.errors import grid_convergence, levels
+from flexfem.verify.errors import levels
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import OfStage, Record, Triple, about
 from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads
@@ -152,7 +153,7 @@ def _by_elements(stage: Stage, asked: Asked, resolution: int, solve: Solve) -> W
     steps = levels(resolution)
     found = [by_elements(stage, solve(stage, step).response, asked.of) for step in steps]
     highest = np.array([float(np.max(each.equivalent(asked.law.walker))) for each in found])
-    band = grid_convergence(np.array(steps), highest).band / highest[-1] if highest[-1] > 0 else 0.0
+    band = stress_bands(np.array(steps, dtype=float), highest) / highest[-1] if highest[-1] > 0 else 0.0
     return _witness(stage, f"finite elements, resolution {resolution}", found[-1], asked, (-float(band), float(band)))
 
 

@@ -14,7 +14,8 @@ from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.answers import BandedStress
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import grid_convergence, levels
+from flexfem.verify.corners import stress_bands
+from flexfem.verify.errors import levels
 from flexfem.verify.pose_set import Range
 from flexfem.verify.protocol import Solve, Solved
 from flexfem.verify.reach import reach
@@ -152,8 +153,7 @@ def banded_stress(stage: Stage, resolution: int, solve: Solve) -> BandedStress:
     steps = levels(resolution)
     found = np.array([element_limits(stage, solve(stage, step)).stress for step in steps])
     highest = np.max(found, axis=(1, 2))
-    band = [grid_convergence(np.array(steps), each).band for each in highest.T]
-    return BandedStress(resolution, found[-1], np.array(band))
+    return BandedStress(resolution, found[-1], stress_bands(np.array(steps, dtype=float), highest))
 
 
 def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:

@@ -107,7 +107,7 @@ def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
         assert first.cycles == pytest.approx(0.5 * (np.max(stress) / 900) ** (1 / -0.102), rel=1e-6)
         assert witness.safety == pytest.approx(303.0 / np.max(stress))
     low, high = found.elements.stress_error
-    assert -low == high == pytest.approx(0.0038, rel=0.25)  # relative to the stress, of a mesh of resolution 5
+    assert -low == high == pytest.approx(0.0071, rel=0.25)  # relative to the stress, of a mesh of resolution 5
 
 
 def test_a_number_of_the_material_that_was_recalled_is_said_to_be(unlike):
