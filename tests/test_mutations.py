@@ -1090,7 +1090,7 @@ MUTATIONS = [
     ),
     Mutation(
         "the error of the middle mesh taken for that of the finest",
-        "corner_bands",
+        "_by_order",
         "n1 / n3 - n1 / n2",
         "n2 / n3 - 1",
         "test_a_band_by_corners_is_the_larger_error_of_two_differences_times_three",

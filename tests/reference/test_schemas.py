@@ -347,6 +347,7 @@ def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
     assert not validator("stage").is_valid(content)
 
 
+@pytest.mark.slow
 def test_a_schema_is_the_same_whatever_seeds_the_hashes_of_names():
     """Sets of names have another order in every process."""
     made = "import json; from flexfem.reference.schemas import schema_of; print(json.dumps(schema_of('study')))"

@@ -75,6 +75,7 @@ def test_the_interval_holds_the_true_value_of_95_percent_of_samples_whatever_the
     assert np.array_equal(few.high[:, 0], drawn[:, 0, :72].max(axis=-1))  # 0.95^72 = 0.0249
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_design_that_72_stages_were_searched_with_holds_the_value_of_400000_others(load):
     loaded = load(NECK, RADIUS, LINK, tolerance(5.0, 72), require("kxx_n_per_mm", None, 60.0), LEAST)
     best_of_72 = optimum(Model(loaded), 7)
