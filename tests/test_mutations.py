@@ -1096,8 +1096,15 @@ MUTATIONS = [
         "test_a_band_by_corners_is_the_larger_error_of_two_differences_times_three",
     ),
     Mutation(
+        "bands of highest stresses by the order of the platform",
+        "stress_bands",
+        "STRESS_ORDER",
+        "4.0",
+        "test_the_band_of_a_highest_stress_holds_it_where_the_finest_two_meshes_happen_to_agree",
+    ),
+    Mutation(
         "bands of drives in designs by the order of the platform",
-        "_bands",
+        "OF_CORNERS",
         "{*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}",
         "{*DRIFTS, *GRADIENTS}",
         "test_bands_of_the_drive_are_by_the_corners_of_clamped_edges",
