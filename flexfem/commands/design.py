@@ -142,8 +142,7 @@ def _rests(of: Stated) -> str:
 
 
 def _row(of: Requirement) -> tuple[str, ...]:
-    ends = (("at least", of.at_least), ("at most", of.at_most))
-    wanted = ", ".join(f"{word} {end:g}" for word, end in ends if end is not None)
     band = "" if of.band_percent is None else f" ± {of.band_percent:.2g}"
     price = "" if not of.active else "not known" if of.price_percent is None else f"{of.price_percent:.3g} %"
+    wanted = ", ".join(of.wanted)
     return of.label, wanted, _value(of), f"{of.margin_percent:.3g}{band}", of.verdict, price, of.checked_by

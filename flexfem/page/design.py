@@ -92,14 +92,13 @@ def _requirements(of: Designed, number: int) -> PageSection | None:
 
 
 def _asked(of: Requirement) -> list[Content]:
-    ends = (("at least", of.at_least), ("at most", of.at_most))
-    wanted = " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
     band = "" if not of.band_percent else f"{SPACE}±{SPACE}{significant(of.band_percent, 2)}"
     margin = Cell(significant(of.margin_percent, 3) + band, of.margin_percent)
     price: Content = "" if not of.active else UNKNOWN
     if of.price_percent is not None:
         price = Cell(significant(of.price_percent, 3), of.price_percent)
     verdict = Markup("<strong>{}</strong>").format(of.verdict)
+    wanted = " and ".join(of.wanted)
     return [of.label, wanted, _value(of), verdict, margin, price, of.checked_by, significant(of.uncorrected, 6)]
 
 

@@ -49,8 +49,7 @@ def _title(of: Stated) -> str:
     if isinstance(of, Goal):
         return f"{of.label}, the {of.better} the better"
     assert isinstance(of, Requirement)
-    ends = (("at least", of.at_least), ("at most", of.at_most))
-    return f"{of.label}, " + " and ".join(f"{word} {end:g} {of.unit}".rstrip() for word, end in ends if end is not None)
+    return f"{of.label}, " + " and ".join(f"{end} {of.unit}".rstrip() for end in of.wanted)
 
 
 def _reach(found: Designed, asked: list[Stated]) -> float:

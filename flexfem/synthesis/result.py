@@ -68,6 +68,12 @@ class Requirement(Stated):
     price_percent: float | None
     relax_to: float | None
 
+    @property
+    def wanted(self) -> list[str]:
+        """Its ends in words, without unit."""
+        ends = (("at least", self.at_least), ("at most", self.at_most))
+        return [f"{word} {end:g}" for word, end in ends if end is not None]
+
 
 class SoleRelaxation(Record):
     """The smallest relaxation of one requirement alone, the others kept, by the model; None where none is enough."""
