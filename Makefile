@@ -65,8 +65,8 @@ test: $(TEST_SETUP) ## the tests but the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-slow: $(TEST_SETUP) ## the slow tests only
-	@$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow --ignore tests/study && \
-	    $(BIN)/python -m pytest -m slow tests/study # these start processes of their own, and stop them by the clock
+	@failed=0; $(BIN)/python -m pytest -n 2 --dist loadgroup -m slow --ignore tests/study || failed=1; \
+	    $(BIN)/python -m pytest -m slow tests/study || failed=1; exit $$failed # these start processes, and stop them by the clock
 
 test-all: test test-slow ## all tests
 

@@ -1847,7 +1847,7 @@ def run(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
     for name in [name for name in environment if name.startswith("PYTEST_")]:
         del environment[name]
     return subprocess.run(
-        command, cwd=copy, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
+        command, cwd=copy, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT * len(tests), check=False
     )
 
 
