@@ -37,7 +37,7 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     first, last = (in_turn(model, end.values, seed) for end in ends)
     near = np.vstack([ends[0].relaxed, near, ends[1].relaxed])
     near = np.array(best_of(model, list(near[model.merit(model.found(near)) < WORST])))
-    found, along = [first], objectives_of(model, near)
+    found, along = [first], model.signed(model.found(near).quantities)
     for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
         between = optimum(model.changed(bounded={1: float(along[k, 1])}), seed, near[k], say)
         if between.merit < WORST:
@@ -49,19 +49,13 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
 def in_turn(model: Model, values: Array, seed: int) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the others are kept."""
     for k in range(model.objectives):
-        own = objectives_of(model, values[None])[0]
+        own = model.signed(model.found(values[None]).quantities)[0]
         kept = {j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k}
         bounded = model.changed(objective=k, bounded=kept)
         best = beside(bounded, values[None], seed)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
     return values
-
-
-def objectives_of(model: Model, designs: Array) -> Array:
-    """All objectives (n, k) of designs, with their signs: to be small."""
-    found = model.found(designs)
-    return np.column_stack([model.changed(objective=k).wanted(found) for k in range(model.objectives)])
 
 
 def _drawn(values: Array) -> Array:
@@ -71,7 +65,7 @@ def _drawn(values: Array) -> Array:
 
 def best_of(model: Model, designs: list[Array]) -> list[Array]:
     """Those of some designs that no other beats in all objectives, in the order of the first."""
-    both = objectives_of(model, np.array(designs))
+    both = model.signed(model.found(np.array(designs)).quantities)
     kept = [
         k
         for k, own in enumerate(both)

@@ -61,8 +61,7 @@ class _Archive:
         model = self.model
         values = model.space.snapped(model.space.of_unit(places))
         found = model.found(values)
-        signs = np.array([each.sign for each in model.loaded.requirements.objective])
-        both = found.quantities[:, : model.objectives] * signs
+        both = model.signed(found.quantities)
         missed = np.column_stack([model.violations(found), np.where(found.reason == "", 0.0, 100.0)])
         for k in np.flatnonzero(np.all(missed <= 0, axis=1)):
             if np.any(np.all(self.both <= both[k], axis=1)):

@@ -160,9 +160,18 @@ class Model:
         """How many there are."""
         return len(self.loaded.requirements.objective)
 
+    @cached_property
+    def signs(self) -> Array:
+        """What turns the objectives (k,) into ones that are to be small."""
+        return np.array([each.sign for each in self.loaded.requirements.objective])
+
+    def signed(self, quantities: Array) -> Array:
+        """All objectives (n, k) of quantities (n, q), with their signs: to be small."""
+        return self.signs * quantities[:, : self.objectives]
+
     def wanted(self, found: Found) -> Array:
         """The objective (n,), with its sign: to be small."""
-        return self.loaded.requirements.objective[self.objective].sign * found.quantities[:, self.objective]
+        return self.signed(found.quantities)[:, self.objective]
 
     def violations(self, found: Found) -> Array:
         """By how much of its size each requirement, and each bounded objective, is missed (n, m + bounded)."""
@@ -175,10 +184,8 @@ class Model:
         q = found.quantities[:, self.objectives :]
         with np.errstate(invalid="ignore"):  # quantities without a finite value
             of_ends = np.minimum(q - low, high - q) / self.scales
-        more = [
-            (most - self.loaded.requirements.objective[k].sign * found.quantities[:, k]) / max(abs(most), 1e-30)
-            for k, most in self.bounded.items()
-        ]
+        signed = self.signed(found.quantities)
+        more = [(most - signed[:, k]) / max(abs(most), 1e-30) for k, most in self.bounded.items()]
         return [*of_ends.T, *more]
 
     def merit(self, found: Found) -> Array:

@@ -113,7 +113,7 @@ class _Search:
 
     @property
     def _sign(self) -> float:
-        return self.model.loaded.requirements.objective[self.model.objective].sign
+        return float(self.model.signs[self.model.objective])
 
     def everywhere(self, near: Array | None, say: Say) -> Array:
         """The best designs (k, d) of differential evolution over all, from a Sobol sample."""

@@ -88,13 +88,9 @@ class _Sketch:
         self.places = np.vstack([self.places, self.space.to_unit(values[kept])])
         self.quantities = np.vstack([self.quantities, found.quantities[kept]])
 
-    @property
-    def signs(self) -> Array:
-        return np.array([each.sign for each in self.model.loaded.requirements.objective])
-
     def _judged(self, quantities: Array) -> tuple[Array, Array]:
         """Both objectives (n, 2), to be small, in logarithms where all have them, and what is missed in all (n,)."""
-        both = self._logarithms(quantities)[:, :2] * self.signs
+        both = self.model.signed(self._logarithms(quantities))
         missed = self.model.violations(Found(quantities, np.full(len(quantities), "", dtype=object)))
         return both, np.sum(missed, axis=1)
 
