@@ -17,10 +17,11 @@ from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array, inverse
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.content import key_of
 from flexfem.stage.designs import Designs, lower, stage_frames
 from flexfem.stage.feasibility import Broken, check_closed_form
 from flexfem.stage.origin import located
-from flexfem.stage.tables import HINGE_NAMES, key_of
+from flexfem.stage.tables import HINGE_NAMES
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage

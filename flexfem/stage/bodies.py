@@ -17,18 +17,15 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem.refused import BadInput
 from flexfem.stage.cache import once
+from flexfem.stage.content import StageContent, key_of
 from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.stage.outline import Face, Pose, Segment, offset, polyline, reverse, shortest_path
-from flexfem.stage.tables import HINGE_NAMES, Hinge, key_of
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+from flexfem.stage.tables import HINGE_NAMES, Hinge
 
 FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
 LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
@@ -37,7 +34,7 @@ BODIES = ("pad", "link 1", "link 2", "platform")
 
 
 @once
-def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
+def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
     """Neck centres and directions of one chain (1 to 3), base to platform."""
     placed = stage_frames(stage)
     back = -(chain - 1) * CHAIN_TURN
@@ -47,7 +44,7 @@ def necks(stage: Stage, chain: int) -> tuple[Pose, ...]:
 
 
 @once
-def centrelines(stage: Stage, chain: int) -> tuple[tuple[Segment, ...], ...]:
+def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], ...]:
     """Paths along the middle of pad, link 1 and link 2 of one chain, from notch to notch.
 
     Raises BadInput when a link finds no room between its hinges.
@@ -87,7 +84,7 @@ def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[
     )
 
 
-def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
+def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
     """One side (1 left, -1 right) of pad, link 1, link 2 and platform lug, each from neck to neck."""
     width = stage.chain.link_width
     lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
@@ -100,7 +97,7 @@ def body_sides(stage: Stage, chain: int, side: int) -> list[list[Segment]]:
 
 
 @once
-def lug_side(stage: Stage, chain: int, side: int) -> tuple[Segment, ...]:
+def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
 
     Raises BadInput when the lug cannot reach the disc.
@@ -140,7 +137,7 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
 
 
 @once
-def cut_angle(stage: Stage) -> float:
+def cut_angle(stage: StageContent) -> float:
     """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
 
     Raises BadInput when the lugs leave no free rim between them.
@@ -160,7 +157,7 @@ def cut_angle(stage: Stage) -> float:
 
 
 @once
-def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
+def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
     """Draw the bodies of the sector of the stage that holds one chain (1 to 3).
 
     Raises BadInput when they cannot be drawn.
@@ -177,7 +174,7 @@ def draw_sector(stage: Stage, chain: int) -> Mapping[str, Face]:
     return MappingProxyType(faces)
 
 
-def _platform(stage: Stage, rim: Segment) -> list[tuple[str, list[Segment]]]:
+def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
     """The part of the platform in a sector, from the end of the lug's right side to the end of its left side."""
     first = cut_angle(stage)
     disc, hub = stage.platform.radius, stage.platform.hub_radius

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
-
+Of = TypeVar("Of")  # a stage
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
 KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
 
 
-def once(compute: Callable[Concatenate[Stage, Given], Found]) -> Callable[Concatenate[Stage, Given], Found]:
+def once(compute: Callable[Concatenate[Of, Given], Found]) -> Callable[Concatenate[Of, Given], Found]:
     """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
 
     All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
     """
 
     @wraps(compute)
-    def keeping(stage: Stage, /, *given: Given.args, **named: Given.kwargs) -> Found:
+    def keeping(stage: Of, /, *given: Given.args, **named: Given.kwargs) -> Found:
         kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
         key = (compute, given, tuple(named.items()))
         if key not in kept:

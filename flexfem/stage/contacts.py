@@ -8,18 +8,16 @@ the hub, which is rigid; the frame does not move.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.stage.actuators import BODY_NAMES, Body
 from flexfem.stage.bodies import centrelines
+from flexfem.stage.content import StageContent
 from flexfem.stage.designs import chain_rotation
 from flexfem.stage.outline import Segment
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
 
 SPREAD = 0.75  # half a station per link width: pushes spread evenly over one width have the same deviation
 EDGE = 0.505  # of its width a strip reaches to either side: triangles cut arcs a little outside
@@ -49,7 +47,7 @@ class Station(NamedTuple):
         return np.cumsum([0.0, *(segment.length for segment in self.path)])
 
 
-def station(stage: Stage, chain: int, link: int, point: complex) -> Station:
+def station(stage: StageContent, chain: int, link: int, point: complex) -> Station:
     """The station of link 1 or 2 of a chain (1 to 3) nearest to a point in the frame of chain 1, within its strip."""
     path = centrelines(stage, chain)[link]
     length = sum(segment.length for segment in path)
@@ -215,7 +213,7 @@ class Stack(NamedTuple):
 
 
 def placed_stack(
-    stage: Stage, chain: int, between: tuple[Body, Body], point: complex, direction: float, ball: float = 0.0
+    stage: StageContent, chain: int, between: tuple[Body, Body], point: complex, direction: float, ball: float = 0.0
 ) -> Stack:
     """A stack of a chain (from 0) that pushes the second body at a point, mm, in a direction, rad.
 

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.stage.actuators import Numbers
 from flexfem.stage.cache import once
-from flexfem.stage.materials import SWT
-from flexfem.stage.overrides import actuators_of
+from flexfem.stage.content import StageContent, actuators_of
+from flexfem.stage.materials import SWT, Material
+from flexfem.stage.stacks import Numbers
 from flexfem.stage.tables import CHAINS, HINGE_NAMES, Plane
-
-if TYPE_CHECKING:
-    from flexfem.stage.materials import Material
-    from flexfem.stage.schema import Stage
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
 SHARED = ("plane", "prismatic")  # fields that all designs have in common
@@ -53,7 +49,7 @@ class Designs:
     fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives alone.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
-    actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
+    actuator : (n, 3 chains, actuators, numbers), of `stacks.Numbers`, asked for by answers on the drive alone.
     """
 
     plane: Plane
@@ -108,7 +104,7 @@ class Designs:
 
 
 @once
-def lower(stage: Stage) -> Designs:
+def lower(stage: StageContent) -> Designs:
     """One stage as n = 1 designs, its arrays read-only."""
     material, chain, platform = stage.material, stage.chain, stage.platform
     hinges = [[stage.hinge(place, name) for name in HINGE_NAMES] for place in CHAINS]
@@ -150,7 +146,7 @@ def _numbers(*values: float | None) -> list[float]:
     return [np.nan if value is None else value for value in values]
 
 
-def stage_frames(stage: Stage) -> Frames:
+def stage_frames(stage: StageContent) -> Frames:
     """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
     centres, axes = lower(stage).frames
     return Frames(centres[0], axes[0])

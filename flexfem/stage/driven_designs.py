@@ -15,20 +15,13 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.refused import BadInput
-from flexfem.stage.actuators import (
-    BLOCKING_ROUND_OFF,
-    BODY_NAMES,
-    ENDS,
-    GEOMETRY,
-    Actuator,
-    Numbers,
-    series_stiffness,
-)
+from flexfem.stage.actuators import BLOCKING_ROUND_OFF, BODY_NAMES, ENDS, Actuator
 from flexfem.stage.bodies import FILLET
 from flexfem.stage.contacts import Push, Stack
+from flexfem.stage.content import actuators_of
 from flexfem.stage.designs import CHAIN_TURN, Designs
 from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.overrides import actuators_of
+from flexfem.stage.stacks import GEOMETRY, Numbers, series_stiffness
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage

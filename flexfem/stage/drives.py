@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +12,11 @@ from flexfem.stage.actuators import BODY_NAMES, ENDS, Actuator
 from flexfem.stage.bodies import centrelines, draw_sector, turn
 from flexfem.stage.cache import once
 from flexfem.stage.contacts import Stack, middle_at, placed_stack, tangent_at
+from flexfem.stage.content import StageContent, actuators_of, key_of_actuator
 from flexfem.stage.designs import chain_rotation
 from flexfem.stage.origin import located
 from flexfem.stage.outline import Segment
-from flexfem.stage.overrides import actuators_of, key_of_actuator
 from flexfem.stage.tables import CHAINS
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
 
 ON_OUTLINE = 0.01  # distance of a contact from the outline of its body, per link width: coordinates are rounded
 INTO = 0.1  # least cosine between the direction of a push and the inward normal
@@ -54,7 +51,7 @@ class StageDrive(NamedTuple):
 
 
 @once
-def drive_of(stage: Stage) -> StageDrive:
+def drive_of(stage: StageContent) -> StageDrive:
     """The drive of a stage. Raises BadInput for a stage without actuators, and for a contact off the metal."""
     with located(stage):
         if not stage.actuator:
@@ -62,13 +59,13 @@ def drive_of(stage: Stage) -> StageDrive:
         return _drive(stage)
 
 
-def check_drive(stage: Stage) -> None:
+def check_drive(stage: StageContent) -> None:
     """Raise BadInput for the first contact that is not on the outline of the body it pushes, or not into it."""
     if stage.actuator:
         drive_of(stage)
 
 
-def _drive(stage: Stage) -> StageDrive:
+def _drive(stage: StageContent) -> StageDrive:
     placed = [(chain, index) for chain in CHAINS for index in range(len(stage.actuator))]
     actuators = [actuators_of(stage)[chain - 1][index] for chain, index in placed]
     stacks, owners, signs = list[Stack](), list[int](), list[float]()
@@ -107,7 +104,7 @@ class Contact(NamedTuple):
     direction: float
 
 
-def contacts(stage: Stage, chain: int, index: int) -> tuple[Contact, ...]:
+def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]:
     """The contact of an actuator on one chain (1 to 3); with a pair, that of the partner on the opposite side too.
 
     Raises BadInput when one is off the metal.
@@ -135,7 +132,7 @@ def contacts(stage: Stage, chain: int, index: int) -> tuple[Contact, ...]:
     return first, partner
 
 
-def _on_link(stage: Stage, chain: int, index: int) -> Contact:
+def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
     """The contact at an arm from a hinge, on the side of a link. Raises BadInput for an arm that is off its strip."""
     actuator = actuators_of(stage)[chain - 1][index]
     assert actuator.hinge is not None and actuator.arm is not None
@@ -159,7 +156,7 @@ def _on_link(stage: Stage, chain: int, index: int) -> Contact:
     return Contact(point, float(np.angle(-outward)) + (actuator.tilt or 0.0))
 
 
-def _check_contact(stage: Stage, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
+def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
     actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
     body = f"{actuator.between[1]} of chain {chain}"
     distance, nearest, inward = min((_nearest(segment, point) for segment in outline), key=lambda found: found[0])
@@ -178,7 +175,7 @@ def _check_contact(stage: Stage, chain: int, index: int, contact: Contact, outli
         )
 
 
-def _place_of(stage: Stage, chain: int, index: int) -> str:
+def _place_of(stage: StageContent, chain: int, index: int) -> str:
     """The key that says where a contact is, and its value."""
     actuator = actuators_of(stage)[chain - 1][index]
     if actuator.point is None:
@@ -186,7 +183,7 @@ def _place_of(stage: Stage, chain: int, index: int) -> str:
     return f"{key_of_actuator(stage, chain, index, 'point_mm')} = {list(actuator.point)}"
 
 
-def _outline(stage: Stage, chain: int, body: str) -> list[Segment]:
+def _outline(stage: StageContent, chain: int, body: str) -> list[Segment]:
     """The free edges of a body of a chain, metal to their left, in the frame of chain 1; the platform's all around."""
     if body != "platform":
         return _free(stage, chain, body)
@@ -195,7 +192,7 @@ def _outline(stage: Stage, chain: int, body: str) -> list[Segment]:
     return [segment.turned(float(np.angle(back))) for segment in turned]
 
 
-def _free(stage: Stage, chain: int, body: str) -> list[Segment]:
+def _free(stage: StageContent, chain: int, body: str) -> list[Segment]:
     face = draw_sector(stage, chain)[body]
     return [segment for segment, label in zip(face.loop, face.labels, strict=True) if label == "free"]
 

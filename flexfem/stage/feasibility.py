@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -14,13 +14,11 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput
 from flexfem.stage.bodies import draw_sector, turn
 from flexfem.stage.cache import once
+from flexfem.stage.content import StageContent, key_of
 from flexfem.stage.designs import Designs, lower
 from flexfem.stage.origin import located
 from flexfem.stage.outline import polygon_points
-from flexfem.stage.tables import HINGE_NAMES, key_of
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+from flexfem.stage.tables import HINGE_NAMES
 
 Holds = NDArray[np.bool_]
 
@@ -112,15 +110,15 @@ def describe(pair: int) -> str:
     return " and ".join(f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in PAIRS[pair])
 
 
-def check_feasible(stage: Stage) -> None:
+def check_feasible(stage: StageContent) -> None:
     """Refuse a stage that cannot be made, looked at once. Raises BadInput with key, value and what was expected."""
     check_closed_form(stage)
     _raise(_refused(stage, _check_bodies))
 
 
-def check_closed_form(stage: Stage) -> None:
+def check_closed_form(stage: StageContent) -> None:
     """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
-    if getattr(stage, "kind", None) != "stage file":  # of `Stage`, which imports this module
+    if not isinstance(stage, StageContent):
         raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
     _raise(_refused(stage, _check_conditions))
 
@@ -131,7 +129,7 @@ def _raise(refused: BadInput | None) -> None:
 
 
 @once
-def _refused(stage: Stage, check: Callable[[Stage], None]) -> BadInput | None:
+def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadInput | None:
     """What a check says of a stage, looked at once."""
     try:
         with located(stage):
@@ -141,7 +139,7 @@ def _refused(stage: Stage, check: Callable[[Stage], None]) -> BadInput | None:
     return None
 
 
-def _check_conditions(stage: Stage) -> None:
+def _check_conditions(stage: StageContent) -> None:
     found = conditions(lower(stage))
     one = Conditions(*(part[0] for part in found))
     _check_notches(stage, one)
@@ -149,7 +147,7 @@ def _check_conditions(stage: Stage) -> None:
     _check_distances(stage, one)
 
 
-def _check_notches(stage: Stage, found: Conditions) -> None:
+def _check_notches(stage: StageContent, found: Conditions) -> None:
     width = stage.chain.link_width
     for chain, position in PLACES:
         name = HINGE_NAMES[position]
@@ -166,7 +164,7 @@ def _check_notches(stage: Stage, found: Conditions) -> None:
             )
 
 
-def _check_platform(stage: Stage, found: Conditions) -> None:
+def _check_platform(stage: StageContent, found: Conditions) -> None:
     disc, hub = stage.platform.radius, stage.platform.hub_radius
     if not found.hub_fits:
         raise BadInput(
@@ -182,7 +180,7 @@ def _check_platform(stage: Stage, found: Conditions) -> None:
             )
 
 
-def _check_distances(stage: Stage, found: Conditions) -> None:
+def _check_distances(stage: StageContent, found: Conditions) -> None:
     for pair in np.flatnonzero(~found.apart):
         raise BadInput(
             f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
@@ -190,7 +188,7 @@ def _check_distances(stage: Stage, found: Conditions) -> None:
         )
 
 
-def _check_bodies(stage: Stage) -> None:
+def _check_bodies(stage: StageContent) -> None:
     """No body crosses itself, and bodies meet only at their necks and at the cuts between the sectors."""
     bodies = {}
     for chain in (1, 2, 3):

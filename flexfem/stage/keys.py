@@ -16,10 +16,12 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.keypath import ABOUT, KeyPath, key_path, path_of
 from flexfem.files.refusals import problem_of, suggestion
-from flexfem.stage.actuators import Actuator, Numbers
+from flexfem.stage.actuators import Actuator
+from flexfem.stage.content import actuators_of
 from flexfem.stage.materials import FATIGUE
-from flexfem.stage.overrides import OF_ACTUATORS, actuators_of
+from flexfem.stage.overrides import OF_ACTUATORS
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
+from flexfem.stage.stacks import Numbers
 from flexfem.stage.tables import Hinge
 
 LASTING = FATIGUE[:3]  # those of `Designs.fatigue`

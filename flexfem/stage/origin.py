@@ -5,35 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 from flexfem.files.keypath import path_of
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import read_toml
 from flexfem.refused import BadInput
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+from flexfem.stage.content import Origin, StageContent
 
 
-class Origin(NamedTuple):
-    """The file of a stage, None without one, and whether it was changed since it was read."""
-
-    path: str | None = None
-    changed: bool = False
-
-    def __str__(self) -> str:
-        return "" if self.path is None else self.path + ", changed" * self.changed
-
-
-def of_stage(stage: Stage) -> dict[str, Any]:
+def of_stage(stage: StageContent) -> dict[str, Any]:
     """What every answer says of its stage: which it is, and which of its numbers are in doubt."""
     doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
     return {"file": str(stage.origin), "name": stage.name, **doubts}
 
 
 @contextmanager
-def located(stage: Stage) -> Iterator[None]:
+def located(stage: StageContent) -> Iterator[None]:
     """Put file and line of a stage that has a file in front of refusals that begin with a key path of it."""
     try:
         yield

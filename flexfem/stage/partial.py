@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from flexfem.files.provenance import Doubts
 from flexfem.files.toml import Path, validate_partly
 from flexfem.sources import read_data
+from flexfem.stage.content import Origin
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.material_files import with_material_of_file
-from flexfem.stage.origin import Origin
 from flexfem.stage.schema import Stage
 
 DRAWN = ("chain.", "hinges.", "platform.")  # tables of what a drawing shows

@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from functools import cached_property, partial
+from functools import partial
 from importlib import import_module
 from pathlib import Path as FilePath
-from typing import Any, ClassVar
-
-from pydantic import Field, model_validator
+from typing import Any
 
 from flexfem.arrays import AnyArray
 from flexfem.files.digest import canonical, digest
 from flexfem.files.keypath import key_path
-from flexfem.files.provenance import Doubts, Sourced, key_paths, values_by_key
-from flexfem.files.refusals import refusal
+from flexfem.files.provenance import Doubts, key_paths, values_by_key
 from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import check_file, toml_text, write_atomically
 from flexfem.refused import BadInput
-from flexfem.stage.actuators import Actuator
 from flexfem.stage.cache import KEPT
+from flexfem.stage.content import Origin, StageContent, actuators_of, drive_content, hinges_of
 from flexfem.stage.designs import Elastic, lower
 from flexfem.stage.drives import check_drive
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.inside import Dimensioned, Length
 from flexfem.stage.material_files import with_material_of_file
 from flexfem.stage.materials import Material as Material
 from flexfem.stage.materials import sources_of
-from flexfem.stage.origin import Origin
 from flexfem.stage.overrides import Override as Override
-from flexfem.stage.overrides import actuators_of, check_overrides, drive_content, hinges_of
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
 from flexfem.stage.tables import Chain as Chain
@@ -41,70 +35,14 @@ from flexfem.stage.tables import HingeName as HingeName
 from flexfem.stage.tables import Hinges as Hinges
 from flexfem.stage.tables import Plane as Plane
 from flexfem.stage.tables import Platform as Platform
-from flexfem.stage.tables import key_of as key_of
 from flexfem.stage.tables import merged_changes, of_drive, of_heat
 
 
-class Stage(Dimensioned, Sourced):
+class Stage(StageContent):
     """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
 
     model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
     """
-
-    kind: ClassVar[str] = "stage file"
-
-    name: Label = Field(description="Shown in tables and figures", examples=["my stage"])
-    model: Plane = Field(
-        default="plane_stress",
-        description="How the stage is made a plane problem, in both models: `plane_stress`, the paper's; "
-        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances corrected for their thickness by "
-        "three-dimensional finite elements, in the analytic model alone, because the finite elements of the stage "
-        "are plane",
-    )
-    thickness: Length = Field(alias="thickness_mm", description="b, out of plane", examples=[10.0])
-    material: Material = Field(description="What the stage is made of, isotropic")
-    chain: Chain = Field(description="Chain 1; the others are the same, turned by 120 and 240 degrees")
-    hinges: Hinges = Field(description="The hinges of every chain, from the base to the platform")
-    platform: Platform = Field(description="The disc that is moved")
-    frame: Frame = Field(
-        default_factory=Frame,
-        description="What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with "
-        "`[drift]`",
-    )
-    override: tuple[Override, ...] = Field(
-        default=(),
-        description="What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is "
-        "about, keys of that hinge or actuator with their values there. As many as wanted, in any order, each about "
-        "something else",
-    )
-    actuator: tuple[Actuator, ...] = Field(
-        default=(),
-        description="A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They "
-        "make the stage a driven one; what is asked of the passive stage does not depend on them",
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _registered_material_has_its_source(cls, data: Any) -> Any:
-        material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
-        if not sources or not isinstance(stated, dict | None):
-            return data
-        return data | {"provenance": sources | (stated or {})}
-
-    @model_validator(mode="after")
-    def _names_each_actuator_once(self) -> Stage:
-        names = [actuator.name for actuator in self.actuator]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise refusal("a name that no other actuator has", "actuator", index, "name")
-        check_overrides(self)
-        return self
-
-    @cached_property
-    def origin(self) -> Origin:
-        """Where the stage comes from; no part of its hash, and two stages may be equal without it."""
-        return Origin()
 
     def replace(self, **changes: Any) -> Stage:
         """A changed stage, validated and feasible; what is not named keeps its value bit for bit.
@@ -203,12 +141,6 @@ link, expected < chain.link_width_mm = 9
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a stage can be a key."""
         return hash(self.hash)
-
-    def hinge(self, chain: int, name: str) -> Hinge:
-        """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
-        if chain not in CHAINS or name not in HINGE_NAMES:
-            raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
-        return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
 
     def array(self, attr: str) -> AnyArray:
         """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""

@@ -1,4 +1,4 @@
-"""The tables of a stage: chain, hinges, platform and overrides, in N-mm-MPa-rad.
+"""The tables of a stage: chain, hinges, platform and frame, in N-mm-MPa-rad.
 
 File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, Field
 
@@ -16,9 +16,6 @@ from flexfem.files.refusals import shown
 from flexfem.refused import BadInput
 from flexfem.stage.inside import Angle, Dimensioned, FrameExpansion, Length, plain
 from flexfem.stage.materials import with_changes
-
-if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
 
 HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
@@ -91,15 +88,6 @@ class Frame(Dimensioned):
         "assumed to expand as the stage does",
         examples=[12.0],
     )
-
-
-def key_of(stage: Stage, chain: int, hinge: str, key: str) -> str:
-    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
-    attribute = key.rsplit("_", 1)[0]
-    for index, override in enumerate(stage.override):
-        if override.place == (chain, hinge) and getattr(override, attribute) is not None:
-            return key_path(("override", index, key), stage)
-    return key_path(("hinges", hinge, key))
 
 
 assert get_args(HingeName) == HINGE_NAMES

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.refused import BadInput
+from flexfem.stage.content import actuators_of
 from flexfem.stage.designs import Designs, lower
 from flexfem.stage.keys import Key, keys
-from flexfem.stage.overrides import actuators_of
 from flexfem.stage.schema import Stage
 from flexfem.stage.tables import merged_changes
 from flexfem.study.columns import Column

@@ -14,8 +14,9 @@ from flexfem.files.json_schema import Rule, beside, both, either, has, ruled, wh
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, read_toml, validate
-from flexfem.stage.actuators import Coordinate, Rate, Stroke
+from flexfem.stage.actuators import Coordinate
 from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, Poisson, at_least, converted
+from flexfem.stage.stacks import Rate, Stroke
 
 POINTS = 100_000  # readings of one direction, repeats included
 

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexfem.stage.content import actuators_of
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.drives import contacts
 from flexfem.stage.origin import of_stage
-from flexfem.stage.overrides import actuators_of
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.stage.tables import of_drive, of_heat
 from flexfem.verify import warning

@@ -14,8 +14,8 @@ from flexfem.reference.formats import FORMATS
 from flexfem.reference.keys import tables_of
 from flexfem.reference.pages import PAGES, page
 from flexfem.refused import BadInput
-from flexfem.stage.actuators import catalogue
 from flexfem.stage.materials import materials
+from flexfem.stage.stacks import catalogue
 from flexfem.study.meanings import MEANINGS
 from flexfem.study.outputs import outputs_of
 from flexfem.validate.manual import VERIFIES, manual
