@@ -82,7 +82,9 @@ def _requirements(of: Designed, number: int) -> PageSection | None:
         )
     ]
     rows: list[list[Content]] = [
-        [one.requirement, *(UNKNOWN if end is None else significant(end, 6) for end in (one.relax_to, one.percent))]
+        [one.requirement, "none is enough", ""]
+        if one.relax_to is None or one.percent is None
+        else [one.requirement, significant(one.relax_to, 6), significant(one.percent, 6)]
         for one in of.alternatives
     ]
     if rows:

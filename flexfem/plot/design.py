@@ -60,7 +60,8 @@ def design_figure(found: Designed) -> Figure:
 
 def _said(of: Stated) -> str:
     band = "" if of.band is None else f" ± {significant(of.band, 2)}"
-    return f"{significant(of.value, 5)}{band} {of.unit} by {of.checked_by}".replace("  ", " ")
+    by = ", exact" if of.checked_by == "exact" else f" by {of.checked_by}"
+    return f"{significant(of.value, 5)}{band} {of.unit}".rstrip() + by
 
 
 def _unit(of: Stated) -> str:

@@ -1,0 +1,142 @@
+"""Figures of a design: what each axis, curve, mark and label says of a record of which every number is another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import flexfem
+from flexfem.plot.design import design_figure
+from flexfem.plot.design_front import front_figure
+from flexfem.plot.sensitivity import sensitivity_figure
+from flexfem.synthesis.result import Step
+
+from ..synthesis.recorded import FOLLOWED, FRONT, GOALS, OTHER, REQUIREMENTS, STAGE, recorded
+
+PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}\N{MICRO SIGN}", " -u")
+BLUE, ORANGE, BLACK = "#0072B2", "#D55E00", "#1A1A1A"
+
+
+def words(text):
+    return " ".join((text if isinstance(text, str) else text.get_text()).translate(PLAIN).split())
+
+
+def axes_of(figure):
+    return [(*(label.translate(PLAIN) for label in (ax.get_xlabel(), ax.get_ylabel())), ax) for ax in figure.axes]
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    pyplot.close("all")
+
+
+def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
+    figure = design_figure(recorded())
+    head = [words(text) for text in figure.texts]
+    assert head == [
+        "Recorded",
+        "reach: 412.00 ± 1.2 um by finite elements; mass: 0.089300 kg, exact; not every requirement is met.",
+        "neck 0.505; l1 31.5 (units of the stage file).",
+        "Evaluations: 53,345 by analytic, 12 by finite elements. Seed 2003. Corrected model and finite elements differ "
+        "by at most 0.066 % of a quantity at this design.",
+        "life extrapolated",
+        "assumed dimensions",
+    ]
+    assert "; every requirement is met." in words(design_figure(recorded(feasible=True)).texts[1])
+    drawn, margins, history, front = figure.axes
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [
+        "(a) designed stage", "(b) margins of the requirements", "(c) first search, by the model",
+        "(d) front, by finite elements",
+    ]  # fmt: skip
+    assert [each[:2] for each in axes_of(figure)] == [
+        ("x (mm)", "y (mm)"),
+        ("margin over the end that is wanted (%);\nlinear to 1 %; bars: band; hollow: model alone", ""),
+        ("evaluations of the analytic model", "reach (um)"),
+        ("reach (um), the larger the better", "mass (kg), the smaller the better"),
+    ]
+    assert drawn.get_aspect() == 1.0 and margins.get_xscale() == "symlog"
+    assert front.lines[0].get_xydata().tolist() == [[405.0, 0.081], [466.0, 0.093]]
+    assert front.lines[1].get_xydata().tolist() == [[407.0, 0.082], [469.0, 0.094]]
+    assert front.lines[2].get_xydata().tolist() == [[412.0, 0.0893]]
+    assert [words(text) for text in front.get_legend().get_texts()] == [
+        "by finite elements", "corrected model", "the design"
+    ]  # fmt: skip
+    assert history.lines[0].get_xydata().tolist() == [[3000.0, 390.0], [7000.0, 410.0]]
+    assert [patch.get_x() + patch.get_width() for patch in history.patches] == [1000]
+
+
+def test_the_designed_stage_is_drawn_and_no_other():
+    """Its link 1 6 mm longer, a stage reaches farther from its centre."""
+    widths = [np.ptp(design_figure(recorded(stage=text)).axes[0].get_xlim()) for text in (STAGE, OTHER)]
+    assert widths[0] == pytest.approx(140.0365, abs=1e-3) and widths[1] > widths[0] + 5
+
+
+def test_margins_are_in_per_cent_with_bands_marks_and_prices():
+    ax = flexfem.plot.plot_margins(None, recorded())
+    points = [line for line in ax.lines if line.get_marker() in ("o", "s", "X")]
+    assert [line.get_xydata()[0].tolist() for line in points] == [[1.875, 2.0], [-2.0, 1.0], [2.963, 0.0]]
+    assert [(line.get_marker(), line.get_color(), line.get_markerfacecolor()) for line in points] == [
+        ("o", BLUE, BLUE), ("X", ORANGE, "white"), ("s", BLUE, "white")
+    ]  # fmt: skip
+    bars = [collection.get_paths()[0].vertices[:, 0] for collection in ax.collections]
+    assert np.array(bars) == pytest.approx(np.array([[1.5625, 2.1875], [-2.0, -2.0], [-3.704, 9.63]]))
+    assert [words(text) for text in ax.texts] == [
+        "stiffness: met; 1 % more costs 0.47 %", "diameter: missed", "coupling: within the band"
+    ]  # fmt: skip
+
+
+def test_a_search_that_meets_nothing_is_drawn_by_what_it_misses_in_per_cent():
+    missed = [Step(evaluations=1000, objective=None, missed=0.21), Step(evaluations=2000, objective=None, missed=0.15)]
+    ax = flexfem.plot.plot_history(None, recorded(history=missed))
+    assert ax.lines[0].get_xydata() == pytest.approx(np.array([[1000, 21], [2000, 15]]))
+    assert ax.get_ylabel() == "missed in all, % of the ends"
+
+
+def test_sensitivities_are_each_of_the_quantity_in_their_title():
+    figure = sensitivity_figure(recorded())
+    assert [words(ax.get_title(loc="left")) for ax in figure.axes] == [
+        "reach, the larger the better", "mass, the smaller the better",
+        "stiffness, at least 60 N/mm and at most 80 N/mm",
+        "diameter, at most 150 mm",
+    ]  # fmt: skip
+    assert [[bar.get_width() for bar in ax.patches] for ax in figure.axes] == [
+        [-1.31, 0.65], [0.12, 0.76], [2.43, -1.87], [0.54, 0.98]
+    ]  # fmt: skip
+    assert {ax.get_xlabel() for ax in figure.axes} == {"change (%) for 1 %"}
+    assert {ax.get_xlim() for ax in figure.axes} == {(-1.55 * 2.43, 1.55 * 2.43)}
+    assert [words(text) for text in figure.texts if "assumed" in text.get_text()] == ["assumed dimensions"]
+
+
+def test_five_quantities_take_two_rows_of_panels_and_no_empty_one():
+    active = [each.model_copy(update={"active": True}) for each in REQUIREMENTS]
+    assert len(sensitivity_figure(recorded(requirements=active)).axes) == 5
+
+
+def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_numbers_to_one_scale():
+    figure = front_figure(recorded())
+    plane, one, two, scale = figure.axes
+    assert axes_of(figure)[0][:2] == ("reach (um), the larger the better", "mass (kg), the smaller the better")
+    assert plane.lines[0].get_xydata().tolist() == [[405.0, 0.081], [466.0, 0.093]]
+    assert [line.get_markeredgecolor() for line in plane.lines[1:]] == [BLACK, ORANGE]
+    assert [(words(text), tuple(text.xy)) for text in plane.texts] == [("1", (405.0, 0.081)), ("2", (466.0, 0.093))]
+    assert [[line.translate(PLAIN) for line in ax.texts[0].get_text().split("\n")] for ax in (one, two)] == [
+        ["1:  reach 405.0 um", "mass 0.08100 kg", "neck 0.43", "l1 36"],
+        ["2:  reach 466.0 um", "mass 0.09300 kg", "neck 0.52", "l1 30", "a requirement is missed"],
+    ]
+    assert one.get_xlim() == two.get_xlim() and np.ptp(one.get_xlim()) == pytest.approx(np.ptp(scale.get_xlim()))
+    assert one.collections[0].get_paths()[0].get_extents() != two.collections[0].get_paths()[0].get_extents()
+
+
+def test_a_front_of_three_objectives_has_a_panel_for_each_pair():
+    goals = [*GOALS, GOALS[0].model_copy(update={"name": "kxx_n_per_mm", "label": "stiffness"})]
+    front = [one.model_copy(update={"values": [*one.values, x], "predicted": [*one.predicted, x + 1]})
+             for one, x in zip(FRONT, (71.0, 43.0), strict=True)]  # fmt: skip
+    rows = {name: {each: 0.0 for each in FOLLOWED} for name in ("neck", "l1")}
+    figure = front_figure(recorded(objectives=goals, front=front, sensitivities=rows))
+    pairs = [(x.split(",")[0], y.split(",")[0]) for x, y, _ in axes_of(figure)[:3]]
+    assert pairs == [("reach (um)", "mass (kg)"), ("reach (um)", "stiffness (N/mm)"), ("mass (kg)", "stiffness (N/mm)")]
+    ends = [ax.lines[0].get_xydata()[0].tolist() for ax in figure.axes[:3]]
+    assert ends == [[405.0, 0.081], [405.0, 71.0], [0.081, 71.0]]
+    assert {ax.lines[0].get_linestyle() for ax in figure.axes[:3]} == {"None"}
