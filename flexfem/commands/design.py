@@ -101,7 +101,9 @@ def print_design(of: Designed) -> None:
         out.print(coupling.said)
     if of.front:
         out.print(f"front: {len(of.front)} designs that no other beats in all objectives, by finite elements")
-        out.print(table(("", *of.front[0].design, *map(_headed, of.objectives), *_margins(of)), _of_front(of)))
+        goals = (goal.headed(plain=True) for goal in of.objectives)
+        margins = (f"margin of {each.label} (%)" for each in of.requirements)
+        out.print(table(("", *of.front[0].design, *goals, *margins), _of_front(of)))
     counted = ", ".join(f"{count:,} by {name}" for name, count in of.evaluations.items() if name != "drawn")
     out.print(f"evaluations: {counted}; {of.evaluations.get('drawn', 0)} designs drawn")
     gaps = ", ".join(f"{turn.gap_percent:.3g}" for turn in of.rounds)
@@ -113,14 +115,6 @@ def _of_front(of: Designed) -> Iterator[tuple[str, ...]]:
     for number, one in enumerate(of.front, 1):
         made = (f"{value:.6g}" for value in one.design.values())
         yield (str(number), *made, *(f"{x:.6g}" for x in one.values), *(f"{x:.3g}" for x in one.margins_percent))
-
-
-def _headed(of: Stated) -> str:
-    return f"{of.label} ({of.unit.plain})" if of.unit.plain else of.label
-
-
-def _margins(of: Designed) -> list[str]:
-    return [f"margin of {each.label} (%)" for each in of.requirements]
 
 
 def _end(of: Designed, name: str) -> str:

@@ -16,7 +16,7 @@ from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.text import SPACE, significant
 
 if TYPE_CHECKING:
-    from flexfem.synthesis.result import Designed, Requirement, Stated
+    from flexfem.synthesis.result import Designed, Goal, Requirement, Stated
 
 UNKNOWN = Cell("not known", "")
 BANDS = Markup(
@@ -60,8 +60,8 @@ def _found(of: Designed, number: int) -> PageSection:
 RESTS = ("checked by", "model by itself")
 
 
-def _goal(of: Stated) -> list[Content]:
-    return [of.label, _value(of), getattr(of, "better", ""), of.checked_by, significant(of.uncorrected, 6)]
+def _goal(of: Goal) -> list[Content]:
+    return [of.label, _value(of), of.better, of.checked_by, significant(of.uncorrected, 6)]
 
 
 def _value(of: Stated) -> str:
@@ -129,7 +129,7 @@ def _front(of: Designed, number: int) -> PageSection | None:
     """The designs of the front, by finite elements, with what the corrected model said of them."""
     if not of.front:
         return None
-    goals = [f"{goal.label} ({goal.unit})" if str(goal.unit) else goal.label for goal in of.objectives]
+    goals = [goal.headed() for goal in of.objectives]
     head = ["design", *of.front[0].design, *goals, *(f"{goal}, corrected model" for goal in goals), "requirements"]
     rows: list[list[Content]] = []
     for place, one in enumerate(of.front, 1):

@@ -64,12 +64,6 @@ def _said(of: Stated) -> str:
     return f"{significant(of.value, 5)}{band} {of.unit}".rstrip() + by
 
 
-def _unit(of: Stated) -> str:
-    """The unit in brackets, nothing without one."""
-    unit = str(of.unit)
-    return f"({unit})" if unit else ""
-
-
 def outline_in(found: Designed) -> Outline:
     """The outline of the stage of a design."""
     return outline_of(Stage.model_validate(tomllib.loads(found.stage)))
@@ -126,7 +120,7 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
         label = "best that meets all" + (";\nsteps begin where it falls" if np.any(rising < 0) else "")
         ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label=label)
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
-        ax.set_ylabel(wrapped(f"{goal.label} {_unit(goal)}".rstrip(), 3.2, 9.0))
+        ax.set_ylabel(wrapped(goal.headed(), 3.2, 9.0))
         early = [step.evaluations for step in found.history if step.objective is None]
         if early:
             ax.axvspan(0, max(early), color=GREY, alpha=0.25, linewidth=0, label="none meets all yet")
@@ -150,8 +144,8 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     ax.plot(*(goal.value for goal in found.objectives), "o", color="none", markeredgecolor=INK, markersize=13,
             label="the design")  # fmt: skip
     first, second = found.objectives
-    ax.set_xlabel(wrapped(f"{first.label} {_unit(first)}, the {first.better} the better", 3.0, 9.5))
-    ax.set_ylabel(wrapped(f"{second.label} {_unit(second)}, the {second.better} the better", 3.2, 9.5))
+    ax.set_xlabel(wrapped(first.sought, 3.0, 9.5))
+    ax.set_ylabel(wrapped(second.sought, 3.2, 9.5))
     ax.grid()
     ax.legend(loc="best", framealpha=1.0, edgecolor="none")
     return ax

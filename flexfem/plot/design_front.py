@@ -28,7 +28,7 @@ from flexfem.plot.style import INK, add_axes, header, in_house_style, new_axes, 
 from flexfem.plot.text import significant
 from flexfem.stage.schema import Stage
 from flexfem.study.reductions import wide
-from flexfem.synthesis.result import Designed, FrontDesign, Stated
+from flexfem.synthesis.result import Designed, FrontDesign
 
 ACROSS, APART, TOP = 2, 0.95, 0.25  # pairs of objectives in a row; what is left between them, and above, in
 SAID = "Designs that no other beats in all objectives, by finite elements; each is a stage file, by its number."
@@ -71,19 +71,14 @@ def plot_objectives(ax: Axes | None, found: Designed, first: int = 0, second: in
         ax.annotate(str(place + 1), at, ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5)
     for of, each in zip((ax.set_xscale, ax.set_yscale), values.T, strict=True):
         of("log" if wide(each) else "linear")
-    ax.set_xlabel(_axis(found.objectives[first]))
-    ax.set_ylabel(_axis(found.objectives[second]))
+    ax.set_xlabel(wrapped(found.objectives[first].sought, 3.2, 9.5))
+    ax.set_ylabel(wrapped(found.objectives[second].sought, 3.2, 9.5))
     ax.margins(0.08)
     for axis, ends in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
         if axis.get_scale() == "log":
             log_ticks(axis, ends)
     ax.grid()
     return ax
-
-
-def _axis(of: Stated) -> str:
-    name = f"{of.label} ({of.unit})" if str(of.unit) else of.label
-    return wrapped(f"{name}, the {getattr(of, 'better', '')} the better", 3.2, 9.5)
 
 
 def _drawing(found: Designed, place: int, one: FrontDesign) -> Chosen:

@@ -39,11 +39,21 @@ class Stated(Record):
         """The unit of a column or key; none of an expression of several."""
         return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
+    def headed(self, plain: bool = False) -> str:
+        """The label, with the unit in brackets where there is one; `plain` for terminals."""
+        unit = self.unit.plain if plain else self.unit.name
+        return f"{self.label} ({unit})" if unit else self.label
+
 
 class Goal(Stated):
     """An objective, to be as large or as small as can be."""
 
     better: Literal["larger", "smaller"]
+
+    @property
+    def sought(self) -> str:
+        """The label with its unit, and which way is better: for an axis."""
+        return f"{self.headed()}, the {self.better} the better"
 
 
 class Requirement(Stated):
