@@ -48,7 +48,6 @@ def life(
 ) -> None:
     """Cycles that the necks bear at an amplitude, and the amplitude for a wanted life; or the fit of S-N points."""
     from flexfem.reports import life as reports
-    from flexfem.reports.given import LARGEST_POSE
     from flexfem.stage.schema import load_feasible
 
     fitted = None if fit is None else _fitted(fit)
@@ -60,10 +59,7 @@ def life(
     if amplitude is None:
         raise BadInput("--amplitude is missing, expected three numbers: mm, mm, rad")
     check_finite(ratio=-1.0 if ratio is None else ratio, cycles=cycles, notch_sensitivity=notch_sensitivity)
-    for option, pose in (("--amplitude", amplitude), ("--mean", mean)):
-        check_within(option, pose, LARGEST_POSE)
-    if mean is not None and ratio is not None:
-        raise BadInput("--mean and --ratio, expected one of the two")
+    _check_poses(amplitude, mean, ratio)
     finest = console.finest(analytic, resolution)
     repeated = (-1.0 if ratio is None else ratio, cycles)
     asked = (amplitude, mean, *repeated, fitted, finest)
@@ -73,6 +69,15 @@ def life(
 
         console.keep(found, output / f"{stage.stem}-life.json", life_figure)
     console.show(found, json, print_life)
+
+
+def _check_poses(amplitude: Pose, mean: Pose | None, ratio: float | None) -> None:
+    from flexfem.reports.given import LARGEST_POSE
+
+    for option, pose in (("--amplitude", amplitude), ("--mean", mean)):
+        check_within(option, pose, LARGEST_POSE)
+    if mean is not None and ratio is not None:
+        raise BadInput("--mean and --ratio, expected one of the two")
 
 
 def _fitted(path: Path) -> BasquinFit:

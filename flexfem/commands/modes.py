@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 from flexfem.commands import console
 from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, StageFile, Wanted
-from flexfem.commands.solid_modes import print_solid_modes, write_solid
+from flexfem.commands.solid_modes import show_solid_modes
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
 from flexfem.refused import BadInput
 from flexfem.units import UNITS
@@ -62,11 +63,9 @@ def modes(
     if three_dimensional:
         if drives != "disengaged":
             raise BadInput(f"--drives {drives} --three-dimensional, expected disengaged: stacks are of the plane")
-        with working("modes", 2) as say:
-            solid = reports.vibration_solid(loaded, count, payload, tilting, resolution, layers, say)
-        if output is not None:
-            write_solid(solid, output / f"{stage.stem}-modes-solid.json")
-        console.show(solid.record, json, print_solid_modes)
+        path = None if output is None else output / f"{stage.stem}-modes-solid.json"
+        asked = (count, payload, tilting, resolution, layers)
+        show_solid_modes(partial(reports.vibration_solid, loaded, *asked), path, json)
         return
     for option, value in (("--layers", layers), ("--tilting", tilting)):
         if value is not None:

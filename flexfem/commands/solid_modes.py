@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexfem.commands import console
+from flexfem.commands.at_work import working
 from flexfem.commands.tables import people, print_ending, table
 from flexfem.units import LENGTH, UNITS
 
@@ -18,7 +19,16 @@ SHARES = {"x": "x", "y": "y", "theta": "theta", "z": "z", "tilt_x": "tilt x", "t
 OF_KIND = {"in plane": ("x", "y", "theta"), "out of plane": ("z", "tilt_x", "tilt_y")}
 
 
-def write_solid(found: SolidVibration, path: Path) -> None:
+def show_solid_modes(solve: Callable[[Callable[[str], None]], SolidVibration], path: Path | None, json: bool) -> None:
+    """Solve, write to `path`, where there is one, and show."""
+    with working("modes", 2) as say:
+        found = solve(say)
+    if path is not None:
+        _write(found, path)
+    console.show(found.record, json, print_solid_modes)
+
+
+def _write(found: SolidVibration, path: Path) -> None:
     """The record and its figure, and all shapes from face to face as fields of one VTU file."""
     from flexfem.fem.export import write_solid_vtu
     from flexfem.plot.solid_modes import solid_modes_figure

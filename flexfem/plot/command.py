@@ -89,7 +89,7 @@ def plot_strokes(ax: Axes, found: Command) -> Axes:
     rows, um = np.arange(len(first)), MICROMETRE
     low, high = (um.factor * np.array([getattr(place, end) for place in first]) for end in ("lowest", "highest"))
     ax.barh(rows, high - low, left=low, height=0.94, color=PALE, edgecolor=GREY, linewidth=0.6, label="strokes it has")
-    _bars(ax, found, {name: um.factor * np.array(one.command) for name, one in found.criteria.items()})
+    _bars(ax, {name: um.factor * np.array(one.command) for name, one in found.criteria.items()})
     numbers = [[k + 1 for k, place in enumerate(found.places) if place.actuator == row] for row in rows]
     names = [f"{name} ({', '.join(map(str, own))})" for name, own in zip(found.actuators, numbers, strict=True)]
     _label_rows(ax, names)
@@ -106,7 +106,7 @@ def plot_forces(ax: Axes, found: Command) -> Axes:
     preload, blocking = (
         np.array([getattr(place, key) for place in found.places]) for key in ("preload", "blocking_force")
     )
-    _bars(ax, found, force)
+    _bars(ax, force)
     most = 1.12 * max(*(float(np.max(each)) for each in force.values()), float(np.max(preload)), 1e-9)
     least = min(0.0, 1.12 * min(float(np.min(each)) for each in force.values()))
     mark: Any = {"linestyle": "none", "marker": "|", "markersize": 17.0, "zorder": 5}
@@ -147,7 +147,7 @@ def plot_open_loop(ax: Axes, found: Command, direction: Direction) -> Axes:
     return ax
 
 
-def _bars(ax: Axes, found: Command, values: dict[Any, Any]) -> None:
+def _bars(ax: Axes, values: dict[Any, Any]) -> None:
     """A group of bars a row, one for each criterion that has strokes."""
     height = 0.8 / len(values)
     for k, (name, value) in enumerate(values.items()):

@@ -57,7 +57,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     reached = best.merit < WORST
     say("prices and sensitivities")
     costs = prices(found.model, best.relaxed)
-    goals, kept = _goals(found, last), _kept(found, last, costs, elements)
+    goals, kept = _goals(found, last), _kept(found, last, costs)
     stage = made(loaded, last.values)
     of = loaded.requirements
     missed = [] if reached else list(alternatives(found.model.changed(guard=None), last.values, of.seed))
@@ -79,10 +79,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         alternatives=missed,
         at_ends=costs.at_ends,
         sensitivities=_sensitivities(found.model, last.values),
-        rounds=[
-            Turn(design=_named(loaded, r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
-            for r, o in zip(found.rounds, found.optima, strict=True)
-        ],
+        rounds=_turns(found),
         front=best_of_both,
         scattered=_scattered(loaded, last.scattered),
         history=_thinned(found.optima[0].history),
@@ -91,6 +88,14 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         warnings=_warnings(loaded, found, last),
         **_doubts(loaded, stage),
     )
+
+
+def _turns(found: Mapped) -> list[Turn]:
+    loaded = found.model.loaded
+    return [
+        Turn(design=_named(loaded, r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
+        for r, o in zip(found.rounds, found.optima, strict=True)
+    ]
 
 
 def made(loaded: LoadedRequirements, values: Array) -> Stage:
@@ -161,7 +166,7 @@ def _goals(found: Mapped, last: Proof) -> list[Goal]:
     ]
 
 
-def _kept(found: Mapped, last: Proof, costs: Prices, elements: ProposedElements) -> list[Requirement]:
+def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
     model, kept = found.model.changed(guard=None), list[Requirement]()
     low, high = model.ends
     for k, each in enumerate(model.loaded.requirements.require):

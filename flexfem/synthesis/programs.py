@@ -22,48 +22,56 @@ def programmed(model: Model, start: Array, may: AnyArray) -> Array:
     Differences in one batch for each iterate. Where the start misses a requirement, each has a slack of its own and
     their sum is to be least (an elastic program).
     """
-    d, places = int(may.sum()), np.flatnonzero(may)
-    u0 = np.clip(model.space.to_unit(start[None])[0], 0, 1)
-    found = model.found(start[None])
-    elastic = bool(np.sum(model.violations(found)) > TIGHT)
-    size = max(abs(float(model.wanted(found)[0])), 1e-30)
-    soft = model.soft if elastic else 0
-    cache: dict[bytes, tuple[float, Array, Array, Array]] = {}
-
-    def at(z: Array) -> tuple[float, Array, Array, Array]:
-        key = z[:d].tobytes()
-        if key not in cache:
-            cache[key] = _differences(model, u0, places, np.clip(z[:d], 0, 1), size)
-        return cache[key]
-
-    def wanted(z: Array) -> float:
-        return float(np.sum(z[d:])) if elastic else at(z)[0]
-
-    def slope(z: Array) -> Array:
-        return np.concatenate([np.zeros(d), np.ones(soft)]) if elastic else at(z)[1]
-
-    def margins(z: Array) -> Array:
-        return np.asarray(at(z)[2] - INWARD + np.concatenate([z[d:], np.zeros(len(at(z)[2]) - soft)]))
-
-    def slopes(z: Array) -> Array:
-        inner = at(z)[3]
-        return np.hstack([inner, np.eye(len(inner), soft)])
-
-    missed = np.maximum(0.0, -model.smooth(start[None], size).margins[0, :soft])
+    of = _Program(model, start, may)
+    d, soft = len(of.places), of.soft
+    missed = np.maximum(0.0, -model.smooth(start[None], of.size).margins[0, :soft])
     result = minimize(
-        wanted,
-        np.concatenate([u0[may], missed]),
-        jac=slope,
+        of.wanted,
+        np.concatenate([of.u0[may], missed]),
+        jac=of.slope,
         bounds=Bounds(np.zeros(d + soft), np.concatenate([np.ones(d), np.full(soft, 100.0)])),
-        constraints=[{"type": "ineq", "fun": margins, "jac": slopes}],
+        constraints=[{"type": "ineq", "fun": of.margins, "jac": of.slopes}],
         method="SLSQP",
         options={"maxiter": ITERATIONS, "ftol": 1e-10},
     )
-    u = u0.copy()
+    u = of.u0.copy()
     u[may] = np.clip(result.x[:d], 0, 1)
     end = model.space.of_unit(u[None])[0]
     end[~may] = start[~may]
     return np.asarray(end)
+
+
+class _Program:
+    """What is to be least, and what not negative, of (d + soft,): dimensions between 0 and 1, then a slack each."""
+
+    def __init__(self, model: Model, start: Array, may: AnyArray) -> None:
+        self.model, self.places = model, np.flatnonzero(may)
+        self.u0 = np.clip(model.space.to_unit(start[None])[0], 0, 1)
+        found = model.found(start[None])
+        self.elastic = bool(np.sum(model.violations(found)) > TIGHT)
+        self.size = max(abs(float(model.wanted(found)[0])), 1e-30)
+        self.soft = model.soft if self.elastic else 0
+        self._known = dict[bytes, tuple[float, Array, Array, Array]]()
+
+    def _at(self, z: Array) -> tuple[float, Array, Array, Array]:
+        x = z[: len(self.places)]
+        if (key := x.tobytes()) not in self._known:
+            self._known[key] = _differences(self.model, self.u0, self.places, np.clip(x, 0, 1), self.size)
+        return self._known[key]
+
+    def wanted(self, z: Array) -> float:
+        return float(np.sum(z[len(self.places) :])) if self.elastic else self._at(z)[0]
+
+    def slope(self, z: Array) -> Array:
+        return np.concatenate([np.zeros(len(self.places)), np.ones(self.soft)]) if self.elastic else self._at(z)[1]
+
+    def margins(self, z: Array) -> Array:
+        inner = self._at(z)[2]
+        return np.asarray(inner - INWARD + np.concatenate([z[len(self.places) :], np.zeros(len(inner) - self.soft)]))
+
+    def slopes(self, z: Array) -> Array:
+        inner = self._at(z)[3]
+        return np.hstack([inner, np.eye(len(inner), self.soft)])
 
 
 def _differences(model: Model, u0: Array, places: Index, x: Array, size: float) -> tuple[float, Array, Array, Array]:

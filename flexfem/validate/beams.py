@@ -29,7 +29,7 @@ TIMOSHENKO = (
     "S. P. Timoshenko, J. N. Goodier, Theory of Elasticity (1970) art. 21, as written out by"
     " C. E. Augarde, A. J. Deeks, Finite Elem. Anal. Des. 44, 595-601 (2008)"
 )
-BEAM, BEAM_HEIGHT, BEAM_LENGTH = Plate(1e7, 0.3, 0.1), 0.2, 6.0
+BEAM, BEAM_HEIGHT = Plate(1e7, 0.3, 0.1), 0.2
 SLANTS = {  # where the lower and the upper ends of the seven cell sides stand
     "regular": ((0, 1, 2, 3, 4, 5, 6), (0, 1, 2, 3, 4, 5, 6)),
     "trapezoidal": ((0, 0.9, 2.1, 2.9, 4.1, 4.9, 6), (0, 1.1, 1.9, 3.1, 3.9, 5.1, 6)),

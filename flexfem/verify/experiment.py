@@ -14,7 +14,8 @@ from flexfem.stage.schema import Stage
 from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify import warning
 from flexfem.verify.driven_models import best_model
-from flexfem.verify.fixture import Fixture, Measurement, Slopes
+from flexfem.verify.fixture import Fixture, Measurement
+from flexfem.verify.measured import Slopes
 from flexfem.verify.protocol import Solved
 from flexfem.verify.pushes import (
     Pushes,

@@ -23,8 +23,9 @@ from flexfem.study.statistics import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.validate.bending import Elastica, Remainders
 from flexfem.verify.drift import DriftFields
-from flexfem.verify.fixture import MeasuredSlopes, Measurement
+from flexfem.verify.fixture import Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
+from flexfem.verify.measured import MeasuredSlopes
 
 from ..conftest import annular_vibration
 

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.plot.experiment import experiment_figure, identification_figure, plot_push, plot_region, plot_remains
-from flexfem.verify.fixture import MeasuredSlopes, read_fixture
+from flexfem.verify.fixture import read_fixture
+from flexfem.verify.measured import MeasuredSlopes
 
 ROOT = Path(__file__).parents[2]
 FIXTURE = read_fixture(ROOT / "cases" / "fixture.toml")

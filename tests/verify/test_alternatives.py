@@ -29,22 +29,6 @@ ROOT = Path(__file__).parents[2]
 ROUND_OFF = 1e-8  # per cent; 3 x 3 products of matrices whose entries differ by 1e5
 
 
-@pytest.fixture(scope="module", params=[("mobility3", 3), ("mobility6", 6)], ids=["three", "six"])
-def modelled(request):
-    name, model = request.param
-    return load_stage(ROOT / "geometry" / f"{name}.toml"), model
-
-
-@pytest.fixture(scope="module")
-def three():
-    return load_stage(ROOT / "geometry/mobility3.toml")
-
-
-@pytest.fixture(scope="module")
-def six():
-    return load_stage(ROOT / "geometry/mobility6.toml")
-
-
 def test_an_alternative_errs_along_its_commands_and_at_most_so_much_across_each():
     percent = np.array([[1.0, -7.0, 3.0], [5.0, -2.0, -4.0], [-6.0, 8.0, 9.0]])  # column j for command j
     found = other._row("made up", 6, percent)

@@ -11,7 +11,6 @@ import pytest
 
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.refused import BadInput
-from flexfem.stage.schema import load_stage
 from flexfem.verdicts import second_order, verdict
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.measures import MEASURES, Measure
@@ -63,22 +62,6 @@ def verdicts(path, solve=analytic_stand_in):
 @pytest.fixture(scope="module")
 def shipped():
     return verdicts(SHIPPED)
-
-
-@pytest.fixture(scope="module", params=[("mobility3", 3), ("mobility6", 6)], ids=["three", "six"])
-def modelled(request):
-    name, model = request.param
-    return load_stage(ROOT / "geometry" / f"{name}.toml"), model
-
-
-@pytest.fixture(scope="module")
-def three():
-    return load_stage(ROOT / "geometry/mobility3.toml")
-
-
-@pytest.fixture(scope="module")
-def six():
-    return load_stage(ROOT / "geometry/mobility6.toml")
 
 
 def test_every_shipped_claim_has_its_verdict(shipped):

@@ -10,7 +10,8 @@ import pytest
 import flexfem
 from flexfem.refused import ComputationFailed
 from flexfem.verify.experiment import experiment, simulated
-from flexfem.verify.fixture import MeasuredSlopes, Pole, read_fixture
+from flexfem.verify.fixture import Pole, read_fixture
+from flexfem.verify.measured import MeasuredSlopes
 from flexfem.verify.pushes import pole_compliance, pushes_of, read_compliance
 from flexfem.verify.series import spring_in_series
 

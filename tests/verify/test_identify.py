@@ -11,8 +11,9 @@ import pytest
 import flexfem
 from flexfem.refused import BadInput
 from flexfem.verify import identify as module
-from flexfem.verify.fixture import MeasuredSlopes, Measurement, read_fixture
+from flexfem.verify.fixture import Measurement, read_fixture
 from flexfem.verify.identify import identify
+from flexfem.verify.measured import MeasuredSlopes
 from flexfem.verify.pushes import pole_share, pushes_of, read_compliance
 from flexfem.verify.slope_fit import fit, interval
 
