@@ -146,7 +146,7 @@ MUTATIONS = [
         "wanted",
         "np.maximum(0.0, -self.margins(found)[self.yielding])",
         "np.zeros(len(found.reason))",
-        "test_the_smallest_relaxation_of_what_no_thickness_gives_is_at_the_thickest",
+        "test_relaxations_are_of_the_corrected_model_and_each_of_its_own_requirement",
     ),
     Mutation(
         "finite elements of one design kept for another of its study",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.synthesis.model import Model
+from flexfem.synthesis.model import Correction, Model
 
 from .conftest import NECK, RADIUS, ROOT, best, require
 
@@ -26,6 +26,28 @@ def test_the_error_of_a_formula_is_its_stiffness_against_the_calibrated_one(load
         stage = flexfem.load(ROOT / "geometry/mobility6.toml").replace(neck=neck, radius=radius)
         paper, metal = flexfem.analyse(stage), flexfem.analyse(stage, 21, "calibrated")
         assert error == pytest.approx(100 * (paper.stiffness[0, 0] / metal.stiffness[0, 0] - 1), rel=1e-6)
+
+
+def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_without_symmetry(load):
+    """What a force of the paper's model moves the stage by, along x, y, theta, less the unit that was commanded."""
+    names = ("error_x_percent", "error_y_percent", "error_theta_percent")
+    wide = '[[free]]\nlabel = "one neck"\nkey = "override.1.elbow.neck_mm"\nfrom = 0.5\nto = 1.2\n'
+    found = Model(load(wide, *(best("minimise", name) for name in names))).found(np.array([[1.0]])).quantities[0]
+    stage = flexfem.load(ROOT / "geometry/mobility6.toml").replace(override={(1, "elbow"): {"neck": 1.0}})
+    paper, metal = flexfem.analyse(stage).stiffness, flexfem.analyse(stage, 21, "calibrated").stiffness
+    assert found == pytest.approx(100 * (np.diag(np.linalg.solve(metal, paper)) - 1), rel=1e-6)
+    assert abs(found[0] - found[1]) > 0.05
+
+
+def test_a_derived_output_is_corrected_through_the_columns_that_it_uses(load):
+    output = '[[output]]\nname = "both"\nexpression = "kxx_n_per_mm + kyy_n_per_mm"\n'
+    wanted = best("maximise", "both ** 2"), best("maximise", "kyy_n_per_mm")
+    plain = Model(load(NECK, RADIUS, output, *wanted)).found(BASE).quantities
+    corrected = Model(load(NECK, RADIUS, output, *wanted), corrections={"kyy_n_per_mm": Correction(1.5, -4.0)})
+    kyy = plain[:, 1]
+    found = corrected.found(BASE).quantities
+    assert found[:, 1] == pytest.approx(1.5 * kyy - 4)
+    assert found[:, 0] == pytest.approx((plain[:, 0] ** 0.5 + 0.5 * kyy - 4) ** 2)
 
 
 def test_ends_of_both_sides_and_bounds_of_zero_have_a_size(load):

@@ -114,3 +114,27 @@ def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid
     others = {by for name, by in said.items() if name not in alone}
     assert others == {"finite elements in three dimensions" if solid else "finite elements"}
     assert checked_by(model, frozenset({"mass_kg", "thickness_mm"}), solid) == "exact"
+
+
+@pytest.mark.parametrize(
+    ("asked", "band"),
+    [
+        ("kxx_n_per_mm", 1.25 * 0.001 / ((4 / 3) ** 2.13553 - 1)),  # 1 / 4^2.1355 - 1 / 6^2.1355 is thrice the next
+        ("stress_x_mpa_per_um", 3 * 0.001 / ((4 / 3) ** 3 - 1)),
+        ("range_x_um", 3 * 0.001 / ((4 / 3) ** 3 - 1)),
+        ("2 * life_amplitude_x_um", 3 * 0.001 / ((4 / 3) ** 3 - 1)),
+        ("life_cycles", 3 * 0.001 / ((4 / 3) ** 3 - 1)),
+        ("drift_x_um_per_k", 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4)),
+        ("drift_gradient_um_per_k_per_mm", 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4)),
+        ("drive_range_x_um", 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4)),
+        ("range_x_um / drive", 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4)),  # the wider, through a derived output
+    ],
+)
+def test_a_band_is_of_the_slowest_of_the_columns_that_a_quantity_uses(load, asked, band):
+    """Of 1.004, 1.001, 1 on meshes of 4, 6, 8 triangles across a neck."""
+    lasts = "life" in asked
+    head = HEAD.replace("geometry/mobility6.toml", "cases/stage-2024.toml") if lasts else HEAD
+    about = ["[life]\namplitude_x_um = 50.0\n" if lasts else "[drift]\n[drive]\nactuators = true\n"]
+    about += [] if lasts else ['[[output]]\nname = "drive"\nexpression = "engaged_kxx_n_per_mm + 1"\n']
+    model = Model(load(NECK, *about, best("maximise", asked), head=head))
+    assert mapping._bands(model, (4, 6, 8), np.array([[1.004], [1.001], [1.0]])) == pytest.approx([band], rel=1e-3)

@@ -52,12 +52,15 @@ def test_ends_that_are_near_leave_room_between_their_guards_and_for_the_band(loa
         assert _kept(model, Proof(**(dict.fromkeys(Proof._fields) | said))) is kept
 
 
-def test_the_smallest_relaxation_of_what_no_thickness_gives_is_at_the_thickest(load):
-    """Stiffness goes as thickness: 12 mm is the most that there is, and 13 mm would give what is asked."""
+def test_relaxations_are_of_the_corrected_model_and_each_of_its_own_requirement(load):
+    """Of a metal that is twice as stiff; thickness 11 mm and the stiffness of 13 mm cannot both be had."""
     of = Model(load(THICKNESS, require("kxx_n_per_mm", 1.0), STIFFEST)).found(np.array([[12.0]])).quantities[0, 0]
-    model = Model(load(THICKNESS, require("kxx_n_per_mm", 13 / 12 * of), SOFTEST))
-    (one,) = alternatives(model, np.array([7.0]), 3)
-    assert one.relax_to == pytest.approx(of, rel=1e-6) and one.percent == pytest.approx(100 / 13, rel=1e-6)
+    ends = require("thickness_mm", None, 11.0), require("kxx_n_per_mm", 13 / 6 * of)
+    model = Model(load(THICKNESS, *ends, SOFTEST), corrections={"kxx_n_per_mm": Correction(2.0)})
+    first, second = alternatives(model, np.array([7.0]), 3)
+    assert (first.requirement, first.relax_to, first.percent) == ("thickness_mm", None, None)
+    assert second.requirement == "kxx_n_per_mm" and second.relax_to == pytest.approx(11 / 6 * of, rel=1e-6)
+    assert second.percent == pytest.approx(200 / 13, rel=1e-6)
 
 
 @pytest.mark.parametrize(("value", "kept"), [(60.6, True), (60.4, False), (69.6, False), (69.4, True)])
@@ -77,5 +80,6 @@ def test_what_is_stored_answers_its_own_question_alone(load):
     model = Model(loaded)
     corrected = model.changed(corrections={"kxx_n_per_mm": Correction(1.01)})
     guarded = model.changed(guard=np.zeros(0))
-    states = [_content(each) for each in (model, corrected, guarded)]
+    shifted, other = model.changed(shifts={"coupling_95": 1.01}), Model(load(THICKNESS, NECK, SOFTEST))
+    states = [_content(each) for each in (model, corrected, guarded, shifted, other)]
     assert all(a != b for k, a in enumerate(states) for b in states[:k]) and _content(Model(loaded)) == states[0]

@@ -67,3 +67,19 @@ def test_a_step_that_does_not_end_at_the_end_stops_before_it(load):
     space = DesignSpace(load(LINK + "step = 3.0\n", RANGE).columns)
     assert space.dimensions[0].allowed.tolist() == [26.0, 29.0, 32.0, 35.0, 38.0]
     assert space.of_unit(np.array([[1.0]])).item() == 38.0
+
+
+def test_a_logarithmic_range_is_even_in_ratios(load):
+    space = DesignSpace(load(RADIUS.replace("to = 4.0", 'to = 6.0\nscale = "log"'), RANGE).columns)
+    assert space.of_unit(np.array([[0.0], [0.5], [1.0]])).ravel() == pytest.approx([1.5, 3.0, 6.0])
+    assert space.to_unit(np.array([[1.5], [3.0], [6.0]])).ravel() == pytest.approx([0.0, 0.5, 1.0])
+
+
+def test_of_many_stepped_dimensions_any_two_are_moved_at_once(load):
+    """Of seven, each at an inner step: 7 pairs of moves of one, and 4 of each of 21 pairs, and the design itself."""
+    keys = [f"hinges.{name}.{kind}_mm" for name in ("base", "elbow", "platform") for kind in ("neck", "radius")]
+    free = [f'[[free]]\nkey = "{key}"\nfrom = 0.5\nto = 0.7\nstep = 0.1\n' for key in keys]
+    space = DesignSpace(load(*free, LINK + "step = 1.0\n", RANGE).columns)
+    around = space.neighbours(np.array([*[0.6] * 6, 30.0]))
+    moved = np.count_nonzero(~np.isclose(around, [*[0.6] * 6, 30.0]), axis=1)
+    assert np.bincount(moved).tolist() == [1, 14, 84]
