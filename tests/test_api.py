@@ -27,7 +27,6 @@ from flexfem.stage.materials import REGISTERED
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
 DOCUMENTED = [path for path in sorted((ROOT / "flexfem").rglob("*.py")) if "    >>> " in path.read_text()]
-ROUND_OFF = 1e-12
 
 
 def generic(**changes):

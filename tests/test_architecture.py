@@ -178,11 +178,3 @@ def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():
         taken = [name.rpartition(".")[2] for name in imports(module) if name.startswith("flexfem.")]
         assert not [name for name in taken if re.match("_(?!_)", name)], module
     assert {name: files for name, files in where.items() if len(files) > 1} == {}
-
-
-def test_no_module_takes_the_place_of_what_its_package_offers():
-    """Importing a module makes it an attribute of its package, over a function of that name."""
-    for module in (path for path in MODULES if path.name == "__init__.py"):
-        offered = {node.name for node in tree_of(module).body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-        offered |= set(import_module("flexfem").__all__) if module.parent.name == "flexfem" else set()
-        assert not offered & {path.stem for path in module.parent.iterdir()}, module

@@ -17,8 +17,6 @@ from flexfem.stage.schema import HINGE_NAMES
 from flexfem.units import STRESS
 from flexfem.verify.result import Fields
 
-HALF = 1.6  # of a neck's spot, in notch heights
-
 
 class CommandedStage(NamedTuple):
     """A stage at a command: what is said of it, fields, and the highest stress at each neck (3 chains, 3 hinges)."""

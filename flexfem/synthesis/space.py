@@ -12,7 +12,6 @@ from flexfem.study.columns import Column
 from flexfem.synthesis.tables import Free
 
 WHOLE = 6  # dimensions up to which every combination of neighbours is looked at, beyond it pairs of them
-MARGIN = 1e-12
 
 
 class FreeDimension(NamedTuple):

@@ -73,14 +73,13 @@ class Driven(NamedTuple):
 class Motion(NamedTuple):
     """What commands and a load do.
 
-    command : (m,), mm.   pose : (3,).   force, opening : (n,), N and mm, beyond rest.
+    command : (m,), mm.   pose : (3,).   force : (n,), N, beyond rest.
     metal, stacks : strain energy, N mm, of the stage, and of stacks and contacts, beyond rest.
     """
 
     command: Array
     pose: Array
     force: Array
-    opening: Array
     metal: float
     stacks: float
 
@@ -110,7 +109,7 @@ def moved(of: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
     found = of.C @ both
     with np.errstate(divide="ignore", invalid="ignore"):
         stacks = np.where(force == 0, 0.0, force**2 / drive.stiffness)
-    return Motion(command, found[:3], force, found[3:], float(both @ found / 2), float(np.sum(stacks) / 2))
+    return Motion(command, found[:3], force, float(both @ found / 2), float(np.sum(stacks) / 2))
 
 
 def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, criterion: Criterion) -> Array:

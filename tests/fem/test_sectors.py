@@ -28,7 +28,6 @@ from flexfem.stage.outline import area
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.errors import grid_convergence
 
-ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm, relative on weights
 CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area
 ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles
 ACCURACY = 1e-3  # of the platform stiffness, what studies promise at their default resolution

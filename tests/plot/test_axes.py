@@ -98,10 +98,6 @@ def responding() -> Any:
     return reduced(flexfem.load(STAGE), vibrating(), 1.0)
 
 
-def warm(fields: Any) -> Any:
-    return DriftFields(None, {"gradient in x": fields}, np.array([[0, 1, 3]]), 7.0)  # type: ignore[arg-type]
-
-
 def designed() -> Designed:
     """Two objectives, two requirements of which one is missed, and two designs of a front."""
     said = {"label": "stiffness", "band": 0.5, "uncorrected": 99.0, "checked_by": "finite elements"}

@@ -14,7 +14,6 @@ from flexfem.verify.limits import kinds
 from flexfem.verify.reach import Reach
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
-BOTH = ("stroke", "contact")
 
 
 @pytest.fixture(scope="module")

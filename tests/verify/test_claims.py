@@ -21,7 +21,6 @@ from flexfem.verdicts.verdict import measure_claims, report_claims
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "cases" / "claims.toml"
 FILE = "cases/claims.toml"
-ROUND_OFF = 1e-8  # per cent; 3 x 3 products of matrices whose entries differ by 1e5
 EXPECTED = {
     "mobility": "holds",
     "six-commanded": "does not hold",

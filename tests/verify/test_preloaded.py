@@ -80,7 +80,7 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
         commanding(stage, None, "calibrated", True),
         np.kron(np.ones(3), np.array([[1, -1, 0, 0], [0, 0, 1, -1]])),
     )
-    motions = [Motion(NONE, NONE, unit, unit, 0.0, 0.0) for unit in units]
+    motions = [Motion(NONE, NONE, unit, 0.0, 0.0) for unit in units]
     rows = [
         [carried_by(stage, model.model, each, NONE).normal[0, 0], model.of.C[2, 3:] @ each.force] for each in motions
     ]
