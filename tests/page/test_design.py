@@ -73,8 +73,8 @@ def test_sensitivities_front_and_rounds_are_those_of_the_record(section):
     rows, text = section(recorded(), "Recorded: sensitivity")
     assert rows == [
         ["dimension", "stiffness", "diameter", "coupling", "reach", "mass"],
-        ["neck", "2.43", "0.540", "not known", "-1.31", "0.120"],
-        ["l1", "-1.87", "0.980", "1.09", "0.650", "0.760"],
+        ["neck", "-2.43", "0.540", "not known", "-1.31", "0.120"],
+        ["l1", "1.87", "0.980", "1.09", "0.650", "0.760"],
     ]
     assert "[sensitivity_figure]" in text
     rows, text = section(recorded(), "Recorded: front")

@@ -34,8 +34,8 @@ def test_a_record_is_printed_with_each_number_where_its_heading_says(capsys):
         "coupling at most 0.0135 0.0131 ± 0.0009, of that 0.0007 by sampling 2.96 ± 6.7 within the band "
         "analytic model alone",
         "change (%) for 1 % more of reach mass stiffness diameter",
-        "neck -1.310 +0.120 +2.430 +0.540",
-        "l1 +0.650 +0.760 -1.870 +0.980",
+        "neck -1.310 +0.120 -2.430 +0.540",
+        "l1 +0.650 +0.760 +1.870 +0.980",
         "relaxed least in all, diameter would be 153: 2 %",
         "relaxing stiffness: alone, to 57.4, 4.33 % (by the model)",
         "relaxing diameter: no relaxation of it alone is enough",
