@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic.kinematics import ROTATION
-from flexfem.analytic.loops import in_joint_order, influence
+from flexfem.analytic.kinematics import ROTATION, chain_poses
+from flexfem.analytic.loops import in_joint_order, open_loops
 from flexfem.analytic.stiffness import Mechanism, Stiffness, apply, effective_load, stiffness, transposed
 from flexfem.arrays import Array, inverse
 from flexfem.refused import ComputationFailed
@@ -49,8 +49,8 @@ def close_loops(of: Mechanism, displacement: Array) -> Array:
     phi = np.broadcast_to(displacement, (*shape, displacement.shape[-1]))
     small = np.zeros(shape, dtype=bool)
     for _ in range(ITERATIONS):
-        first = influence(of.frames, of.joints, of.choice, phi)
-        step = -apply(first.A_inverse, first.gap)
+        A_inverse, gap = open_loops(of.frames, of.joints, of.choice, phi)
+        step = -apply(A_inverse, gap)
         change = in_joint_order(step[..., None], np.zeros((of.joints.mobility, 1)), of.choice)[..., 0]
         phi = phi + change
         small = _size(of, change) <= STEP * _size(of, phi)
@@ -133,7 +133,7 @@ def _step(of: Mechanism, phi: Array, load: Array, pose: Array | None) -> tuple[A
 
 
 def _result(of: Mechanism, phi: Array, load: Array, iterations: int) -> Equilibrium:
-    pose = influence(of.frames, of.joints, of.choice, phi).pose
+    pose = chain_poses(of.frames, of.joints, phi).pose[..., 0, :]
     change, _ = _step(of, phi, load, None)
     stored = _energy(of, phi)
     residual = np.sqrt(_energy(of, change) / np.where(stored > 0.0, stored, 1.0))

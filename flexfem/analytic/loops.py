@@ -74,7 +74,8 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     from the platform centre: pivots then do not depend on units. Each pivot is the softest joint that the loops still
     hold, so stiff joints stay independent, where (16) adds their springs to the diagonal without rounding the others.
     """
-    W, _ = _loops(frames, joints, np.zeros(len(joints.kind)))
+    at = chain_poses(frames, joints, np.zeros(len(joints.kind)))
+    W, _ = _loops(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
     W = W * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0) / np.sqrt(springs)[..., None, :]
     dependent = np.zeros((*W.shape[:-2], W.shape[-1]), dtype=bool)
@@ -94,7 +95,7 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     at = chain_poses(frames, joints, displacement)
     iG = first_order(joints, at)
     iH = second_order(joints, iG)
-    L, gap = _loops(frames, joints, displacement)
+    L, gap = _loops(at.pose, iG)
     A, B = columns(L, choice.dependent), -columns(L, choice.independent)
     A_inverse = inverse(A)
     G_p = A_inverse @ B  # (7)
@@ -110,19 +111,25 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     return Influence(at.pose[..., 0, :], gap, A_inverse, G_p, G_a, G_u, H_p, H_u)
 
 
+def open_loops(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> tuple[Array, Array]:
+    """Only `A_inverse` (..., 6, 6) and `gap` (..., 6) of `influence`: what Newton's method closes the loops by."""
+    at = chain_poses(frames, joints, displacement)
+    L, gap = _loops(at.pose, first_order(joints, at))
+    return inverse(columns(L, choice.dependent)), gap
+
+
 def _both_sides(H: Array, G: Array) -> Array:
     G = G[..., None, :, :]
     return np.swapaxes(G, -1, -2) @ H @ G
 
 
-def _loops(frames: Frames, joints: Joints, displacement: Array) -> tuple[Array, Array]:
-    """Loop Jacobian (..., 6, N), L phi' = 0, and gap (..., 6)."""
-    at = chain_poses(frames, joints, displacement)
-    G1, G2, G3 = first_order(joints, at)
+def _loops(poses: Array, iG: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+    """Loop Jacobian (..., 6, N), L phi' = 0, and gap (..., 6), by poses (..., 3, 3) and coefficients of the chains."""
+    G1, G2, G3 = iG
     O2, O3 = np.zeros_like(G2), np.zeros_like(G3)
     upper = np.concatenate([G1, -G2, O3], axis=-1)  # (5)
     lower = np.concatenate([G1, O2, -G3], axis=-1)  # (6)
-    first, second, third = np.moveaxis(at.pose, -2, 0)
+    first, second, third = np.moveaxis(poses, -2, 0)
     return np.concatenate([upper, lower], axis=-2), np.concatenate([first - second, first - third], axis=-1)
 
 
