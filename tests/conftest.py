@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import copy
+import gc
 import os
 import shutil
 import signal
@@ -29,6 +31,7 @@ from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid_modes as verify_solid_modes
 
 ROOT = Path(__file__).parent.parent
+gc.set_threshold(50_000)  # by default all that libraries loaded is looked through again and again: a tenth of the time
 settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine
 settings.load_profile("flexfem")
 
@@ -84,6 +87,18 @@ def with_changes(changes: Mapping[str, Any] = MappingProxyType({})) -> Stage:
 def make_stage() -> StageMaker:
     """`with_changes`."""
     return with_changes
+
+
+@cache
+def syntax_of(path: Path) -> ast.Module:
+    """The tree of a source, parsed once for all tests that read sources; none of them may change it."""
+    return ast.parse(path.read_text())
+
+
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of that tree."""
+    return tuple(ast.walk(syntax_of(path)))
 
 
 class Project:

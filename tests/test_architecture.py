@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from .conftest import nodes_of, syntax_of
+
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 LAYERS = (  # each takes from those before it, and from no other folder of its own layer
@@ -45,15 +47,9 @@ MODELS = ("flexfem.analytic.", "flexfem.fem.")
 
 
 @cache
-def tree_of(module: Path) -> ast.Module:
-    return ast.parse(module.read_text())
-
-
-@cache
 def imports(module: Path, types: bool = True) -> tuple[str, ...]:
     """Names that a module imports anywhere in it; without `types`, only those that are there when it runs."""
-    found, tree = list[str](), tree_of(module)
-    nodes = list(ast.walk(tree))
+    found, nodes = list[str](), nodes_of(module)
     checking = [node for node in nodes if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"]
     unseen = set() if types else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
     for node in nodes:
@@ -172,7 +168,7 @@ def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():
     """A name for one thing: neither two classes of one name nor, from another file, what begins with an underline."""
     where: dict[str, list[str]] = {}
     for module in MODULES:
-        for node in tree_of(module).body:
+        for node in syntax_of(module).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 where.setdefault(node.name, []).append(str(module.relative_to(ROOT)))
         taken = [name.rpartition(".")[2] for name in imports(module) if name.startswith("flexfem.")]

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from .conftest import nodes_of, syntax_of
+
 ROOT = Path(__file__).parent.parent
 PARTS = ("flexfem", "tests", "geometry", "cases", "pyproject.toml")
 NOT_THE_COPY = 77  # exit code when the editable install was imported instead of the copy
@@ -1873,7 +1875,7 @@ class Replacing(ast.NodeTransformer):
 
 @cache
 def trees() -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text()) for path in sorted((ROOT / "flexfem").rglob("*.py"))}
+    return {path: syntax_of(path) for path in sorted((ROOT / "flexfem").rglob("*.py"))}
 
 
 @cache
@@ -1881,7 +1883,7 @@ def scopes() -> dict[str, list[tuple[Path, ast.AST]]]:
     """Functions, and statements that give a name of a module its value, by name."""
     found = defaultdict[str, list[tuple[Path, ast.AST]]](list)
     for path, tree in trees().items():
-        for node in (each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef)):
+        for node in (each for each in nodes_of(path) if isinstance(each, ast.FunctionDef)):
             found[node.name].append((path, node))
         for node in (each for each in tree.body if isinstance(each, ast.Assign)):
             for each in (part for target in node.targets for part in ast.walk(target) if isinstance(part, ast.Name)):

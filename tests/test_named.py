@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from .conftest import nodes_of
+
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted((ROOT / "flexfem").rglob("*.py"))
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), *ROOT.glob("*/*.toml"), *ROOT.glob("benchmarks/*.py"), *SOURCES]
@@ -17,6 +19,7 @@ FILE = re.compile(r"(?<![\w/{*.<~-])((?:[\w-]+/)+[\w-]+\.(?:py|md|toml|json|npz)
 NAME = re.compile(r"`([A-Za-z_]\w*(?:\.\w+)*)`")
 MADE = ("reports/",)  # by commands
 LIBRARIES = ("pandas", "pyarrow", "numpy", "scipy", "skfem", "gmsh", "matplotlib")
+NAMING = frozenset({"name", "id", "attr", "arg", "asname"})  # fields of nodes
 OF_FILES = {"from", "b", "i", "T_c", "X", "Y", "sr", "backticks", "kxy_"}  # letters of equations; a key of studies
 
 
@@ -41,11 +44,10 @@ def test_nothing_that_is_ignored_is_kept_by_git() -> None:
 def names_of(path: Path) -> frozenset[str]:
     """What a source names: identifiers, and words of its texts but docstrings."""
     found = {path.stem}
-    tree = ast.parse(path.read_text())
-    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        for field in ("name", "id", "attr", "arg", "asname"):
-            found.update((getattr(node, field, None) or "").split(".") if isinstance(node, ast.AST) else ())
+    said = {id(node.value) for node in nodes_of(path) if isinstance(node, ast.Expr)}
+    for node in nodes_of(path):
+        for field in NAMING.intersection(node._fields):
+            found.update((getattr(node, field) or "").split("."))
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
             found.update(re.findall(r"\w+", node.value))
     return frozenset(found)

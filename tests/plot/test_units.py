@@ -30,6 +30,8 @@ from flexfem.units import (
     without_unit,
 )
 
+from ..conftest import nodes_of
+
 ROOT = Path(__file__).parents[2]
 SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
     "µm/(m K)": 1e-6,
@@ -120,9 +122,8 @@ def test_units_are_spelled_in_one_place() -> None:
     )
     places = [*(ROOT / "flexfem/plot").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]
     for path in places:
-        tree = ast.parse(path.read_text())
-        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
-        texts = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+        said = {id(node.value) for node in nodes_of(path) if isinstance(node, ast.Expr)}  # docstrings
+        texts = (node for node in nodes_of(path) if isinstance(node, ast.Constant) and isinstance(node.value, str))
         assert [text.value for text in texts if id(text) not in said and SPELLED.search(text.value)] == [], path
 
 

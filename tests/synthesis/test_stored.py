@@ -106,6 +106,7 @@ def test_a_design_whose_parts_do_not_belong_together_is_refused(stored, tmp_path
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem):
     code, out, _ = flexfem("plot", stored, "-o", tmp_path / "drawn")
     names = [f"wanted-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
