@@ -27,8 +27,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, integration, internal_forces
-from flexfem.fem.problem import Support, Traction, edge_force, mapped, nodes_on, solve
+from flexfem.fem.plane_stress import Plate, integration, internal_forces, stiffness_matrix
+from flexfem.fem.problem import Support, Traction, edge_force, mapped, nodes_on, solve_with
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
@@ -125,10 +125,10 @@ def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> 
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
     plate, batches = Plate(1.0, poissons_ratio, 1.0), integration(mesh)
-    whole = []
+    K, whole = stiffness_matrix(batches, plate, len(mesh.nodes)).tocsr(), list[float]()
     for traction, supports in zip(_tractions(hinge), _supports(mesh), strict=True):
         force = edge_force(mesh, plate, mesh.edges["right"], traction)
-        field = solve(mesh, plate, force, supports).field
+        field = solve_with(K, force, supports).field
         held = internal_forces(batches, plate, field[None])[0]
         whole.append(4 * float(np.sum((2 * force - held) * field)))
     return np.array(whole) - block_compliance(hinge, poissons_ratio)

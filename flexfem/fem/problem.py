@@ -92,7 +92,11 @@ class Solution(NamedTuple):
 
 def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
     """Solve for nodal forces (n, 2), N, and prescribed displacements, with the stiffness as the stage's."""
-    K = stiffness_matrix(integration(mesh), plate, len(mesh.nodes)).tocsr()
+    return solve_with(stiffness_matrix(integration(mesh), plate, len(mesh.nodes)).tocsr(), force, supports)
+
+
+def solve_with(K: sp.csr_array, force: Array, supports: Sequence[Support]) -> Solution:
+    """As `solve`, with the stiffness matrix (2n, 2n) of a mesh."""
     u, held = np.zeros(K.shape[0]), np.zeros(K.shape[0], dtype=bool)
     for nodes, axis, values in supports:
         u[2 * nodes + axis] = values

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import Solve, to_cvxopt
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import (
@@ -188,13 +188,17 @@ def factoriser() -> Factorise:
     from cvxopt import cholmod, matrix
 
     cholmod.options["supernodal"] = 2
-    known: list[tuple[tuple[AnyArray, ...], object]] = []
+    known: list[tuple[tuple[AnyArray, ...], Any, object]] = []
+    places: list[Index] = []
 
     def factorise(lower: sp.coo_array) -> Factorization:
-        matrix_in = to_cvxopt(lower)
-        if not known or not all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
-            known[:] = [(lower.coords, cholmod.symbolic(matrix_in))]
-        symbolic = known[0][1]
+        if known and all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
+            places[:] = places or [_places(lower)]
+            known[0][1].V = matrix(np.bincount(places[0], lower.data))
+        else:
+            matrix_in, places[:] = to_cvxopt(lower), []
+            known[:] = [(lower.coords, matrix_in, cholmod.symbolic(matrix_in))]
+        _, matrix_in, symbolic = known[0]
         try:
             cholmod.numeric(matrix_in, symbolic)
         except ArithmeticError:
@@ -208,6 +212,12 @@ def factoriser() -> Factorise:
         return Factorization(solve, True)
 
     return factorise
+
+
+def _places(lower: sp.coo_array) -> Index:
+    """Of each entry its place among all that differ, column by column, as cvxopt keeps them."""
+    rows, columns = lower.coords
+    return np.unique(columns.astype(np.int64) * lower.shape[0] + rows, return_inverse=True)[1]
 
 
 def _by_superlu(lower: sp.coo_array) -> Factorization:
