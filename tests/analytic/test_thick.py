@@ -36,7 +36,7 @@ def worst_against_finite_elements(hinges: list[ThickHinge], levels: tuple[int, .
 
 
 def test_charted_factors_are_those_of_direct_finite_elements() -> None:
-    assert worst_against_finite_elements(random_hinges(2, seed=4), LEVELS) < INTERPOLATION
+    assert worst_against_finite_elements(random_hinges(2, seed=7), LEVELS) < INTERPOLATION
 
 
 @pytest.mark.slow
