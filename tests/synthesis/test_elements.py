@@ -76,6 +76,14 @@ def test_without_errors_of_a_formula_no_formula_is_asked_and_what_is_known_is_ne
     assert len(asked) == 6 and counts == {"finite elements": 6}
 
 
+def test_an_answer_is_kept_for_the_versions_that_gave_it(load, asked, monkeypatch):
+    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
+    proposed.of(OWN)
+    monkeypatch.setattr(elements, "versions_of", lambda meshed: {"flexfem": "another"})
+    proposed.of(OWN)
+    assert len(asked) == 6
+
+
 def test_scattered_stages_are_each_a_design_of_their_own(load, asked):
     loaded = load(
         NECK, RADIUS, "[tolerance]\nneck_um = 5.0\nstages = 72\nchecked = 8\n", best("minimise", "coupling_95")

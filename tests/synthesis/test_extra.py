@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.refused import BadInput
+from flexfem.synthesis import extra
 from flexfem.synthesis.model import Correction, Model
 
 from .conftest import NECK, RADIUS, ROOT, best, require
@@ -17,6 +19,15 @@ def test_mass_is_area_times_thickness_times_density(load):
     found = Model(load(NECK, RADIUS, best("minimise", "mass_kg"))).found(BASE).quantities[:, 0]
     assert found[0] == pytest.approx(0.0892, abs=5e-5)  # as `flexfem modes` says of the reference stage
     assert found[1] != found[0]
+
+
+def test_what_cannot_be_drawn_has_no_mass_and_says_why(load, monkeypatch):
+    def refused(stage):
+        raise BadInput("links overlap")
+
+    monkeypatch.setattr(extra, "drawn_inertia", refused)
+    found = Model(load(NECK, RADIUS, best("minimise", "mass_kg"))).found(BASE)
+    assert found.reason.tolist() == ["links overlap"] * 2 and np.isnan(found.quantities).all()
 
 
 def test_the_error_of_a_formula_is_its_stiffness_against_the_calibrated_one(load):

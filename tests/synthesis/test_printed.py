@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,13 @@ def test_a_record_is_printed_with_each_number_where_its_heading_says(capsys):
     ]
 
 
+def test_a_quantity_that_is_best_and_required_is_decisive_once():
+    again = requirement("range_x_um", "least reach", value=412.0, uncorrected=433.0, at_least=400.0, size=400.0,
+                        margin=12.0, margin_percent=3.0, active=True)  # fmt: skip
+    found = recorded(requirements=[*REQUIREMENTS, again], front=[]).decisive
+    assert [each.label for each in found] == ["reach", "mass", "stiffness", "diameter"]
+
+
 def test_what_is_met_is_said_to_be_and_a_coupling_that_nothing_checks_has_no_factor(capsys):
     met = requirement("coupling_95", "coupling", value=0.01, uncorrected=0.01, at_most=0.02, size=0.02, margin=0.01,
                       margin_percent=50.0)  # fmt: skip
@@ -67,9 +75,15 @@ def test_what_is_met_is_said_to_be_and_a_coupling_that_nothing_checks_has_no_fac
 
 @pytest.mark.parametrize(("feasible", "agreed", "code"), [(True, True, 0), (True, False, 1), (False, True, 1)])
 def test_the_command_ends_with_one_where_no_design_is_found_or_proven(flexfem, monkeypatch, feasible, agreed, code):
-    monkeypatch.setattr(designs, "design", lambda *asked: recorded(feasible=feasible, agreed=agreed))
-    found, out, _ = flexfem("design", "wanted.toml")
-    assert found == code and out.startswith("Recorded: ")
+    def found(*asked):
+        asked[-1]("told at once")
+        return recorded(feasible=feasible, agreed=agreed)
+
+    monkeypatch.setattr(designs, "design", found)
+    monkeypatch.setenv("OMP_NUM_THREADS", "4")
+    ended, out, err = flexfem("design", "wanted.toml")
+    assert ended == code and out.startswith("Recorded: ") and os.environ["OMP_NUM_THREADS"] == "1"
+    assert err.endswith(" s\n") and "told at once" not in err  # where no terminal is, a line every ten seconds
 
 
 def test_the_command_hands_on_its_options_and_prints_the_record_for_machines(flexfem, monkeypatch, tmp_path):

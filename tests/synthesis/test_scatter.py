@@ -146,6 +146,7 @@ def test_stages_that_finite_elements_solve_are_the_first_that_no_search_sees(loa
     Listed(loaded, Counter()).scattered(np.array([0.5]))
     assert asked == [[(8, k) for k in range(8)]] * 2
     assert np.array_equal(deviations(loaded.study, of.tolerance, 8, 8), scatter.others[:8])
+    assert np.array_equal(deviations(loaded.study, of.tolerance, 72, 7), scatter.searched)
     assert not np.isin(scatter.searched, scatter.others).any()
     assert len(scattered_study(loaded.study, of.tolerance, 8, 8).columns) == 9
 

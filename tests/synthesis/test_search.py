@@ -101,6 +101,24 @@ def test_a_price_where_what_can_be_drawn_ends_is_that_of_a_dense_grid(load, monk
     assert costs.price[0] == pytest.approx(100 * (1 - after / before), rel=0.05)
 
 
+def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(load, monkeypatch):
+    monkeypatch.setattr("flexfem.synthesis.search.GENERATIONS", 2)
+    monkeypatch.setattr("flexfem.synthesis.search.LOCAL", 2)
+    loaded, asked = load(NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), []
+
+    class Told(Model):
+        def found(self, values):
+            asked[-1].append(values.copy())
+            return super().found(values)
+
+    for seed in (5, 5, 6):
+        asked.append([])
+        optimum(Told(loaded), seed)
+    once, again, other = asked
+    assert len(once) == len(again) and all(np.array_equal(a, b) for a, b in zip(once, again, strict=True))
+    assert len(once[0]) == 1025 and not np.isin(once[0][1:], other[0][1:]).any()  # the base stage first, then a sample
+
+
 def test_steps_are_kept_and_no_neighbour_is_better(load):
     pieces = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
     model = Model(load(*pieces, require("kxx_n_per_mm", STIFFNESS), RANGE))
