@@ -25,7 +25,8 @@ from flexfem.arrays import Array
 from flexfem.fem import cyclic, response, sectors
 from flexfem.refused import BadInput
 from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Override, Stage
+from flexfem.stage.overrides import Override
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.study.answer import solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study

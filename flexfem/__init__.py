@@ -72,12 +72,12 @@ if TYPE_CHECKING:
     from flexfem.stage.materials import Material as Material
     from flexfem.stage.materials import materials as materials
     from flexfem.stage.materials import register_material as register_material
-    from flexfem.stage.schema import Chain as Chain
-    from flexfem.stage.schema import Hinge as Hinge
-    from flexfem.stage.schema import Hinges as Hinges
-    from flexfem.stage.schema import Override as Override
-    from flexfem.stage.schema import Platform as Platform
+    from flexfem.stage.overrides import Override as Override
     from flexfem.stage.schema import Stage as Stage
+    from flexfem.stage.tables import Chain as Chain
+    from flexfem.stage.tables import Hinge as Hinge
+    from flexfem.stage.tables import Hinges as Hinges
+    from flexfem.stage.tables import Platform as Platform
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -99,7 +99,9 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "refused": ("BadInput", "ComputationFailed"),
     "stage.actuators": ("Actuator",),
     "stage.materials": ("Material", "materials", "register_material"),
-    "stage.schema": ("Chain", "Hinge", "Hinges", "Override", "Platform", "Stage"),
+    "stage.overrides": ("Override",),
+    "stage.schema": ("Stage",),
+    "stage.tables": ("Chain", "Hinge", "Hinges", "Platform"),
     "analytic.fatigue": ("Basquin", "fit_basquin"),
     "analytic.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),

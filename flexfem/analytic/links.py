@@ -17,7 +17,8 @@ from flexfem.stage.bodies import centrelines
 from flexfem.stage.cache import once
 from flexfem.stage.designs import CHAIN_TURN, Elastic, elastic
 from flexfem.stage.outline import Segment
-from flexfem.stage.schema import CHAINS, Plane, Stage
+from flexfem.stage.schema import CHAINS, Stage
+from flexfem.stage.tables import Plane
 
 POINTS = 12  # Gauss points along each line or arc: their integrands are quadratics and trigonometric functions
 RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius

@@ -13,7 +13,6 @@ from flexfem.arrays import AnyArray
 from flexfem.files.digest import canonical, digest
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, key_paths, values_by_key
-from flexfem.files.toml import Label as Label
 from flexfem.files.toml import Path, validate
 from flexfem.files.writing import check_file, toml_text, write_atomically
 from flexfem.refused import BadInput
@@ -23,18 +22,10 @@ from flexfem.stage.designs import Elastic, lower
 from flexfem.stage.drives import check_drive
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.material_files import with_material_of_file
-from flexfem.stage.materials import Material as Material
 from flexfem.stage.materials import sources_of
-from flexfem.stage.overrides import Override as Override
 from flexfem.stage.tables import CHAINS as CHAINS
 from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
-from flexfem.stage.tables import Chain as Chain
-from flexfem.stage.tables import Frame as Frame
 from flexfem.stage.tables import Hinge as Hinge
-from flexfem.stage.tables import HingeName as HingeName
-from flexfem.stage.tables import Hinges as Hinges
-from flexfem.stage.tables import Plane as Plane
-from flexfem.stage.tables import Platform as Platform
 from flexfem.stage.tables import merged_changes, of_drive, of_heat
 
 

@@ -9,10 +9,10 @@ from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal
-from flexfem.files.toml import Table
+from flexfem.files.toml import Label, Table
 from flexfem.refused import BadInput
 from flexfem.stage.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
-from flexfem.stage.schema import Label, Stage
+from flexfem.stage.schema import Stage
 
 MANY = 100_000  # values of one factor; more are a range
 MANY_KEYS = 100  # more than the format has

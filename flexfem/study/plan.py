@@ -12,8 +12,8 @@ from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown
+from flexfem.files.toml import Label
 from flexfem.stage.keys import keys, meant
-from flexfem.stage.schema import Label
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in

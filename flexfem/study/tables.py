@@ -22,8 +22,7 @@ from flexfem.files.json_schema import (
     when,
 )
 from flexfem.files.refusals import refusal
-from flexfem.files.toml import Table
-from flexfem.stage.schema import Label
+from flexfem.files.toml import Label, Table
 from flexfem.study.expression import names_in
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]

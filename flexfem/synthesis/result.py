@@ -10,7 +10,8 @@ from typing import Literal, TypeAlias
 from pydantic import Field, ValidationError, model_validator
 
 from flexfem.files.refusals import refusal
-from flexfem.stage.schema import Label, Stage
+from flexfem.files.toml import Label
+from flexfem.stage.schema import Stage
 from flexfem.units import NONE, Unit, unit_of
 from flexfem.verify.result import Record
 

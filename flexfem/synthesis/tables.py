@@ -10,8 +10,7 @@ from pydantic import ConfigDict, Field, model_validator
 from flexfem.arrays import Array
 from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, keywords, ruled, when, without
 from flexfem.files.refusals import refusal
-from flexfem.files.toml import Table
-from flexfem.stage.schema import Label
+from flexfem.files.toml import Label, Table
 from flexfem.study.columns import MANY, Factor, Number
 from flexfem.study.tables import Expression
 

@@ -15,9 +15,9 @@ from flexfem.files.json_schema import COUNT, Keywords, either, has, keywords, on
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, suggestion
-from flexfem.files.toml import Table, bad_key, validate
+from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Label, Stage, load_feasible
+from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.columns import FACTOR_RULES, WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
 

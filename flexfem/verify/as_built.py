@@ -19,7 +19,8 @@ from flexfem.files.toml import Table, read_text, read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.stage.designs import lower
 from flexfem.stage.inside import converted
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, HingeName, Stage
+from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
+from flexfem.stage.tables import HingeName
 from flexfem.units import MICROMETRE
 from flexfem.verify import warning
 from flexfem.verify.result import Matrix, OfStage, about

@@ -17,9 +17,9 @@ from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files.json_schema import Keywords, both, either, has, ruled, says, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
-from flexfem.files.toml import Table, validate
+from flexfem.files.toml import Label, Table, validate
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Label, Stage, load_feasible
+from flexfem.stage.schema import Stage, load_feasible
 from flexfem.units import DIRECTIONS as DIRECTIONS
 from flexfem.units import Direction as Direction
 

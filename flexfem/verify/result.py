@@ -12,8 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array, first_highest
 from flexfem.files.refusals import refusal
+from flexfem.files.toml import Label
 from flexfem.files.writing import write_atomically
-from flexfem.stage.schema import HINGE_NAMES, Label, Stage
+from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
 from flexfem.verify.errors import Convergence, Verdict
 

@@ -19,7 +19,7 @@ from flexfem.stage.bodies import draw_sector
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.feasibility import check_closed_form, check_feasible
 from flexfem.stage.outline import polygon_points
-from flexfem.stage.schema import Plane
+from flexfem.stage.tables import Plane
 from flexfem.study.answer import answer
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy

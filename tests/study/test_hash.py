@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexfem.stage.overrides import OF_ACTUATORS
-from flexfem.stage.schema import Hinge, Override
+from flexfem.stage.overrides import OF_ACTUATORS, Override
+from flexfem.stage.schema import Hinge
 from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]

@@ -12,7 +12,7 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
-from flexfem.stage.schema import Override
+from flexfem.stage.overrides import Override
 from flexfem.study.loaded import load_study
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))

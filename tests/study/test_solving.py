@@ -16,7 +16,8 @@ from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.schema import Override, Stage
+from flexfem.stage.overrides import Override
+from flexfem.stage.schema import Stage
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
