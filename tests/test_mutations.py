@@ -264,7 +264,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a search kept for another correction of the model",
-        "_content",
+        "content",
         "sorted((k, list(v)) for k, v in model.corrections.items())",
         "[]",
         "test_what_is_stored_answers_its_own_question_alone",

@@ -9,20 +9,23 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.study.reductions import spread, wide
 from flexfem.synthesis.elements import ProposedElements
-from flexfem.synthesis.mapping import proof
+from flexfem.synthesis.mapping import content, proof, searched
 from flexfem.synthesis.model import WORST, Model
-from flexfem.synthesis.search import Say, beside, optimum
+from flexfem.synthesis.search import Say, beside
+from flexfem.synthesis.store import Store
 from flexfem.synthesis.surface import sketched
 
 KEPT = 1e-6  # part of an objective within which it is kept: room for programs at the end of a range
 
 
-def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None) -> list[Array]:
+def front(
+    model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None, store: Store | None = None
+) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
 
     Parameters
     ----------
-    first : (d,), the best in the first objective.
+    first : (d,), the best in the first objective.   store : of what was found before the search was stopped.
 
     Notes
     -----
@@ -30,24 +33,31 @@ def front(model: Model, first: Array, count: int, seed: int, say: Say = lambda t
     of bounded objectives: Haimes, Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297). Response surfaces
     say where it begins; for every bound all is searched, because bodies that overlap part what can be made.
     """
-    near = np.vstack([first, sketched(model, seed, say=say)])
-    ends = [beside(model, near[:2], seed), optimum(model.changed(objective=1), seed, near[-1], say)]
+    store = store or Store(None)
+    asked = ["sketch", content(model), seed]
+    near = np.vstack([first, store.found(asked, model.counts, lambda: sketched(model, seed, say=say).tolist())])
+    ends = [beside(model, near[:2], seed), searched(model.changed(objective=1), seed, near[-1], store, say)]
     if any(end.merit >= WORST for end in ends):
         return []
-    first, last = (in_turn(model, end.values, seed) for end in ends)
+    first, last = (in_turn(model, end.values, seed, store) for end in ends)
     near = np.vstack([ends[0].relaxed, near, ends[1].relaxed])
     near = np.array(best_of(model, list(near[model.merit(model.found(near)) < WORST])))
     found, along = [first], model.signed(model.found(near).quantities)
     for k in spread(_drawn(along[:, 0]), _drawn(along[:, 1]), count)[1:-1]:
-        between = optimum(model.changed(bounded={1: float(along[k, 1])}), seed, near[k], say)
+        between = searched(model.changed(bounded={1: float(along[k, 1])}), seed, near[k], store, say)
         if between.merit < WORST:
             found.append(between.values)
         say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return best_of(model, [*found, last])
 
 
-def in_turn(model: Model, values: Array, seed: int) -> Array:
+def in_turn(model: Model, values: Array, seed: int, store: Store) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the others are kept."""
+    asked = ["in turn", content(model), seed, values.tolist()]
+    return np.array(store.found(asked, model.counts, lambda: _in_turn(model, values, seed).tolist()))
+
+
+def _in_turn(model: Model, values: Array, seed: int) -> Array:
     for k in range(model.objectives):
         own = model.signed(model.found(values[None]).quantities)[0]
         kept = {j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k}

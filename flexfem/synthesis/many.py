@@ -12,9 +12,11 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.synthesis.front import in_turn
+from flexfem.synthesis.mapping import content
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.requirements import LoadedRequirements
 from flexfem.synthesis.search import Say, beside
+from flexfem.synthesis.store import Store
 
 PARTITIONS = {2: 60, 3: 12, 4: 7}  # of an objective, between whose ends reference directions lie: 61, 91, 120
 GENERATIONS = 120
@@ -27,7 +29,9 @@ def require_pymoo(loaded: LoadedRequirements) -> None:
         raise BadInput(f"{place_of(loaded.path)}: objective: {count} of them need pymoo, expected flexfem[fronts]")
 
 
-def front_of_many(model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None) -> list[Array]:
+def front_of_many(
+    model: Model, first: Array, count: int, seed: int, say: Say = lambda text: None, store: Store | None = None
+) -> list[Array]:
     """As `front.front`, of any number of objectives; the best in each of them, and others far from each other.
 
     Notes
@@ -35,16 +39,13 @@ def front_of_many(model: Model, first: Array, count: int, seed: int, say: Say = 
     NSGA-III: Deb, Jain, IEEE Trans. Evol. Comput. 18 (2014) 577-601. Beside the best in each objective that
     objective is made better, and beside each design that is chosen one after the other while the others are kept.
     """
-    archive = _Archive(model)
-    _evolved(archive, first, seed, say)
-    if not len(archive.values):
+    store, asked = store or Store(None), ["evolution", content(model), seed, first.tolist()]
+    values, both = store.found(asked, model.counts, lambda: _evolved(model, first, seed, say))
+    if not values:
         return []
-    for k in range(model.objectives):
-        least = archive.values[[int(np.argmin(archive.both[:, k]))]]
-        archive.judged(model.space.to_unit(beside(model.changed(objective=k), least, seed).values[None]))
-    found = []
-    for place in apart(archive.both, count):
-        found.append(in_turn(model, archive.values[place], seed))
+    found = list[Array]()
+    for place in apart(np.array(both), count):
+        found.append(in_turn(model, np.array(values[place]), seed, store))
         say(f"front: {len(found)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return found
 
@@ -77,7 +78,18 @@ class _Archive:
         return np.where(np.isfinite(both), both, 0.0), np.where(np.isfinite(missed), missed, 100.0)
 
 
-def _evolved(archive: _Archive, first: Array, seed: int, say: Say) -> None:
+def _evolved(model: Model, first: Array, seed: int, say: Say) -> list[Any]:
+    """Designs (n, d) that no other beats, and their objectives (n, k): by NSGA-III, and beside the best in each."""
+    archive = _Archive(model)
+    _evolve(archive, first, seed, say)
+    if len(archive.values):
+        for k in range(model.objectives):
+            least = archive.values[[int(np.argmin(archive.both[:, k]))]]
+            archive.judged(model.space.to_unit(beside(model.changed(objective=k), least, seed).values[None]))
+    return [archive.values.tolist(), archive.both.tolist()]
+
+
+def _evolve(archive: _Archive, first: Array, seed: int, say: Say) -> None:
     """Fill an archive by NSGA-III from a Sobol sample and the best design in the first objective (d,)."""
     from pymoo.algorithms.moo.nsga3 import NSGA3
     from pymoo.config import Config

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
@@ -18,6 +17,7 @@ from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
 from flexfem.synthesis.search import BestDesign, Say, optimum
+from flexfem.synthesis.store import Store
 from flexfem.verify.corners import corner_bands, stress_bands
 from flexfem.verify.errors import mesh_band
 
@@ -71,7 +71,7 @@ def mapped(model: Model, elements: ProposedElements, say: Say = lambda text: Non
     accuracy = model.loaded.requirements.accuracy_percent / 100
     rounds, optima, near = list[Proof](), list[BestDesign](), None
     for _ in range(ROUNDS):
-        best = _searched(model, elements, near, say)
+        best = searched(model, model.loaded.requirements.seed, near, elements.store, say)
         optima.append(best)
         rounds.append(proof(model, elements, best.values, say))
         near = best.values
@@ -92,30 +92,28 @@ def _kept(model: Model, of: Proof) -> bool:
     return bool(np.all((q - band >= low) & (q + band <= high)))
 
 
-def _searched(model: Model, elements: ProposedElements, near: Array | None, say: Say) -> BestDesign:
-    """The optimum of the model as it is, from what is kept where the same was searched before."""
-    before, store = model.counts.copy(), elements.store
-    question = digest([_content(model), None if near is None else near.tolist()])
-    if (known := store.answer(question)) is not None:
-        values, relaxed, merits, history, counted = known
-        model.counts.update(counted)
-        return BestDesign(np.array(values), np.array(relaxed), merits[0], merits[1], [tuple(each) for each in history])
-    found = optimum(model, model.loaded.requirements.seed, near, say)
-    if found.merit >= 100 * WORST:
-        reason = model.found(found.values[None]).reason[0] or "its bodies cannot be drawn"
-        raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
-    counted = dict(model.counts - before)
-    merits = [found.merit, found.relaxed_merit]
-    store.keep(question, [found.values.tolist(), found.relaxed.tolist(), merits, found.history, counted])
-    return found
+def searched(model: Model, seed: int, near: Array | None, store: Store, say: Say) -> BestDesign:
+    """`search.optimum`, from what is kept where the same was searched before. Raises BadInput: none has an answer."""
+
+    def search() -> list[Any]:
+        of = optimum(model, seed, near, say)
+        if of.merit >= 100 * WORST:
+            reason = model.found(of.values[None]).reason[0] or "its bodies cannot be drawn"
+            raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
+        return [of.values.tolist(), of.relaxed.tolist(), [of.merit, of.relaxed_merit], [*map(list, of.history)]]
+
+    asked = [content(model), seed, None if near is None else near.tolist()]
+    values, relaxed, merits, history = store.found(asked, model.counts, search)
+    return BestDesign(np.array(values), np.array(relaxed), merits[0], merits[1], [tuple(each) for each in history])
 
 
-def _content(model: Model) -> Any:
+def content(model: Model) -> Any:
     """All that a search depends on, as plain data."""
     own = {name: digits for name, digits in manifest().items() if name.startswith("synthesis/")}
     guard = None if model.guard is None else model.guard.tolist()
     state = [guard, sorted((k, list(v)) for k, v in model.corrections.items()), sorted(model.shifts.items())]
-    return [model.loaded.hash, state, own, dict(versions_of(True))]
+    ends = [sorted(model.tightened.items()), model.objective, sorted(model.bounded.items())]
+    return [model.loaded.hash, state, ends, own, dict(versions_of(True))]
 
 
 def proof(model: Model, elements: ProposedElements, values: Array, say: Say = lambda text: None) -> Proof:
@@ -148,15 +146,19 @@ def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
 
 
 def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:
-    """Half-widths (q,) by meshes of quantities (levels, q): the largest of those by the columns that they use."""
-    of, levels = model.loaded.requirements, np.array(resolutions, dtype=float)
-    bands = np.array([_band(resolutions, each) for each in values.T])
-    if len(resolutions) < 3:  # in three dimensions
-        return bands
-    for columns, band in ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands)):
-        used = [bool(of.names_of(text) & columns) for text in of.quantities]
-        bands = np.where(used, np.maximum(bands, band(levels, values)), bands)
-    return bands
+    """Half-widths (q,) by meshes of quantities (levels, q)."""
+    of = model.loaded.requirements
+    each = zip(of.quantities, values.T, strict=True)
+    return np.array([quantity_band(of.names_of(text), resolutions, levels) for text, levels in each])
+
+
+def quantity_band(columns: frozenset[str], resolutions: tuple[int, ...], values: Array) -> float:
+    """Half-width by meshes of a quantity (levels,), coarse to fine: the largest by the columns that it uses."""
+    bands = [_band(resolutions, values)]
+    if len(resolutions) > 2:  # two in three dimensions
+        ways = ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands))
+        bands += [float(band(np.array(resolutions, dtype=float), values)) for own, band in ways if columns & own]
+    return max(bands)
 
 
 def _band(resolutions: tuple[int, ...], values: Array) -> float:

@@ -195,7 +195,7 @@ def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
 def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDesign]:
     of = found.model.loaded.requirements
     search = front if found.model.objectives == 2 else front_of_many
-    designs = search(found.model, found.optima[-1].relaxed, of.front, of.seed, say)
+    designs = search(found.model, found.optima[-1].relaxed, of.front, of.seed, say, elements.store)
     loaded = found.model.loaded
     return [
         FrontDesign(

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from flexfem.files.digest import digest
 
 
 class Store:
@@ -38,6 +42,19 @@ class Store:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open("ab", buffering=0) as file:
                 file.write(f"\n{_checksum(content)} {content}\n".encode())
+
+    def found(self, asked: Any, counts: Counter[str], search: Callable[[], Any]) -> Any:
+        """What `search`, or one before that was asked the same, found; `counts` grow as in that search.
+
+        asked, and what `search` returns : plain data, lists and not tuples.
+        """
+        question, before = digest(asked), counts.copy()
+        if (known := self.answer(question)) is not None:
+            counts.update(known[1])
+            return known[0]
+        answer = search()
+        self.keep(question, [answer, dict(counts - before)])
+        return answer
 
     def forget(self) -> None:
         """Remove the file: the results are written."""

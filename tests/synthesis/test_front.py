@@ -18,6 +18,7 @@ from flexfem.synthesis.many import apart, front_of_many
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.outcome import designed
 from flexfem.synthesis.requirements import load_requirements
+from flexfem.synthesis.store import Store
 from flexfem.synthesis.surface import gains, sketched
 
 from .conftest import LINK, NECK, RADIUS, ROOT, best, require
@@ -136,6 +137,31 @@ def test_evolution_and_bounded_objectives_find_the_same_front(load):
     for k, one in enumerate(evolved):
         assert not np.any(np.all(bounded > one * 1.002, axis=1)), k
     assert evolved.max(axis=0) == pytest.approx(bounded.max(axis=0), rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("search", [front, front_of_many])
+def test_a_front_whose_search_was_stopped_goes_on_to_the_same(load, tmp_path, monkeypatch, search):
+    """Stopped before its last evaluation: the other run makes less than half of them, and counts the same."""
+    pytest.importorskip("pymoo")
+    loaded, first = load(NECK, RADIUS, require(CIRCLE, None, 1.0), BOTH), np.array([0.6, 2.0])
+    whole, again = Counter(), Counter()
+    designs = search(Model(loaded, counts=whole), first, 4, 3)
+    original, made, last = Model.columns, Counter(), whole["analytic"] - 1
+
+    def stopped(self, values):
+        made["analytic"] += len(values)
+        if made["analytic"] > last:
+            raise KeyboardInterrupt
+        return original(self, values)
+
+    monkeypatch.setattr(Model, "columns", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        search(Model(loaded), first, 4, 3, store=Store(tmp_path / "found"))
+    made.clear()
+    resumed = search(Model(loaded, counts=again), first, 4, 3, store=Store(tmp_path / "found"))
+    np.testing.assert_array_equal(resumed, designs)
+    assert again == whole and 0 < made["analytic"] < last / 2
 
 
 def test_designs_of_a_front_are_chosen_far_from_each_other():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.synthesis.elements import ProposedElements, Solve
-from flexfem.synthesis.mapping import Proof, _content, _kept
+from flexfem.synthesis.mapping import Proof, _kept, content
 from flexfem.synthesis.model import WORST, Correction, Model
 from flexfem.synthesis.prices import prices
 from flexfem.synthesis.relaxed import alternatives
@@ -84,5 +84,8 @@ def test_what_is_stored_answers_its_own_question_alone(load):
     corrected = model.changed(corrections={"kxx_n_per_mm": Correction(1.01)})
     guarded = model.changed(guard=np.zeros(0))
     shifted, other = model.changed(shifts={"coupling_95": 1.01}), Model(load(THICKNESS, NECK, SOFTEST))
-    states = [_content(each) for each in (model, corrected, guarded, shifted, other)]
-    assert all(a != b for k, a in enumerate(states) for b in states[:k]) and _content(Model(loaded)) == states[0]
+    second, bounded, tightened = (
+        model.changed(**each) for each in ({"objective": 1}, {"bounded": {1: 3.0}}, {"tightened": {0: 0.01}})
+    )
+    states = [content(each) for each in (model, corrected, guarded, shifted, other, second, bounded, tightened)]
+    assert all(a != b for k, a in enumerate(states) for b in states[:k]) and content(Model(loaded)) == states[0]
