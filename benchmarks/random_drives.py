@@ -26,8 +26,11 @@ from flexfem.verify.driven_models import commanding, driven_metal
 CARRIERS = ("frame", "link 2")
 
 
-def with_drive(stage: Stage, rng: np.random.Generator) -> Stage:
-    """The stage with a drive drawn: contacts 20 to 80 % of the way along link 1, up to 20 degrees off its normal."""
+def with_drive(stage: Stage, rng: np.random.Generator, preload: float = 0.0) -> Stage:
+    """The stage with a drive drawn: contacts 20 to 80 % of the way along link 1, up to 20 degrees off its normal.
+
+    preload : of every stack, as a share of its blocking force.
+    """
     path = centrelines(stage, 1)[1]
     length = sum(segment.length for segment in path)
     while True:
@@ -51,6 +54,8 @@ def with_drive(stage: Stage, rng: np.random.Generator) -> Stage:
                     "stiffness": float(10 ** rng.uniform(3.5, 5)),
                 }
             )
+        for each in actuators:
+            each["preload"] = preload * each["stroke"] * each["stiffness"]
         try:
             return stage.replace(actuator=actuators)
         except BadInput:

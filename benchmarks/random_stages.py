@@ -31,7 +31,12 @@ def draw(rng: np.random.Generator) -> Stage:
 
 def unlike(rng: np.random.Generator) -> dict[str, Any]:
     """As `dimensions`, with nine notches that scatter: by 0.5 to 30 % from stage to stage, evenly in its logarithm."""
-    drawn, scatter, notches = dimensions(rng), 10 ** rng.uniform(np.log10(0.005), np.log10(0.3)), []
+    return scattered(dimensions(rng), rng)
+
+
+def scattered(drawn: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Dimensions with nine notches that scatter, as of `unlike`."""
+    scatter, notches = 10 ** rng.uniform(np.log10(0.005), np.log10(0.3)), []
     for chain in (1, 2, 3):
         for name in HINGE_NAMES:
             factors = np.exp(scatter * rng.uniform(-1, 1, 2))

@@ -1,0 +1,195 @@
+"""How often bands of drives, drift and highest stresses hold the truth, over random driven stages.
+
+    python benchmarks/corner_bands.py [--stages 12] [--seeds 4001 4002] [--keep FILE.npz]
+
+Chains alike and unlike, notches of mobility three and six, in turn. The bands are those of `flexfem design`, and of
+poses those of `flexfem drift`. The truth is extrapolated from meshes 1.5 and 2.5 times as fine, by the order of the
+kind. `--keep` stores what was solved, which `tests/verify/test_corner_bands.py` counts again without solving. Exits
+with 1 where less than 95 % of the numbers of a kind are held.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from random_drives import with_drive
+from random_stages import dimensions, scattered
+
+from flexfem.analytic.heat import rates_of
+from flexfem.arrays import Array
+from flexfem.clock import Limit
+from flexfem.fem.heat import heat_response
+from flexfem.fem.response import plate_of
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.schema import Stage
+from flexfem.study.outputs import (
+    DRIFTS,
+    DRIVE_RANGES,
+    ENGAGED,
+    GRADIENTS,
+    RANGES,
+    STRESSES,
+    lasting,
+    outputs_of,
+    values_of,
+)
+from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
+from flexfem.verify.corners import CORNER_ORDER, STRESS_ORDER, pose_bands
+from flexfem.verify.drift import expansion_of
+from flexfem.verify.driven_models import metal_answers
+from flexfem.verify.questions import Clock, ask_elements, elements
+from flexfem.verify.strained import Repeated, scaled
+
+RESOLUTIONS, FINE = (4, 6, 8), (12, 20)  # of the default mesh, and of the truth
+LEAST = 0.95  # of the numbers of a kind
+ROUND_OFF = 1e-8  # of the largest number of the kind: zero by symmetry
+ALONG_X = (True, False, False)
+REPEATED = Repeated(scaled(np.array([0.05, 0.0, 0.0]), None, -1.0), 1e6)
+COLUMNS = outputs_of(False, False, False, True, moved=ALONG_X, drifting=True)
+KINDS = {
+    "drive range": DRIVE_RANGES,
+    "engaged stiffness": ENGAGED,
+    "uniform drift": DRIFTS,
+    "drift by gradients": GRADIENTS,
+    "highest stress": STRESSES,
+    "range at yield": RANGES,
+    "life": lasting(ALONG_X),
+}
+POSES = "poses of drift"
+
+
+class Solved(NamedTuple):
+    """On `RESOLUTIONS` and `FINE`: columns (n, levels, k), poses (n, levels, 3, 3 cases), mm, rad; lever (n,), mm.
+
+    stages : their files.
+    """
+
+    columns: Array
+    poses: Array
+    lever: Array
+    stages: list[str]
+
+
+class Judged(NamedTuple):
+    """Of numbers of one kind: error over band (k,), and what extrapolation adds to the truth, over the band (k,)."""
+
+    ratios: Array
+    doubts: Array
+
+    @property
+    def held(self) -> bool:
+        return float(np.mean(self.ratios <= 1)) >= LEAST
+
+
+def solved_stages(seeds: list[int], number: int) -> Solved:
+    """So many stages of each seed. Raises nothing: what cannot be made or driven is drawn again."""
+    found = []
+    for seed in seeds:
+        for stage in _drawn(np.random.default_rng(seed), number):
+            each = [_answered(stage, n) for n in RESOLUTIONS + FINE]
+            found.append((*zip(*each, strict=True), stage.chain.link_lengths[2], stage.to_toml()))
+            print(f"{len(found)} of {number * len(seeds)}", flush=True)
+    columns, poses, lever, stages = zip(*found, strict=True)
+    return Solved(np.array(columns), np.array(poses), np.array(lever), list(stages))
+
+
+def _drawn(rng: np.random.Generator, number: int) -> Iterator[Stage]:
+    """Stages that can be made, and that their drives move in all three directions."""
+    made = 0
+    while made < number:
+        try:
+            stage = with_drive(Stage.model_validate(_dimensions(rng, made)), rng, 0.3)
+            if np.isnan(_answered(stage, RESOLUTIONS[0])[0]).any():
+                continue
+        except (BadInput, ComputationFailed):
+            continue
+        made += 1
+        yield stage
+
+
+def _dimensions(rng: np.random.Generator, number: int) -> dict[str, Any]:
+    """Of mobility three (equal notches) and six (base notches of their own) in turn, two alike and two unlike."""
+    drawn = dimensions(rng)
+    if number % 2:
+        drawn["hinges"]["base"]["prismatic"] = True
+    else:
+        drawn["hinges"] = dict.fromkeys(drawn["hinges"], drawn["hinges"]["elbow"])
+    law = {"fatigue_strength_coefficient_mpa": 1200.0, "fatigue_strength_exponent": float(rng.uniform(-0.14, -0.08))}
+    drawn["material"] |= law | {"expansion_um_per_m_k": float(rng.uniform(8, 24))}
+    drawn["frame"] = {"expansion_um_per_m_k": float(rng.uniform(8, 24))}
+    return drawn if number % 4 < 2 else scattered(drawn, rng)
+
+
+def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
+    """Columns (k,) and poses (3, 3) of one mesh."""
+    clock = Clock(Limit(600.0), False)
+    found, mesh = ask_elements(stage, resolution, clock, repeated=REPEATED), elements(stage, resolution, clock).mesh
+    alpha = expansion_of(stage)
+    poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
+    found = found._replace(drives=metal_answers(stage, mesh), drift=rates_of(poses[None]))
+    return values_of(found, None)[0], poses
+
+
+def judged(found: Solved) -> dict[str, Judged]:
+    """By kind."""
+    kinds = {kind: _of_columns(found, names) for kind, names in KINDS.items()}
+    levels = np.array(RESOLUTIONS, dtype=float)
+    bands = [pose_bands(levels, each[:3], lever) for each, lever in zip(found.poses, found.lever, strict=True)]
+    scale = np.array([np.ones_like(found.lever), np.ones_like(found.lever), found.lever]).T[:, :, None]
+    sizes = np.max(np.abs(found.poses[:, -1] * scale), axis=1, keepdims=True) / scale
+    return kinds | {POSES: _over(found.poses, np.array(bands), sizes, CORNER_ORDER)}
+
+
+def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
+    values = found.columns[:, :, [COLUMNS.index(name) for name in names]]
+    bands = [
+        [quantity_band(frozenset({name}), RESOLUTIONS, each[:3, k]) for k, name in enumerate(names)] for each in values
+    ]
+    order = CORNER_ORDER if names[0] in OF_CORNERS else STRESS_ORDER
+    sizes = np.max(np.abs(values[:, -1]), axis=1, keepdims=True) if names == DRIFTS else np.abs(values[:, -1])
+    return _over(values, np.array(bands), sizes, order)
+
+
+def _over(values: Array, bands: Array, sizes: Array, order: float) -> Judged:
+    """Of values (n, levels, ...) with bands and sizes (n, ...)."""
+    coarse, fine = values[:, -2], values[:, -1]
+    truth = fine + (fine - coarse) / ((FINE[1] / FINE[0]) ** order - 1)
+    known = np.abs(values[:, 2]) > ROUND_OFF * sizes
+    error, left = np.abs(values[:, 2] - truth)[known], np.abs(fine - truth)[known]
+    return Judged(error / bands[known], left / bands[known])
+
+
+def report(kinds: dict[str, Judged]) -> bool:
+    """Print a line for every kind; whether all are held."""
+    print(f"{'numbers':20} outside  nearest and worst error/band  median band/error  truth's last step/band")
+    for kind, (ratios, doubts) in kinds.items():
+        inside = ratios[ratios <= 1]
+        nearest = np.max(inside) if len(inside) else np.nan
+        outside, wide = f"{len(ratios) - len(inside)} of {len(ratios)}", 1 / np.median(ratios)
+        print(f"{kind:20} {outside:>9} {nearest:14.2f} {np.max(ratios):6.2f} {wide:17.1f} {np.median(doubts):19.3f}")
+    failed = [kind for kind, each in kinds.items() if not each.held]
+    if failed:
+        print(f"less than {LEAST:.0%} held: {', '.join(failed)}")
+    return not failed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--stages", type=int, default=12)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[4001, 4002])
+    parser.add_argument("--keep", type=Path)
+    arguments = parser.parse_args()
+    found = solved_stages(arguments.seeds, arguments.stages)
+    if arguments.keep:
+        np.savez_compressed(arguments.keep, **found._asdict())
+    if not report(judged(found)):
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
