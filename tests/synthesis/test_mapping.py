@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexfem.synthesis import mapping
-from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.mapping import Proof, mapped
 from flexfem.synthesis.model import WORST, Correction, Model
 from flexfem.synthesis.outcome import checked_by
@@ -35,15 +35,15 @@ def loop(load, monkeypatch):
     def run(free, proofs, merit=-400.0):
         models, starts = [], []
 
-        def searched(model, elements, near, say):
+        def searched(model, seed, near, store, say):
             models.append(model)
             starts.append(near)
             return BestDesign(np.array([0.5 + 0.01 * len(models)]), np.array([0.5]), merit, merit, [])
 
         each = iter([*proofs, *[proofs[-1]] * 10])
-        monkeypatch.setattr(mapping, "_searched", searched)
+        monkeypatch.setattr(mapping, "searched", searched)
         monkeypatch.setattr(mapping, "proof", lambda model, elements, values, say: proof_of(values, *next(each)))
-        found = mapped(Model(load(free, *WANTED, head=HEAD + "accuracy_percent = 0.4\n")), None)
+        found = mapped(Model(load(free, *WANTED, head=HEAD + "accuracy_percent = 0.4\n")), SimpleNamespace(store=None))
         return found, [None if model.guard is None else model.guard.tolist() for model in models], models, starts
 
     return run
@@ -91,11 +91,11 @@ def test_a_search_that_is_kept_is_not_made_again_and_its_evaluations_are_counted
     for _ in range(2):
         counts = Counter()
         model = Model(loaded, counts=counts)
-        again = mapping._searched(model, ProposedElements(loaded, counts, store=store), None, print)
+        again = mapping.searched(model, 7, None, store, print)
         assert counts["analytic"] == 1234 and again._replace(values=0, relaxed=0) == found._replace(values=0, relaxed=0)
         assert (again.values.tolist(), again.relaxed.tolist()) == ([0.5], [0.503])
     assert made == [7]
-    mapping._searched(model, ProposedElements(loaded, counts, store=store), np.array([0.4]), print)
+    mapping.searched(model, 7, np.array([0.4]), store, print)
     assert made == [7, 7]
 
 
