@@ -4,8 +4,7 @@
 
 Chains alike and unlike, notches of mobility three and six, in turn. The bands are those of `flexfem design`, and of
 poses those of `flexfem drift`. The truth is extrapolated from meshes 1.5 and 2.5 times as fine, by the order of the
-kind. `--keep` stores what was solved, which `tests/verify/test_corner_bands.py` counts again without solving. Exits
-with 1 where less than 95 % of the numbers of a kind are held.
+kind. `--keep` stores what was solved. Exits with 1 where less than 95 % of the numbers of a kind are held.
 """
 
 from __future__ import annotations
