@@ -25,6 +25,7 @@ from flexfem.clock import Limit
 from flexfem.fem.heat import heat_response
 from flexfem.fem.response import plate_of
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.study.outputs import (
     DRIFTS,
@@ -102,7 +103,9 @@ def _drawn(rng: np.random.Generator, number: int) -> Iterator[Stage]:
     made = 0
     while made < number:
         try:
-            stage = with_drive(Stage.model_validate(_dimensions(rng, made)), rng, 0.3)
+            stage = Stage.model_validate(_dimensions(rng, made))
+            check_feasible(stage)
+            stage = with_drive(stage, rng, 0.3)
             if np.isnan(_answered(stage, RESOLUTIONS[0])[0]).any():
                 continue
         except (BadInput, ComputationFailed):

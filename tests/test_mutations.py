@@ -110,9 +110,9 @@ MUTATIONS = [
     ),
     Mutation(
         "evaluations of a resumed search left out",
-        "_searched",
-        "model.counts.update(counted)",
-        "counted",
+        "found",
+        "counts.update(known[1])",
+        "known[1]",
         "test_a_search_that_is_kept_is_not_made_again_and_its_evaluations_are_counted_as_if_it_were",
     ),
     Mutation(
