@@ -70,6 +70,15 @@ def test_shipped_materials_have_the_numbers_that_their_sources_state():
         assert metal.yield_strength == pytest.approx(6.894757e-3 * float(psi), rel=4e-3), name
 
 
+def test_expansions_are_those_of_callister_and_of_the_data_sheets():
+    """In um/(m K); the full-hard steel has none stated."""
+    known = {name: m.expansion for name, m in flexfem.materials().items()}
+    assert {name: None if x is None else round(1e6 * x, 9) for name, x in known.items()} == {
+        "al-7075-t6": 23.6, "al-6061-t6": 23.6, "al-2024-t4": 22.9, "ti-6al-4v": 8.6, "ti-6al-4v-sta": 8.6,
+        "steel-4340": 12.3, "steel-301-full-hard": None, "steel-304": 17.2, "invar-36": 1.6,
+    }  # fmt: skip
+
+
 def test_fatigue_constants_are_those_of_dowlings_table_and_no_others():
     """N. E. Dowling, Mechanical Behavior of Materials, 4th ed., Table 9.1."""
     known = {name: m for name, m in flexfem.materials().items() if m.fatigue_strength_coefficient is not None}
