@@ -1,6 +1,7 @@
 """Figures under docs/ are of the numbers and inputs that are accepted now.
 
-`docs/figures.json` says of each figure what it was drawn from: accepted numbers that it shows, hashes of its inputs.
+`docs/figures.json` says of each figure what it was drawn from: accepted numbers that it shows, hashes of its inputs,
+and the hash of the picture itself, so that no other one stands in its place.
 After a figure is drawn anew, `python -m tests.test_docs` in the root of the project writes them down again; `make
 designs` draws those of the worked designs and does so, too.
 """
@@ -34,9 +35,11 @@ def accepted(stem):
 def now(source):
     """What a source of a figure is now: a number of a baseline, `fig5: result.x`, or the hash of an input file.
 
-    That of a stage with its drive is `geometry/one.toml: drive`.
+    That of a stage with its drive is `geometry/one.toml: drive`, that of a picture `docs/fig5.png`.
     """
     name, _, path = source.partition(": ")
+    if name.endswith(".png"):
+        return hashlib.sha256((ROOT / name).read_bytes()).hexdigest()[:16]
     if name.startswith("cases/fixture"):
         content = read_fixture(ROOT / name).model_dump_json(exclude={"provenance", "measured"})
         return hashlib.sha256(content.encode()).hexdigest()[:16]
@@ -68,6 +71,7 @@ def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
         path for path in linked if path.parent == ROOT / "docs"
     }  # below it are those that are made with their page
     assert linked == set((ROOT / "docs").glob("*.png")) == {ROOT / "docs" / name for name in manifest}
+    assert all(f"docs/{figure}" in sources for figure, sources in manifest.items())
     assert [line for figure, sources in manifest.items() for line in stale(figure, sources)] == []
 
 
@@ -101,5 +105,8 @@ def test_a_figure_of_other_numbers_or_another_input_is_stale():
 
 if __name__ == "__main__":
     kept = json.loads(MANIFEST.read_text())
-    kept = {figure: {source: now(source) for source in sources or case_of(figure)} for figure, sources in kept.items()}
+    kept = {
+        figure: {source: now(source) for source in {f"docs/{figure}": "", **(sources or case_of(figure))}}
+        for figure, sources in kept.items()
+    }
     MANIFEST.write_text(json.dumps(kept, indent=1) + "\n")

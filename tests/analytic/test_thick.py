@@ -47,7 +47,7 @@ def test_charted_factors_are_those_of_direct_finite_elements_everywhere() -> Non
 
 
 def test_the_charts_are_those_that_were_made() -> None:
-    """One number changed by 1 % can be less than what finite elements differ by; a chart that is made anew has others."""
+    """A position changed by 1 % can be less than finite elements differ by; charts that are made anew are others."""
     folder = thickness_chart_path().parent
     found = {path.stem: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in folder.glob("*_chart*.json")}
     assert found == {
