@@ -12,6 +12,7 @@ from flexfem.commands import comparisons, stage_tables, tables
 from flexfem.commands.plain import plain
 from flexfem.commands.progress import print_status
 from flexfem.plot.text import markdown_report
+from flexfem.stage.schema import load_stage
 from flexfem.validate.compare import CrossCheck
 from flexfem.validate.records import Check, Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page
@@ -208,17 +209,19 @@ def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch):
-    asked = []
+def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch, tmp_path):
+    """Of a stage without a drive, whose poses would be sought as well."""
+    asked, bare = [], tmp_path / "bare.toml"
+    load_stage(STAGE).replace(actuator=()).save(bare)
 
     def travel(stage, amplitude, *_):
         asked.append(amplitude)
         return made.workspace()
 
     monkeypatch.setattr("flexfem.verify.workspace.workspace", travel)
-    code, out, _ = flexfem("workspace", STAGE, "--amplitude-um", 137)
+    code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
     assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
-    assert flexfem("workspace", STAGE)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
+    assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
 
 
 def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):

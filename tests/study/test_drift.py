@@ -131,9 +131,9 @@ def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any
 @pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
 def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any, plane: str) -> None:
     (studies.folder / "stage.toml").write_text(toml_text(content(model=plane)))
-    loaded = study(studies, 'model = "fe"\nresolution = 8\n', 1)
+    loaded = study(studies, 'model = "fe"\nresolution = 6\n', 1)
     (row,), (values,) = answer(loaded, 0, 1).values, sample(loaded, 0, 1)
-    cases = flexfem.drift(stage_of(loaded, values), resolution=8).cases
+    cases = flexfem.drift(stage_of(loaded, values), resolution=6).cases
     poses = np.array([cases[name].elements.pose for name in CASES]).T * np.array([[1e3], [1e3], [1e6]])
     turn = np.linspace(0, np.pi, 20_001)
     x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
