@@ -111,7 +111,7 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
     lines = [""]
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if text_width(longer, size, weight) <= width:
+        if _fits(longer, width, size, weight):
             lines[-1] = longer
             continue
         if lines[-1]:
@@ -121,6 +121,12 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
                 lines.append("")
             lines[-1] += letter
     return "\n".join(lines)
+
+
+def _fits(line: str, width: float, size: float, weight: str) -> bool:
+    """Whether a line is no wider: half an em is more than a blank, and words, unlike lines, were measured before."""
+    at_most = sum(text_width(word, size, weight) + size / 144 for word in line.split(" "))
+    return at_most <= width or text_width(line, size, weight) <= width
 
 
 def header(
