@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,7 +67,7 @@ def design(
     with _pool(workers, scheduler, say) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
     if folder is not None:
-        write_design(found, folder)
+        _remove_older(folder, write_design(found, folder), base)
         store.forget()
     return found
 
@@ -82,7 +83,19 @@ def write_design(found: Designed, folder: Path) -> list[Path]:
     for number, one in enumerate(found.front, 1):
         written.append(folder / FRONT.format(stem, number))
         write_atomically(written[-1], lambda file, text=one.stage: file.write(text.encode()))  # type: ignore[misc]
-    return [*written, write_record(found, folder / f"{stem}-design.json")]
+    written.append(write_record(found, folder / f"{stem}-design.json"))
+    return written
+
+
+def _remove_older(folder: Path, written: list[Path], base: Path) -> None:
+    """Remove stage files of an earlier, longer front: they would pass for designs of this one."""
+    stem = written[-1].stem.removesuffix("-design")
+    for path in folder.glob(FRONT.format(escape(stem), "*")):
+        if path in written or not path.stem.rpartition("-")[2].isdecimal():
+            continue
+        with suppress(OSError):
+            if "designed: " in path.read_text(errors="replace") and not path.samefile(base):
+                path.unlink()
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,7 @@ from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
 from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 MASS = ("mass_kg",)
+DENSITY = "material.density_kg_m3"
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
 SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # with studies
 
@@ -148,6 +149,11 @@ class Requirements(Sourced):
         return Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
 
     @property
+    def unasked(self) -> frozenset[str]:
+        """Key paths that no answer which is asked for depends on: as of a study, but for what masses need."""
+        return self.study.unasked - self.asked - ({DENSITY} if self.asked & {*MASS} else set())
+
+    @property
     def quantities(self) -> tuple[str, ...]:
         """Expressions asked for: objectives, then requirements."""
         return (*(each.quantity for each in self.objective), *(each.quantity for each in self.require))
@@ -166,6 +172,14 @@ class Requirements(Sourced):
         """Key paths of the numbers that need a source: of what is asked, and not of how it is found."""
         own = ("accuracy_percent", "output")
         return tuple(path for path in super().numbers if not path.startswith(own))
+
+
+def _overridden(column: Column, columns: Sequence[Column], stage: Stage) -> bool:
+    """Whether other columns, each of one chain, set all that this one of all three chains sets."""
+    alone = [key for each in columns for path in each.keys if (key := keys()[path]).table[:1] == ("override",)]
+    by = {place for key in alone for place in key.places_in(stage)}
+    own = [keys()[path] for path in column.keys]
+    return not any(key in alone for key in own) and all(place in by for key in own for place in key.places_in(stage))
 
 
 def factor_of(free: Free) -> Any:
@@ -247,9 +261,13 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
     columns: list[Column] = []
     for index, free in enumerate(found.free):
         try:
-            columns += [acting(column, stage, found.study.unasked) for column in columns_of([free])]
+            columns += [acting(column, stage, found.unasked) for column in columns_of([free])]
         except BadInput as error:
             raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
+    for index, free in enumerate(found.free):
+        if all(_overridden(column, columns, stage) for column in columns_of([free])):
+            said = f"free[{index}]: nothing follows it, expected a number that other free dimensions do not override"
+            raise bad_key(path, ("free", index), said)
     loaded = LoadedRequirements(Path(path), found, stage, tuple(columns))
     set_by = {name for column in columns for name in column.keys}
     fixed = {*keys(), *(output.name for output in found.output)} - set_by

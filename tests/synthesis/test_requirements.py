@@ -12,6 +12,9 @@ from .conftest import HEAD, LINK, NECK, RADIUS, best, require
 
 OUTPUT = '[[output]]\nname = "o"\nexpression = "thickness_mm ** 2"\n'
 RANGE = best("maximise", "range_x_um")
+ELBOW = '[[free]]\nkey = "hinges.elbow.neck_mm"\nfrom = 0.3\nto = 0.7\n'
+EACH_ELBOW = ELBOW.replace("hinges.elbow", "override.*.elbow")
+DENSITY = '[[free]]\nkey = "material.density_kg_m3"\nfrom = 2000.0\nto = 3000.0\n'
 
 
 @pytest.mark.parametrize(
@@ -40,6 +43,8 @@ RANGE = best("maximise", "range_x_um")
             "either maximise or minimise",
         ),
         ((NECK, best("maximise", "life_cycles"), "[life]\namplitude_x_um = 100.0\n"), "life, on the base stage"),
+        ((ELBOW, EACH_ELBOW, RANGE), "free[0]: nothing follows it"),
+        ((DENSITY, RANGE), "free[0].key = material.density_kg_m3, expected a number that answers depend on"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_one_line_with_file_and_key(load, pieces, said):
@@ -51,6 +56,19 @@ def test_what_cannot_be_asked_is_refused_in_one_line_with_file_and_key(load, pie
 def test_a_stage_that_is_not_there_is_named(load):
     with pytest.raises(BadInput, match=r"wanted.toml, line 2: stage = .*no such file"):
         load(NECK, RANGE, head=HEAD.replace("mobility6", "mobility7"))
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        (ELBOW, EACH_ELBOW.replace("*", "2"), RANGE),
+        (NECK, EACH_ELBOW, RANGE),  # the platform's necks follow
+        (DENSITY, best("minimise", "mass_kg")),
+        (DENSITY, best("minimise", "2 * material.density_kg_m3")),
+    ],
+)
+def test_a_dimension_that_answers_follow_in_part_is_free(load, pieces):
+    assert load(*pieces).columns
 
 
 def test_steps_and_lists_are_what_a_shop_can_make(load):
