@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from flexfem.verify.corners import corner_bands, stress_bands
 from flexfem.verify.errors import mesh_band
 
 ROUNDS = 8  # at most
+ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
 OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
 
@@ -69,26 +70,50 @@ def mapped(model: Model, elements: ProposedElements, say: Say = lambda text: Non
     DesignSpace mapping of outputs: Bandler et al., IEEE Trans. Microwave Theory Tech. 52 (2004) 337-361.
     """
     accuracy = model.loaded.requirements.accuracy_percent / 100
-    rounds, optima, near = list[Proof](), list[BestDesign](), None
+    rounds, optima, near, guards = list[Proof](), list[BestDesign](), None, list[Array | None]([None])
     for _ in range(ROUNDS):
-        best = searched(model, model.loaded.requirements.seed, near, elements.store, say)
+        model, best = _guarded(model, guards, elements.store, near, say)
         optima.append(best)
         rounds.append(proof(model, elements, best.values, say))
         near = best.values
-        if rounds[-1].gap <= accuracy and (best.merit >= WORST or _kept(model, rounds[-1])):
+        side = -1.0 if model.guard is None and rounds[1:] else 1.0
+        if rounds[-1].gap <= accuracy and (best.merit >= WORST or _kept(model, rounds[-1], side)):
             return Mapped(rounds[-1].correcting(model), rounds, optima, True)
-        guard = rounds[-1].bands[model.objectives :] / model.scales
-        if model.space.continuous.any():
-            guard = guard + accuracy
-        guard = guard if model.guard is None else np.maximum(guard, model.guard)
-        model = rounds[-1].correcting(model).changed(guard=guard)
+        bands = rounds[-1].bands[model.objectives :] / model.scales
+        if guards[0] is not None:
+            bands = np.maximum(bands, guards[0] - (accuracy if model.space.continuous.any() else 0.0))
+        guards = [bands, None] if not model.space.continuous.any() else [bands + k * accuracy for k in ROOM] + [None]
+        model = rounds[-1].correcting(model)
     return Mapped(model, rounds, optima, False)
 
 
-def _kept(model: Model, of: Proof) -> bool:
-    """Whether finite elements, the band included where there is room for it between two ends, keep every end."""
+def _guarded(
+    model: Model, guards: Sequence[Array | None], store: Store, near: Array | None, say: Say
+) -> tuple[Model, BestDesign]:
+    """The optimum with the widest of `guards` that leave a design, the last being none, and the model with it.
+
+    Where there is none without guards either, it is that with the widest.
+    """
+    seed, model = model.loaded.requirements.seed, model.changed(guard=guards[0])
+    widest = searched(model, seed, near, store, say)
+    if widest.merit < WORST or len(guards) == 1:
+        return model, widest
+    without = model.changed(guard=None)
+    found = searched(without, seed, widest.values, store, say)
+    if found.merit >= WORST:
+        return model, widest
+    for guard in guards[1:-1]:
+        narrower = model.changed(guard=guard)
+        best = searched(narrower, seed, found.values, store, say)
+        if best.merit < WORST:
+            return narrower, best
+    return without, found
+
+
+def _kept(model: Model, of: Proof, side: float) -> bool:
+    """Whether finite elements keep every end by the band where there is room for it between two, or (-1) within it."""
     low, high = model.changed(guard=None).ends
-    q, band = of.elements[model.objectives :], np.minimum(of.bands[model.objectives :], model.room)
+    q, band = of.elements[model.objectives :], side * np.minimum(of.bands[model.objectives :], model.room)
     return bool(np.all((q - band >= low) & (q + band <= high)))
 
 
@@ -136,7 +161,10 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
         sampling = np.max(np.abs(np.array(ends) - elastic), axis=0)
     predicted = model.found(values[None]).quantities[0]
     size = np.maximum(np.abs(elastic), np.concatenate([np.zeros(model.objectives), model.scales]))
-    gap = float(np.max(np.abs(predicted - elastic) / np.where(size > 0, size, 1.0)))
+    off = np.abs(predicted - elastic)
+    zero = np.maximum(np.abs(elastic), off) <= bands  # an objective that meshes do not tell from zero, nor the model
+    zero[model.objectives :] = False
+    gap = float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0)))
     about = corrections, own | found, model.shifts, sampling, scattered
     return Proof(values, predicted, _quantities(model, own), elastic, bands + sampling, gap, *about)
 

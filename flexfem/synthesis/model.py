@@ -62,6 +62,7 @@ class Model:
 
     corrections : by column.   shifts : by column, its value of other stages than it is searched with over its own.
     guard : (m,), by how much of its size each requirement is to be met beyond its end.
+    tightened : by requirement, by how much of its size the lower end rises, or where negative the upper one falls.
     objective : which of them is to be best.   bounded : values that the others must not exceed, with their signs.
     """
 
@@ -152,8 +153,9 @@ class Model:
         of = self.loaded.requirements.require
         guard = np.minimum(0.0 if self.guard is None else self.guard * self.scales, self.room)
         more = np.array([self.tightened.get(k, 0.0) for k in range(len(of))]) * self.scales
-        low = np.array([-np.inf if each.at_least is None else each.at_least for each in of]) + guard + more
-        return low, np.array([np.inf if each.at_most is None else each.at_most for each in of]) - guard - more
+        low = np.array([-np.inf if each.at_least is None else each.at_least for each in of]) + guard
+        high = np.array([np.inf if each.at_most is None else each.at_most for each in of]) - guard
+        return low + np.maximum(more, 0.0), high + np.minimum(more, 0.0)
 
     @property
     def objectives(self) -> int:

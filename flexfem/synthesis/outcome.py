@@ -11,6 +11,7 @@ from flexfem.arrays import Array
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.stage.schema import Stage
+from flexfem.stage.tables import of_heat
 from flexfem.study.designs import stage_of
 from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.synthesis.doubts import doubts_of
@@ -78,7 +79,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         requirements=kept,
         alternatives=missed,
         at_ends=costs.at_ends,
-        sensitivities=_sensitivities(found.model, last.values),
+        sensitivities=_sensitivities(found.model, last),
         rounds=_turns(found),
         front=best_of_both,
         scattered=_scattered(loaded, last.scattered),
@@ -210,8 +211,10 @@ def _front(found: Mapped, elements: ProposedElements, say: Say) -> list[FrontDes
     ]
 
 
-def _sensitivities(model: Model, values: Array) -> dict[str, dict[str, float | None]]:
-    names, rows = model.loaded.requirements.quantities, sensitivities(model, values)
+def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]]:
+    """By dimension and quantity; none of a quantity that its band does not tell from zero."""
+    names, zero = model.loaded.requirements.quantities, np.abs(of.elements) <= of.bands
+    rows = np.where(zero, np.nan, sensitivities(model, of.values))
     return {
         column.name: {name: finite(float(value)) for name, value in zip(names, row, strict=True)}
         for column, row in zip(model.loaded.columns, rows, strict=True)
@@ -226,8 +229,11 @@ def _thinned(history: list[tuple[int, float | None, float]]) -> list[Step]:
 def _warnings(loaded: LoadedRequirements, found: Mapped, last: Proof) -> list[str]:
     said = []
     if not found.agreed:
-        gap = 100 * found.rounds[-1].gap
-        said.append(f"after {len(found.rounds)} rounds model and finite elements still differ by {gap:.3g} %")
+        gap = 100 * last.gap
+        still = f"model and finite elements still differ by {gap:.3g} %"
+        if gap <= loaded.requirements.accuracy_percent:
+            still = "a requirement is still not kept with its band, or within it where there is no room"
+        said.append(f"after {len(found.rounds)} rounds {still}")
     said += doubts_of(loaded, last.values, last.columns)
     tolerance = loaded.requirements.tolerance
     if tolerance is not None and not tolerance.checked:
@@ -264,7 +270,8 @@ def _doubts(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:
     asked = [stage.drive_doubts] if study.driven else []
     asked += [stage.heat_doubts] if study.drift is not None else []
     pairs = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
-    both = [list(dict.fromkeys(chain(*(each[k] for each in pairs)))) for k in range(2)]
+    every = [list(dict.fromkeys(chain(*(each[k] for each in pairs)))) for k in range(2)]
+    both = [[key for key in keys if study.drift is not None or not of_heat(key)] for keys in every]
     own = [key for key, source in of.provenance.items() if is_assumed(source)]
     return {
         "assumed": [*(f"stage: {key}" for key in both[0]), *(f"requirements: {key}" for key in own)],

@@ -11,7 +11,7 @@ from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.search import refined
 
 ACTIVE = 2e-4  # part of its size within which a requirement is kept just so, at the optimum without steps
-MORE = 0.01  # by which a requirement is tightened
+MORE = (0.01, 0.001)  # by which a requirement is tightened: by less where no design keeps more
 STEP = 1e-4  # of a dimension
 END = 1e-4  # of a range within which a dimension is at its end
 
@@ -19,8 +19,8 @@ END = 1e-4  # of a range within which a dimension is at its end
 class Prices(NamedTuple):
     """At the optimum without steps: whether each requirement (m,) is active, and what 1 % more of it costs.
 
-    price : (m,), by how many per cent of itself the objective gets worse; nan where it is not active, or where no
-        design near the optimum keeps the tightened one.
+    price : (m,), by how many per cent of itself the objective gets worse; nan where it is not active, or where
+        no design near the optimum keeps 0.1 % more; at the rate of what one keeps where none keeps 1 %.
     at_ends : dimensions at an end of their range.
     """
 
@@ -30,7 +30,7 @@ class Prices(NamedTuple):
 
 
 def prices(model: Model, relaxed: Array) -> Prices:
-    """Tighten every active requirement by 1 % of its size and solve anew, steps left aside."""
+    """Tighten the active end of every such requirement by 1 % of its size, or by less, and solve anew without steps."""
     model = model.changed(guard=None)
     base, merit = refined(model, relaxed)
     m = len(model.scales)
@@ -41,9 +41,12 @@ def prices(model: Model, relaxed: Array) -> Prices:
     active = [bool(abs(each) <= ACTIVE) for each in slack]
     price = np.full(m, np.nan)
     for k in np.flatnonzero(active) if merit < WORST and merit != 0 else ():
-        _, worse = refined(model.changed(tightened={int(k): MORE}), base)
-        if worse < WORST:
-            price[k] = (worse - merit) / abs(merit) / MORE
+        side = 1.0 if q[k] - low[k] <= high[k] - q[k] else -1.0
+        for more in (min(each, model.room[k] / model.scales[k]) for each in MORE):
+            _, worse = refined(model.changed(tightened={int(k): side * more}), base)
+            if worse < WORST:
+                price[k] = (worse - merit) / abs(merit) / more
+                break
     u = model.space.to_unit(base[None])[0]
     named = zip(model.space.dimensions, u, strict=True)
     ends = [each.name for each, place in named if not each.listed and not END < place < 1 - END]

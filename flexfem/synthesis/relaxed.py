@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.synthesis.model import WORST, Found, Model
+from flexfem.synthesis.model import ROUND_OFF, WORST, Found, Model
 from flexfem.synthesis.result import SoleRelaxation
 from flexfem.synthesis.search import optimum
 
@@ -44,4 +44,5 @@ def alternatives(model: Model, near: Array, seed: int) -> Iterator[SoleRelaxatio
             continue
         found = alone.found(best.values[None])
         value = float(found.quantities[0, model.objectives + k])
-        yield SoleRelaxation(requirement=each.said, relax_to=value, percent=100 * float(alone.wanted(found)[0]))
+        missed = float(alone.wanted(found)[0])
+        yield SoleRelaxation(requirement=each.said, relax_to=value, percent=100 * missed if missed > ROUND_OFF else 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
 from flexfem.synthesis.mapping import proof
-from flexfem.synthesis.model import Model, correction_of
+from flexfem.synthesis.model import Correction, Model, correction_of
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.synthesis.store import Store
 from flexfem.verify.driven_models import driven_metal
@@ -56,6 +57,53 @@ def test_the_design_is_the_best_of_the_true_metal_and_no_other_step_of_it_is_bet
     assert found.objectives[0].value == pytest.approx(quantities[allowed, 0].max(), rel=1e-9)
     assert found.agreed and found.feasible and found.evaluations["finite elements"] <= 9
     assert len(found.rounds) <= 3 and found.rounds[0].gap_percent == pytest.approx(100 / 6, rel=1e-6)
+
+
+def best_of_metal(load, *asked):
+    """What is found of the metal that is softer, with one dimension free."""
+    loaded = load(NECK, *asked)
+    return outcome.designed(loaded, Softer(loaded, Counter()))
+
+
+def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
+    """Bands of 0.1 % and an accuracy of 0.1 % need more room than 0.15 %; both ends are of different requirements."""
+    alone = best_of_metal(load, require("kxx_n_per_mm", 60), RANGE)
+    found = best_of_metal(load, require("kxx_n_per_mm", 60), require("kxx_n_per_mm", None, 60.09), RANGE)
+    assert found.feasible and found.agreed and found.alternatives == []
+    assert found.requirements[0].value == pytest.approx(60, rel=1e-3)
+    assert found.objectives[0].value == pytest.approx(alone.objectives[0].value, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_an_end_at_zero_of_what_symmetry_makes_zero_leaves_the_best_design(load):
+    """Three-fold symmetry: no force along x turns the stage, but for round-off of either sign."""
+    alone = best_of_metal(load, require("kxx_n_per_mm", 60), RANGE)
+    found = best_of_metal(load, require("kxx_n_per_mm", 60), require("kxt_n", None, 0), RANGE)
+    assert found.feasible and found.agreed
+    assert found.objectives[0].value == pytest.approx(alone.objectives[0].value, rel=2e-3)
+    assert {each["kxt_n"] for each in found.sensitivities.values()} == {None}
+
+
+@pytest.mark.parametrize(("factor", "gap"), [(0.9701, 0.0), (0.98, 1.0)])
+def test_a_model_agrees_with_an_objective_of_zero_that_it_misses_by_less_than_its_band(load, factor, gap):
+    """Elements say 0.97 times the stiffness, with a band of more than 0.1 %; the model so far `factor` times."""
+    at = np.array([0.5])
+    stiffness = Model(load(NECK, best("maximise", "kxx_n_per_mm"))).found(at[None]).quantities[0, 0]
+    loaded = load(NECK, best("minimise", f"abs(kxx_n_per_mm - {0.97 * stiffness})"))
+    model = Model(loaded, corrections={"kxx_n_per_mm": Correction(factor)})
+    of = proof(model, Softer(loaded, Counter()), at)
+    assert of.elements[0] < 1e-9 < 1e-3 * stiffness < of.bands[0]
+    assert (of.gap > 0) == (gap > 0)
+
+
+def test_a_drive_without_drift_counts_no_expansion(load):
+    asked = NECK, "[drive]\nactuators = true\n", best("maximise", "drive_range_x_um")
+    for drift, counted in (("", False), ("[drift]\n", True)):
+        loaded = load(*asked, drift)
+        stage = outcome.made(loaded, np.array([0.5]))
+        found = [*chain(*outcome._doubts(loaded, stage).values())]
+        assert any("expansion" in each for each in found) is counted
+        assert any("arm_mm" in each for each in found)
 
 
 def test_margins_bands_and_prices_are_of_the_metal_and_the_model_is_beside_it(softer):
@@ -255,3 +303,17 @@ def test_a_design_never_replaces_its_base_stage(tmp_path):
     with pytest.raises(BadInput, match=r"wanted-stage.toml: is read for what is to be written"):
         flexfem.design(wanted, tmp_path)
     assert base.read_text() == before and len(list(tmp_path.iterdir())) == 2
+
+
+def test_stage_files_of_a_longer_front_before_are_removed_and_no_others(tmp_path, monkeypatch):
+    base, wanted = tmp_path / "wanted-front-9.toml", tmp_path / "wanted.toml"
+    text = (ROOT / "geometry/mobility6.toml").read_text()
+    base.write_text(text.replace("assumed: the paper does not state it", "designed: before, seed 7"))
+    (tmp_path / "wanted-front-8.toml").write_text('"hinges.elbow.neck_mm" = "designed: before, seed 7"\n')
+    (tmp_path / "wanted-front-7.toml").write_text("a note of somebody\n")
+    (tmp_path / "wanted-front-last.toml").write_text('"hinges.elbow.neck_mm" = "designed: before, seed 7"\n')
+    wanted.write_text("\n".join([HEAD.replace(str(ROOT / "geometry/mobility6.toml"), base.name), NECK, RANGE]))
+    monkeypatch.setattr("flexfem.synthesis.elements.ProposedElements", Softer)
+    flexfem.design(wanted, tmp_path)
+    left = {path.name for path in tmp_path.glob("*front*")}
+    assert left == {base.name, "wanted-front-7.toml", "wanted-front-last.toml"}

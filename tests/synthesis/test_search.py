@@ -119,6 +119,31 @@ def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(l
     assert len(once[0]) == 1025 and not np.isin(once[0][1:], other[0][1:]).any()  # the base stage first, then a sample
 
 
+def price_of(load, wanted, objective=RANGE):
+    """The price of the one requirement, which is active."""
+    model = Model(load(NECK, wanted, objective))
+    costs = prices(model, optimum(model, 5).relaxed)
+    assert costs.active == [True]
+    return costs.price[0]
+
+
+@pytest.mark.parametrize("most", [61.2, 60.3])
+def test_a_price_between_two_near_ends_is_that_of_the_end_that_is_active(load, most):
+    """But for 1 % being of the larger end."""
+    alone = price_of(load, require("kxx_n_per_mm", STIFFNESS))
+    assert price_of(load, require("kxx_n_per_mm", STIFFNESS, most)) == pytest.approx(alone, rel=0.03)
+    least = best("minimise", "range_x_um")
+    alone = price_of(load, require("kxx_n_per_mm", None, most), least)
+    assert price_of(load, require("kxx_n_per_mm", STIFFNESS, most), least) == pytest.approx(alone, rel=0.03)
+
+
+def test_a_price_where_no_design_keeps_1_percent_more_is_at_the_rate_of_less(load):
+    """The widest neck is 0.4 % stiffer than what is asked."""
+    (stiffest,) = Model(load(NECK, best("maximise", "kxx_n_per_mm"))).found(np.array([[0.7]])).quantities[0]
+    just = price_of(load, require("kxx_n_per_mm", stiffest / 1.004))
+    assert just == pytest.approx(price_of(load, require("kxx_n_per_mm", stiffest / 1.02)), rel=0.02)
+
+
 def test_steps_are_kept_and_no_neighbour_is_better(load):
     pieces = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
     model = Model(load(*pieces, require("kxx_n_per_mm", STIFFNESS), RANGE))
