@@ -223,8 +223,8 @@ MUTATIONS = [
     Mutation(
         "an upper end loosened where it is to be tightened, so that its price is that of less",
         "ends",
-        "np.array([np.inf if each.at_most is None else each.at_most for each in of]) - guard - more",
-        "np.array([np.inf if each.at_most is None else each.at_most for each in of]) - guard + more",
+        "high + np.minimum(more, 0.0)",
+        "high - np.minimum(more, 0.0)",
         "test_one_per_cent_less_thickness_costs_one_per_cent_of_the_stiffness_and_more_likewise",
     ),
     Mutation(

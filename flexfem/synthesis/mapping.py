@@ -110,7 +110,7 @@ def _guarded(
     return without, found
 
 
-def _kept(model: Model, of: Proof, side: float) -> bool:
+def _kept(model: Model, of: Proof, side: float = 1.0) -> bool:
     """Whether finite elements keep every end by the band where there is room for it between two, or (-1) within it."""
     low, high = model.changed(guard=None).ends
     q, band = of.elements[model.objectives :], side * np.minimum(of.bands[model.objectives :], model.room)
