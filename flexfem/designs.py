@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flexfem.synthesis.result import Designed
 
 PathLike = str | os.PathLike[str]
+MOST_WORKERS = 1024
 STAGE = "{}-stage.toml"
 FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
@@ -44,9 +45,10 @@ def design(
 
     Raises
     ------
-    BadInput : the file cannot be used; one line with file, line, key and what was expected.
+    BadInput : the file, or an argument, cannot be used; one line with file, line, key and what was expected.
     ComputationFailed : finite elements of a proposed design fail, or workers are lost.
     """
+    from flexfem.arguments import integer
     from flexfem.files.refusals import checked_path
     from flexfem.files.writing import check_file, check_folder
     from flexfem.synthesis.elements import ProposedElements
@@ -54,6 +56,11 @@ def design(
     from flexfem.synthesis.requirements import load_requirements
     from flexfem.synthesis.store import Store
 
+    workers = integer("workers", workers, MOST_WORKERS)
+    if scheduler is not None and not isinstance(scheduler, str):
+        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
+    if not callable(say):
+        raise BadInput(f"say {say!r}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
     folder = None if output is None else checked_path(output)
     if folder is not None:

@@ -16,6 +16,7 @@ from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
 from flexfem.commands.streams import raw
 from flexfem.commands.tables import people, print_ending, table
+from flexfem.designs import MOST_WORKERS
 from flexfem.sources import ONE_THREAD
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 EVERY = 10.0  # s between two lines where no terminal shows how far it is
-MOST_WORKERS = 1024
 
 
 @app.command()

@@ -196,7 +196,8 @@ class Designed(Record):
 
     @model_validator(mode="after")
     def _parts_belong_together(self) -> Designed:
-        _require_stage(self.stage, "stage")
+        if _stage_of(self.stage, "stage").hash != self.hash:
+            raise refusal("the hash of its stage", "hash")
         quantities = {each.name for each in (*self.objectives, *self.requirements)}
         for name in self.design:
             if name not in self.relaxed:
@@ -208,7 +209,7 @@ class Designed(Record):
                 raise refusal("a value of each objective", "front", index)
             if len(each.margins_percent) != len(self.requirements):
                 raise refusal("a margin of each requirement", "front", index)
-            _require_stage(each.stage, "front", index, "stage")
+            _stage_of(each.stage, "front", index, "stage")
         return self
 
     @property
@@ -220,9 +221,9 @@ class Designed(Record):
         return list(found.values())
 
 
-def _require_stage(text: str, *at: str | int) -> None:
+def _stage_of(text: str, *at: str | int) -> Stage:
     try:
-        Stage.model_validate(tomllib.loads(text))
+        return Stage.model_validate(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
         raise refusal("the text of a stage file", *at) from None
 

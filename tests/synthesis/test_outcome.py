@@ -317,3 +317,22 @@ def test_stage_files_of_a_longer_front_before_are_removed_and_no_others(tmp_path
     flexfem.design(wanted, tmp_path)
     left = {path.name for path in tmp_path.glob("*front*")}
     assert left == {base.name, "wanted-front-7.toml", "wanted-front-last.toml"}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"workers": 0},
+        {"workers": -3},
+        {"workers": "2"},
+        {"workers": True},
+        {"workers": 2000},
+        {"scheduler": 5},
+        {"say": 5},
+    ],
+)
+def test_an_argument_that_cannot_be_is_refused_in_one_line(load, given):
+    path = load(NECK, RANGE).path
+    (name,) = given
+    with pytest.raises(BadInput, match=rf"^{name} .*, expected [^\n]*$"):
+        flexfem.design(path, **given)

@@ -83,6 +83,7 @@ def test_any_design_of_the_front_is_a_stage_and_has_its_row(stored, tmp_path, ca
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [
+        (("hash",), "0" * 64, "hash: expected the hash of its stage"),
         (["name"], "a\x00b", "name: "),
         (["stage"], "thickness_mm = 3", "stage: expected the text of a stage file"),
         (["sensitivities", "neck"], {"kxx_n_per_mm": 1.0}, "sensitivities.neck: expected each of the quantities"),
