@@ -27,15 +27,15 @@ def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept
     def found(loaded, elements, say):
         elements.store.keep("a question", 1.0)
         handed.append((sorted(path.name for path in folder.iterdir()), elements.pool and elements.pool.width))
-        return recorded(hash="cd34")
+        return recorded(seed=11)
 
     monkeypatch.setattr(outcome, "designed", found)
-    assert flexfem.design(wanted, folder, workers=2).hash == "cd34"
+    assert flexfem.design(wanted, folder, workers=2).seed == 11
     assert handed == [([".wanted-design.found"], 2)]
     names = ["wanted-design.json", "wanted-front-1.toml", "wanted-front-2.toml", "wanted-stage.toml"]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert [(folder / name).read_text() for name in names[1:]] == [FRONT[0].stage, FRONT[1].stage, STAGE]
-    assert outcome.Designed.model_validate_json((folder / names[0]).read_text()) == recorded(hash="cd34")
+    assert outcome.Designed.model_validate_json((folder / names[0]).read_text()) == recorded(seed=11)
 
 
 def test_workers_and_a_scheduler_together_are_refused(tmp_path):
