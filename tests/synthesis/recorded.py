@@ -21,7 +21,6 @@ from .conftest import ROOT
 
 REACH, MASS, STIFFNESS, ENVELOPE, COUPLING = "range_x_um", "mass_kg", "kxx_n_per_mm", "envelope_mm", "coupling_95"
 STAGE = (ROOT / "geometry/mobility6.toml").read_text()
-HASH = Stage.model_validate(tomllib.loads(STAGE)).hash
 OTHER = STAGE.replace("[30.0, 32.0, 24.0]", "[36.0, 32.0, 24.0]")
 
 
@@ -67,7 +66,7 @@ def recorded(**changes: Any) -> Designed:
         other_stages=100_000, checked_stages=20, factor=0.9632, misfit=0.00027,
     )  # fmt: skip
     said: dict[str, Any] = {
-        "name": "Recorded", "file": "wanted.toml", "base": "base.toml", "hash": HASH, "seed": 2003, "stage": STAGE,
+        "name": "Recorded", "file": "wanted.toml", "base": "base.toml", "seed": 2003, "stage": STAGE,
         "accuracy_percent": 0.3, "design": {"neck": 0.505, "l1": 31.5}, "relaxed": {"neck": 0.5042, "l1": 31.62},
         "feasible": False, "agreed": True, "objectives": GOALS, "requirements": REQUIREMENTS,
         "alternatives": [SoleRelaxation(requirement="stiffness", relax_to=57.4, percent=4.33),
@@ -83,4 +82,5 @@ def recorded(**changes: Any) -> Designed:
         "evaluations": {"analytic": 53_345, "drawn": 17, "finite elements": 12},
         "assumed": ["stage: a key"], "not_stated": [], "warnings": ["life extrapolated"], "versions": {},
     }  # fmt: skip
-    return Designed(**(said | changes))
+    said |= changes
+    return Designed(**({"hash": Stage.model_validate(tomllib.loads(said["stage"])).hash} | said))
