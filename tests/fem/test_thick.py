@@ -202,7 +202,7 @@ def test_without_contraction_across_thickness_makes_no_difference(width: float) 
     np.testing.assert_allclose(factor(ThickHinge(0.17, width, 0.0), 1), 1.0, rtol=EXACT)
 
 
-@pytest.mark.parametrize("ratio", [0.05, 0.9])
+@pytest.mark.parametrize("ratio", [0.05, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_a_thin_hinge_is_in_plane_stress(ratio: float) -> None:
     """As the square of the thickness, which the positions of halved thicknesses show."""
     thick, thin = (sample(ThickHinge(ratio, width, NU), COARSE) for width in (0.4, 0.2))

@@ -78,6 +78,7 @@ def test_uniform_displacement_through_the_thickness_stiffens_a_thick_sheet_towar
     assert np.all((effect[10.0] > -(0.30**2)) & (effect[10.0] < -KEPT * 0.30**2))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("ccx", "solved_once")
 def test_uncoupled_sheet_is_plane_stress_at_any_thickness(six) -> None:
     thick, thin = (calculix.solve(six.mesh, six.plate, b, True).compliance for b in (23.0, six.plate.thickness))
@@ -91,15 +92,13 @@ def test_uncoupled_sheet_is_plane_stress_at_any_thickness(six) -> None:
         pytest.param(
             lambda mesh, plate: (mesh._replace(edges=mesh.edges | {"ground": mesh.edges["ground"][:-1]}), plate),
             id="an edge unclamped",
-            marks=pytest.mark.slow,
         ),
         pytest.param(
-            lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1.001]), plate),
-            id="a thousandth in geometry",
-            marks=pytest.mark.slow,
+            lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1.001]), plate), id="a thousandth in geometry"
         ),
     ],
 )
+@pytest.mark.slow
 @pytest.mark.usefixtures("ccx", "solved_once")
 def test_a_wrong_problem_is_detected(six, monkeypatch: pytest.MonkeyPatch, break_it) -> None:
     """Put before the uncoupled sheet alone; the thin one is as it was."""
