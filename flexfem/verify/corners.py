@@ -22,7 +22,7 @@ def corner_bands(resolutions: Array, values: Array) -> Array:
     Both differences between the meshes are taken to the finest by the order of the corners; the larger counts, with a
     safety factor. Of eight random driven stages on meshes of 4, 6 and 8 triangles across a neck it held ranges and
     stiffness of the drive, and drift, on one of 20 in all 68 numbers that were not round-off; `mesh_band`, of the
-    platform's order, left out 23 of them.
+    platform's order, left out 23 of them. Of eight others on 20 it held all (`benchmarks/corner_bands.py`).
     """
     return _by_order(resolutions, values, CORNER_ORDER)
 
@@ -34,7 +34,8 @@ def stress_bands(resolutions: Array, values: Array) -> Array:
     -----
     As `corner_bands`, by an order of 3. Of 48 highest neck stresses (16 stages, 14 of them random, x, y and theta) on
     meshes of 4, 6 and 8 triangles across a neck it held all on one of 32, the nearest at 0.59 of the band; the grid
-    convergence index left out 3, one by nine times its band: its finest two values happened to agree.
+    convergence index left out 3, one by nine times its band: its finest two values happened to agree. It held all 24
+    of eight other stages (`benchmarks/corner_bands.py`).
     """
     return _by_order(resolutions, values, STRESS_ORDER)
 
