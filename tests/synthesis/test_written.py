@@ -17,6 +17,7 @@ from flexfem.synthesis.requirements import load_requirements
 from .conftest import HEAD, LINK, NECK, RADIUS, best, require
 from .recorded import FRONT, STAGE, recorded
 
+DRIVE, DRIFT = "[drive]\nactuators = true\n", "[drift]\n"
 WANTED = require("kxx_n_per_mm", 60.0), best("maximise", "range_x_um"), best("maximise", "ktt_n_mm_per_rad")
 
 
@@ -121,14 +122,15 @@ def test_members_of_one_array_that_are_designed_are_named_together(load):
     assert said.startswith("assumed in part: [0, 1] designed: a test, seed 7; the others assumed")
 
 
-def test_what_is_assumed_of_stage_drive_frame_and_requirements_is_listed(load):
+@pytest.mark.parametrize(("asked", "own"), [("", set()), (DRIVE, {"actuator"}), (DRIFT, {"frame"})])
+def test_what_is_assumed_of_stage_drive_frame_and_requirements_is_listed(load, asked, own):
     source = '[provenance]\n"require[0]" = "assumed: a wish"\n"free[0]" = "measured"\n'
-    loaded = load(NECK, "[drive]\nactuators = true\n", "[drift]\n", *WANTED, source)
+    loaded = load(NECK, asked, *WANTED, source)
     said = outcome._doubts(loaded, outcome.made(loaded, np.array([0.6])))
     assert "requirements: require[0]" in said["assumed"] and "requirements: free[0]" not in said["assumed"]
     stage = [key.removeprefix("stage: ") for key in said["assumed"] if key.startswith("stage: ")]
-    assert len(stage) == len({*stage}) and "hinges.elbow.neck_mm" not in stage
-    assert {"actuator", "frame", "chain"} <= {key.partition(".")[0].partition("[")[0] for key in stage}
+    assert len(stage) == len({*stage}) and "hinges.elbow.neck_mm" not in stage and "chain.link_lengths_mm" in stage
+    assert {key.partition(".")[0].partition("[")[0] for key in stage} & {"actuator", "frame"} == own
 
 
 def test_a_record_warns_where_the_loop_ends_apart_and_where_no_stage_was_checked(load):
