@@ -30,6 +30,7 @@ from flexfem.synthesis.result import (
     Goal,
     Requirement,
     ScatteredCoupling,
+    SoleRelaxation,
     Step,
     Turn,
     Verdict,
@@ -61,7 +62,9 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     goals, kept = _goals(found, last), _kept(found, last, costs)
     stage = made(loaded, last.values)
     of = loaded.requirements
-    missed = [] if reached else list(alternatives(found.model.changed(guard=None), last.values, of.seed))
+    missed = list[SoleRelaxation]()
+    if not reached and any(each.verdict == "missed" for each in kept):
+        missed += alternatives(found.model.changed(guard=None), last.values, of.seed)
     best_of_both = _front(found, elements, say) if model.objectives > 1 and reached else []
     return Designed(
         name=of.name,

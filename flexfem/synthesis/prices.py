@@ -54,9 +54,14 @@ def prices(model: Model, relaxed: Array) -> Prices:
 
 
 def sensitivities(model: Model, values: Array) -> Array:
-    """Change (d, q) of the quantities of a design in per cent for 1 % of each dimension, central; nan where lost."""
+    """Change (d, q) of the quantities of a design in per cent for 1 % of each dimension; nan where lost.
+
+    Central, and where one side has no answer, as at bodies that touch, by the other.
+    """
     d = len(values)
     steps = np.diag(STEP * values)
     around = model.found(np.vstack([values - steps, values + steps, values[None]])).quantities
     with np.errstate(all="ignore"):
-        return np.asarray((around[d : 2 * d] - around[:d]) / (2 * STEP) / around[-1])
+        both = (around[d : 2 * d] - around[:d]) / (2 * STEP)
+        one = np.where(np.isnan(around[:d]), around[d : 2 * d] - around[-1], around[-1] - around[:d]) / STEP
+        return np.asarray(np.where(np.isnan(both), one, both) / around[-1])

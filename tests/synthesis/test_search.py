@@ -144,6 +144,15 @@ def test_a_price_where_no_design_keeps_1_percent_more_is_at_the_rate_of_less(loa
     assert just == pytest.approx(price_of(load, require("kxx_n_per_mm", stiffest / 1.02)), rel=0.02)
 
 
+def test_where_bodies_touch_sensitivities_are_by_the_side_that_has_an_answer(load):
+    """A link as wide as its base hinges are high, 8 mm + 0.5 mm: narrower, or with wider necks, there is no stage."""
+    neck = NECK.replace("hinges.elbow", "hinges.base")
+    width = '[[free]]\nlabel = "w"\nkey = "chain.link_width_mm"\nfrom = 8.0\nto = 9.0\n'
+    model = Model(load(neck, width, best("minimise", "kxx_n_per_mm")))
+    touching, apart = (sensitivities(model, np.array([0.5, w]))[0, 0] for w in (8.5, 8.9))
+    assert apart == pytest.approx(touching, rel=1e-3) and abs(apart) > 0.1
+
+
 def test_steps_are_kept_and_no_neighbour_is_better(load):
     pieces = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
     model = Model(load(*pieces, require("kxx_n_per_mm", STIFFNESS), RANGE))
