@@ -25,7 +25,8 @@ from .conftest import LINK, NECK, RADIUS, ROOT, best, require
 
 NECK_MM, RADIUS_MM = "hinges.elbow.neck_mm", "hinges.elbow.radius_mm"
 CIRCLE = f"({NECK_MM} / 0.7) ** 2 + ({RADIUS_MM} / 4.0) ** 2"  # 0.18 to 0.84 and 0.14 to 1 of it within the ends
-LINK_MM = "chain.link_lengths_mm[0]"
+LINK_MM, OTHER_MM = "chain.link_lengths_mm[0]", "chain.link_lengths_mm[1]"
+OTHER = LINK.replace("l1", "l2").replace(LINK_MM, OTHER_MM)
 BOTH = best("maximise", NECK_MM) + best("maximise", RADIUS_MM)
 LONGEST = best("maximise", LINK_MM)
 
@@ -122,6 +123,30 @@ def test_the_front_of_three_lengths_within_an_ellipsoid_is_the_ellipsoid(load):
     assert t**2 + R**2 + length**2 == pytest.approx(np.full(9, 1.6), abs=1e-5)
     widest = (1.6 - (0.3 / 0.7) ** 2 - (26 / 40) ** 2) ** 0.5
     assert [t.max(), R.max(), length.max()] == pytest.approx([1.0, widest, 1.0], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_front_of_four_lengths_within_an_ellipsoid_is_the_ellipsoid(load):
+    """The largest neck, radius and two links with (t/0.7)^2 + (R/4)^2 + (l1/40)^2 + (l2/40)^2 <= 1.9.
+
+    Links reach the ends of their ranges; neck and radius what the least of the others, 0.3, 1.5 and 26, leave.
+    """
+    pytest.importorskip("pymoo")
+    lengths = f"{CIRCLE} + ({LINK_MM} / 40) ** 2 + ({OTHER_MM} / 40) ** 2"
+    loaded = load(NECK, RADIUS, LINK, OTHER, require(lengths, None, 1.9), BOTH + LONGEST + best("maximise", OTHER_MM))
+    sizes = np.array([0.7, 4.0, 40.0, 40.0])
+    found = np.array(front_of_many(Model(loaded), np.array([0.5, 2.5, 30.0, 30.0]), 24, 3)) / sizes
+    assert len(found) == 24
+    assert np.sum(found**2, axis=1) == pytest.approx(np.full(24, 1.9), abs=1e-5)
+    least = np.array([0.3, 1.5, 26.0, 26.0]) / sizes
+    most = np.minimum(1.0, np.sqrt(1.9 - np.sum(least**2) + least**2))
+    assert most == pytest.approx([0.9562, 0.9334, 1.0, 1.0], abs=1e-4)
+    assert found.max(axis=0) == pytest.approx(most, abs=1e-4)
+    grid = np.stack(np.meshgrid(*np.linspace(least[:3], 1, 41).T), axis=-1).reshape(-1, 3)
+    last = np.sqrt(np.maximum(1.9 - np.sum(grid**2, axis=1), 0.0))
+    known = np.column_stack([grid, last])[(last >= least[3]) & (last <= 1)]
+    far = np.linalg.norm((known[:, None] - found) / (most - least), axis=2).min(axis=1)
+    assert len(known) > 10_000 and far.max() < 0.5
 
 
 @pytest.mark.slow
