@@ -1,9 +1,11 @@
-"""Plane finite elements of a stage that warms: initial strains, a frame that carries the pads, one factorisation.
+"""Plane finite elements of a stage that warms on a frame that carries the pads, with one factorisation.
 
 The stress is `D (e(u) - e0)` with the free thermal strain e0. Uniform changes and linear gradients of temperature leave
 a free body of one metal without stress: `u0 = alpha (x, y)` per kelvin, `alpha ((x^2 - y^2)/2, x y)` and
 `alpha (x y, (y^2 - x^2)/2)` per K/mm along x and y. The strain of their interpolation is taken for e0, so that this is
-so on curved triangles too. The hub, rigid otherwise, grows as the metal does; the clamped edges move as the frame does.
+so on curved triangles too. What is solved for is `u - u0`, which the clamped edges impose, moving as the frame does and
+not as the metal would: formed as a difference it would lose its digits where both expand nearly alike. The hub, rigid
+otherwise, grows as the metal does.
 """
 
 from __future__ import annotations
@@ -16,12 +18,10 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import NODES, StageMesh, gradients
 from flexfem.fem.plane_stress import (
-    ElementBatch,
     Plate,
-    add_nodal_forces,
     integration,
+    internal_forces,
     matrices_of,
-    slopes_of,
     stress_tensor,
     tied_lower,
 )
@@ -57,47 +57,31 @@ def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_e
     """
     batches, tied, shape = integration(mesh), tie_hub(mesh), free_displacement(mesh.nodes)
     solve = factorise(tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid))
-    ground, free = np.unique(mesh.edges["ground"]), stage_expansion * shape
-    given = np.zeros_like(free)
-    given[:, ground], given[:, tied.hub] = frame_expansion * shape[:, ground], free[:, tied.hub]
-    strains = [slopes_of(batch, free) for batch in batches]
+    ground, given = np.unique(mesh.edges["ground"]), np.zeros_like(shape)
+    given[:, ground] = (frame_expansion - stage_expansion) * shape[:, ground]
     motion = np.zeros((2 * len(tied.free) + 3, 3))
-    motion[:-3] = free[:, tied.free].reshape(3, -1).T
     for _ in range(MOST_SOLVES):
-        fields = given + tied.fields(motion)
-        forces = thermal_forces(batches, plate, fields, strains)
-        unbalanced = _imbalance(mesh, ground, fields - free, forces)
+        elastic = given + tied.fields(motion)
+        forces = internal_forces(batches, plate, elastic)
+        unbalanced = _imbalance(mesh, ground, elastic, forces)
         if unbalanced <= SETTLED:
             break
         motion = motion - solve(tied.loads(forces))
     if not unbalanced <= BALANCE:
         raise ComputationFailed(
-            f"solution refused: reactions, or strain energy and work, of the warm stage differ by {unbalanced:.2g}, "
+            f"solution refused: reactions, or strain energy and work, of the warm stage differ by {unbalanced:.3g}, "
             f"expected at most {BALANCE:g}"
         )
-    return HeatResponse(motion[-3:], fields, thermal_stress(mesh, plate, fields, free), _reactions(mesh, forces))
+    fields = elastic + stage_expansion * shape
+    return HeatResponse(motion[-3:], fields, nodal_stress(mesh, plate, elastic), _reactions(mesh, forces))
 
 
-def thermal_forces(batches: list[ElementBatch], plate: Plate, fields: Array, strains: list[Array]) -> Array:
-    """Nodal forces (k, n, 2), N, that hold displacements (k, n, 2), mm, with initial strains, by batch (k, e, 2, 2, q).
-
-    Notes
-    -----
-    `f = b int B' D (e(u) - e0) dA`; of initial strains alone, the negative of their load.
-    """
-    forces = np.zeros_like(fields)
-    for batch, strain in zip(batches, strains, strict=True):
-        add_nodal_forces(forces, batch, plate, stress_tensor(plate, slopes_of(batch, fields) - strain))
-    return forces
-
-
-def thermal_stress(mesh: StageMesh, plate: Plate, fields: Array, free: Array) -> Array:
+def nodal_stress(mesh: StageMesh, plate: Plate, elastic: Array) -> Array:
     """Stress (k, n, 3), MPa, as xx, yy, xy at the nodes, averaged over the triangles around each.
 
-    fields, free : (k, n, 2), mm, the displacements, and those without stress.
+    elastic : (k, n, 2), mm, the displacements beyond those without stress.
     """
-    difference = fields - free
-    relative = difference[:, mesh.triangles] - difference[:, mesh.triangles[:, :1]]
+    relative = elastic[:, mesh.triangles] - elastic[:, mesh.triangles[:, :1]]
     found, _ = gradients(mesh.nodes[mesh.triangles], NODES)
     stress = stress_tensor(plate, np.einsum("keia,eibq->keabq", relative, found, optimize=True))
     around, where = np.bincount(mesh.triangles.ravel()), mesh.triangles.ravel()

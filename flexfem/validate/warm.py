@@ -7,9 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.heat import free_displacement, thermal_forces
+from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh, quadrature, shape_functions
-from flexfem.fem.plane_stress import QUADRATURE, ElementBatch, Plate, integration, slopes_of, stress_tensor
+from flexfem.fem.plane_stress import (
+    QUADRATURE,
+    ElementBatch,
+    Plate,
+    add_nodal_forces,
+    integration,
+    slopes_of,
+    stress_tensor,
+)
 from flexfem.fem.problem import Support, mapped, nodes_on, on_chords, solve
 from flexfem.validate.records import Finding
 
@@ -46,8 +54,10 @@ def ring(columns: int, rows: int, inner: float, outer: float) -> StageMesh:
 def warmed(mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[Support]) -> Warmed:
     """Solve for initial strains by batch (1, e, 2, 2, q)."""
     batches = integration(mesh)
-    load = -thermal_forces(batches, plate, np.zeros((1, *mesh.nodes.shape)), strains)[0]
-    field = solve(mesh, plate, load, supports).field
+    load = np.zeros((1, *mesh.nodes.shape))
+    for batch, strain in zip(batches, strains, strict=True):
+        add_nodal_forces(load, batch, plate, stress_tensor(plate, strain))
+    field = solve(mesh, plate, load[0], supports).field
     slopes = (slopes_of(batch, field[None]) - strain for batch, strain in zip(batches, strains, strict=True))
     return Warmed(field, [stress_tensor(plate, each)[0] for each in slopes])
 
