@@ -22,7 +22,8 @@ def corner_bands(resolutions: Array, values: Array) -> Array:
     Both differences between the meshes are taken to the finest by the order of the corners; the larger counts, with a
     safety factor. Of eight random driven stages on meshes of 4, 6 and 8 triangles across a neck it held ranges and
     stiffness of the drive, and drift, on one of 20 in all 68 numbers that were not round-off; `mesh_band`, of the
-    platform's order, left out 23 of them. Of eight others on 20 it held all (`benchmarks/corner_bands.py`).
+    platform's order, left out 23 of them. Of eight others on 20 it held all whose truth these meshes settle
+    (`benchmarks/corner_bands.py`).
     """
     return _by_order(resolutions, values, CORNER_ORDER)
 
