@@ -19,7 +19,8 @@ LETTERS = 8.5  # points
 ROOM = 1.55  # of the longest bar, for its number
 SAID = (
     "Change of each quantity in per cent for 1 % more of one dimension, the others kept: logarithmic derivatives of "
-    "the corrected model at the design, by central differences; steps of a shop are left aside."
+    "the corrected model at the design, by central differences, or one-sided ones where only one side can be made; "
+    "steps of a shop are left aside."
 )
 
 

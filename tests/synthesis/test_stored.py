@@ -9,6 +9,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import flexfem as api
 from flexfem.commands.design import print_design
@@ -107,12 +108,25 @@ def test_a_design_whose_parts_do_not_belong_together_is_refused(stored, tmp_path
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.usefixtures("unrendered")
-def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem):
+def written_on(figure):
+    """All words of a figure."""
+    return " ".join(text.get_text() for text in figure.findobj(Text))
+
+
+def test_a_stored_design_is_drawn_as_when_it_was_found(stored, tmp_path, flexfem, monkeypatch):
+    monkeypatch.setattr("flexfem.plot.write.rendered", lambda figure, form: written_on(figure).encode())
     code, out, _ = flexfem("plot", stored, "-o", tmp_path / "drawn")
     names = [f"wanted-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
     assert code == 0 and out.split() == [str(tmp_path / "drawn" / name) for name in names]
     assert sorted(names) == sorted(path.name for path in (tmp_path / "drawn").iterdir())
+    said = {
+        "": "margins of the requirements",
+        "-sensitivity": "for 1 % more of one dimension",
+        "-front": "by its number",
+    }
+    for part in said:
+        shown = " ".join((tmp_path / "drawn" / f"wanted-design{part}.png").read_text().split())
+        assert [words in shown for words in said.values()] == [other == part for other in said]
     code, out, err = flexfem("plot", stored, "--displacement", "-o", tmp_path / "none")
     assert (code, out) == (2, "") and "--displacement with a design" in err and not (tmp_path / "none").exists()
 
