@@ -16,13 +16,13 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import NODES, StageMesh, gradients
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import (
     Plate,
     integration,
     internal_forces,
     matrices_of,
-    stress_tensor,
+    nodal_stress,
     tied_lower,
 )
 from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, tie_hub
@@ -72,21 +72,8 @@ def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_e
             f"solution refused: reactions, or strain energy and work, of the warm stage differ by {unbalanced:.3g}, "
             f"expected at most {BALANCE:g}"
         )
-    fields = elastic + stage_expansion * shape
-    return HeatResponse(motion[-3:], fields, nodal_stress(mesh, plate, elastic), _reactions(mesh, forces))
-
-
-def nodal_stress(mesh: StageMesh, plate: Plate, elastic: Array) -> Array:
-    """Stress (k, n, 3), MPa, as xx, yy, xy at the nodes, averaged over the triangles around each.
-
-    elastic : (k, n, 2), mm, the displacements beyond those without stress.
-    """
-    relative = elastic[:, mesh.triangles] - elastic[:, mesh.triangles[:, :1]]
-    found, _ = gradients(mesh.nodes[mesh.triangles], NODES)
-    stress = stress_tensor(plate, np.einsum("keia,eibq->keabq", relative, found, optimize=True))
-    around, where = np.bincount(mesh.triangles.ravel()), mesh.triangles.ravel()
-    parts = (stress[:, :, 0, 0], stress[:, :, 1, 1], stress[:, :, 0, 1])
-    return np.stack([np.stack([np.bincount(where, each.ravel()) / around for each in part]) for part in parts], axis=-1)
+    stress = np.stack([nodal_stress(mesh, plate, each) for each in elastic])
+    return HeatResponse(motion[-3:], elastic + stage_expansion * shape, stress, _reactions(mesh, forces))
 
 
 def _imbalance(mesh: StageMesh, ground: Index, elastic: Array, forces: Array) -> float:
