@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.analytic.model import DEFAULT_FORMULA, choose, model_of
 from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
@@ -52,14 +52,17 @@ def load(path: Path) -> Stage:
 
 
 def analyse(
-    stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
+    stage: Stage, mobility: int | None = None, formula: str | None = None, links: bool = False
 ) -> AnalyticModel:
     """The analytic model of a stage at rest.
+
+    Without mobility, formula and links it has calibrated hinges, corrected for their thickness unless the stage file
+    states a `model`, and elastic links. With any of them it is the paper's model with that change.
 
     Parameters
     ----------
     mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself.
-    formula : a name of `flexfem.formulas()`.
+    formula : a name of `flexfem.formulas()`; None takes `paros-weisbord`.
     links : pads, links and platform elastic, with all freedoms of the hinges (mobility 21 or None).
 
     Raises
@@ -81,8 +84,10 @@ def analyse(
     array([2.14, 0.  , 0.  ])
     """
     check_feasible(stage)
-    found = analyse_stage(stage, mobility, formula, links)
-    return AnalyticModel(stage, found.stiffness, found.compliance, found.mobility, formula, links, found)
+    chosen = choose(stage, model_of(mobility, formula, links), [])
+    found = analyse_stage(*chosen)
+    of = (found.mobility, found.formula, found.links)
+    return AnalyticModel(stage, found.stiffness, found.compliance, *of, chosen, found)
 
 
 def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
@@ -129,8 +134,9 @@ def errors(
     -----
     The load on both is `K du`, (18); bands as of `converge`, of the whole compliance matrix.
     """
+    check_feasible(stage)
     resolution = arguments.resolution(resolution, 4)
-    model = analyse(stage, mobility, formula, links)
+    model = analyse_stage(stage, mobility, formula, links)
     meshes = [solve(stage, level) for level in levels(resolution)]
     found = np.array([mesh.compliance for mesh in meshes])
     return Errors(*error_bands(model.stiffness, found, levels(resolution), stage.chain.link_lengths[2]))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.analytic.chains import range_at_yield
-from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.model import AnalyticResult, ModelChoice
 from flexfem.analytic.stiffness import apply
 from flexfem.arguments import vectors
 from flexfem.arrays import Array
@@ -58,11 +58,13 @@ class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` gives it.
 
     mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are elastic.
+    chosen : what the result is of; its stage has the plane model that was taken.
     """
 
     mobility: int
     formula: str
     links: bool
+    chosen: ModelChoice
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
@@ -73,7 +75,7 @@ class AnalyticModel(PlatformModel):
         `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `chains.concentration`, which states how far it is from finite
         elements.
         """
-        return self.result.neck_stress(self.stage, vectors("pose", pose))
+        return self.result.neck_stress(self.chosen.stage, vectors("pose", pose))
 
     @property
     def range_at_yield(self) -> Array:
@@ -133,7 +135,7 @@ class ElementModel(PlatformModel):
     @property
     def warnings(self) -> list[str]:
         """Where the answers leave what they are meant for, one plain sentence each."""
-        return warning.of_numbers(self.stage)
+        return [*warning.of_numbers(self.stage), *warning.of_thickness(self.stage)]
 
     def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
         """Draw the displaced stage with its von Mises stress under one load (3,).

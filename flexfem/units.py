@@ -8,6 +8,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
+PLANES = {  # how a stage is made a plane problem
+    "plane_stress": "plane stress",
+    "plane_strain": "plane strain",
+    "corrected": "corrected for thickness",
+}
 PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
 ROUND_DOWN = 1e-9  # a thousandth less round-off takes the next smaller prefix no more than 1.0000 does
 

@@ -17,11 +17,13 @@ from flexfem.analytic.notch import ChartedFormula, Compliance
 from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
 from flexfem.arrays import Array, inverse
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.stage.cache import once
 from flexfem.stage.content import key_of
 from flexfem.stage.designs import Designs, lower, stage_frames
 from flexfem.stage.feasibility import Broken, check_closed_form
 from flexfem.stage.origin import located
-from flexfem.stage.tables import HINGE_NAMES
+from flexfem.stage.tables import HINGE_NAMES, Plane
+from flexfem.units import PLANES
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -57,6 +59,7 @@ class AnalyticResult(NamedTuple):
     in_range : (3, 3), whether t/R is within the range of the formula.
     links : whether pads, links and platform are elastic.
     wrench, stress : as in `AtRest`, (3 chains, 3 hinges, 3 directions).
+    plane : how the stage is made a plane problem.
     """
 
     stiffness: Array
@@ -69,11 +72,12 @@ class AnalyticResult(NamedTuple):
     links: bool
     wrench: Wrench
     stress: Array
+    plane: Plane
 
     @property
     def name(self) -> str:
-        """Formula and mobility, in words."""
-        return f"{self.formula}, elastic links" if self.links else f"{self.formula}, mobility {self.mobility}"
+        """Formula, freedoms and plane model, in words."""
+        return _name(self.formula, self.links, self.mobility, self.plane)
 
     def neck_stress(self, stage: Stage, poses: Array) -> Array:
         """Largest von Mises stress (..., 3 chains, 3 hinges), MPa, with the platform of its stage at poses (..., 3)."""
@@ -171,7 +175,68 @@ def analyse(
         )
     wrench, stress = Wrench(*(part[0] for part in found.wrench)), found.stress[0]
     of_model = (mobility_of(freedoms), freedoms, formula, hinges, inside, links)
-    return AnalyticResult(K, inverse(K), *of_model, wrench, stress)
+    return AnalyticResult(K, inverse(K), *of_model, wrench, stress, stage.model)
+
+
+class ModelChoice(NamedTuple):
+    """What `analyse` takes; the `model` of the stage may differ from that of its file."""
+
+    stage: Stage
+    mobility: int | None
+    formula: str
+    links: bool
+
+    @property
+    def name(self) -> str:
+        """Formula, freedoms and plane model, in words."""
+        mobility = self.stage.mobility if self.mobility is None else self.mobility
+        return _name(self.formula, self.links, mobility, self.stage.model)
+
+
+def model_of(mobility: int | None, formula: str | None, links: bool) -> tuple[int | None, str, bool] | None:
+    """Mobility, formula and elastic links that were asked for; None when nothing was. Raises BadInput."""
+    name = DEFAULT_FORMULA if formula is None else formula
+    formulas.formula(name)
+    return (mobility, name, links) if formula is not None or mobility is not None or links else None
+
+
+def choose(stage: Stage, asked: tuple[int | None, str, bool] | None, warnings: list[str]) -> ModelChoice:
+    """The model asked for, of the plane of the stage's file, and `best_model` where nothing was."""
+    return ModelChoice(stage, *asked) if asked else best_model(stage, warnings)
+
+
+def best_model(stage: Stage, warnings: list[str], formula: str | None = None) -> ModelChoice:
+    """The model of every question that names none: calibrated hinges, elastic links, hinges corrected for thickness.
+
+    A `model` that the stage file states is kept. Where a chart does not reach a hinge, the default formula or plane
+    stress is taken, and a warning is added.
+
+    Parameters
+    ----------
+    formula : of the hinges, instead of the calibrated one.
+    """
+    if formula is None:
+        try:
+            hinge_compliance(stage, CALIBRATED)
+            formula = CALIBRATED
+        except BadInput as refusal:
+            warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is taken instead")
+            formula = DEFAULT_FORMULA
+    if "model" not in stage.model_fields_set:
+        try:
+            hinge_compliance(thick(stage), formula)
+            stage = thick(stage)
+        except BadInput as refusal:
+            warnings.append(f"{refusal.reason}; {PLANES[stage.model]} is taken instead")
+    return ModelChoice(stage, None, formula, True)
+
+
+@once
+def thick(stage: Stage) -> Stage:
+    """The same stage with its hinges corrected for their thickness."""
+    found = stage.model_copy(update={"model": "corrected"})
+    found.__dict__["origin"] = stage.origin
+    return found
 
 
 def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
@@ -200,6 +265,10 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
             with located(stage):
                 raise BadInput(_sentence(reason, stage, formula, chain + 1, position))
     return Compliance(*(part[0] for part in found))
+
+
+def _name(formula: str, links: bool, mobility: int, plane: Plane) -> str:
+    return f"{formula}, {'elastic links' if links else f'mobility {mobility}'}, {PLANES[plane]}"
 
 
 def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int) -> str:

@@ -49,7 +49,7 @@ def summary(
 def stiffness(
     stage: StageFile,
     mobility: Annotated[int | None, typer.Option(help="3, 6, 12 or 21; default: the file's prismatic hinges.")] = None,
-    formula: Annotated[str, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = "paros-weisbord",
+    formula: Annotated[str | None, typer.Option(help="Hinge formula by name; a wrong one lists them.")] = None,
     links: Annotated[bool, typer.Option("--links", help="Elastic links, pads and platform; mobility 21.")] = False,
     necks: Annotated[
         Path | None, typer.Option(help="Nine measured necks, CSV or TOML: also of the stage as it was made.")
@@ -58,7 +58,10 @@ def stiffness(
     resolution: Resolution = None,
     json: Json = False,
 ) -> None:
-    """Platform stiffness by the analytic model, (16) to (18), and neck stress per displacement."""
+    """Platform stiffness by the analytic model, (16) to (18), and neck stress per displacement.
+
+    By default the model has calibrated hinges, corrected for thickness, and elastic links.
+    """
     from flexfem.reports import stage as reports
     from flexfem.stage.schema import load_feasible
 

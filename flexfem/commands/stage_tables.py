@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from flexfem.commands.tables import DIRECTIONS, ends, people, plane_model, print_ending, table
-from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, RATE, STIFFNESSES, STRESS, STRESSES
+from flexfem.commands.tables import DIRECTIONS, ends, people, print_ending, table
+from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, PLANES, RATE, STIFFNESSES, STRESS, STRESSES
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def print_stage(of: StageReport) -> None:
     """Print what `check` found."""
     out = people()
     chains = "alike" if of.chains_alike else "differ"
-    out.print(f"{of.name}: mobility {of.mobility}, chains {chains}, {plane_model(of.model)}")
+    out.print(f"{of.name}: mobility {of.mobility}, chains {chains}, {PLANES[of.model]}")
     x, y, R, t = (f"{name} {LENGTH}" for name in ("x", "y", "R", "t"))
     head = ("chain", "hinge", x, y, f"axis {DEGREE.plain}", R, t, "freedoms")
     out.print(table(head, map(_hinge, of.hinges)))
@@ -64,13 +64,16 @@ def print_summary(of: Summary) -> None:
 
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"
-    out.print(f"{of.name}: mobility {of.mobility}, {plane_model(of.model)}, {strength}")
+    out.print(f"{of.name}: mobility {of.mobility}, {strength}")
     columns = ("stiffness", "safe range", "force there", "stress per displacement", "first to yield")
     for source in dict.fromkeys(of.material.values()):
         out.print(f"{', '.join(key for key, text in of.material.items() if text == source)}: {source}")
     for side in (of.analytic, of.elements):
         if side is not None:
             out.print(table((side.model, *columns), _limits(side)))
+    if of.thickness is not None:
+        effect = ", ".join(f"{value:+.3g} % in {axis}" for axis, value in of.thickness.model_dump().items())
+        out.print(f"thickness: three-dimensional hinges change the stiffness in {PLANES[of.plane]} by {effect}")
     if of.accuracy:
         out.print(of.accuracy)
     out.print("safe range: the other directions held, until the first neck yields; force: along the displacement there")

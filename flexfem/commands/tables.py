@@ -10,6 +10,7 @@ from flexfem.units import (
     COMPLIANCES,
     FORCES,
     LENGTH,
+    PLANES,
     POSES,
     STIFFNESSES,
     STRESS,
@@ -60,17 +61,12 @@ def numbers(values: Sequence[float], units: Sequence[Unit]) -> str:
     return ", ".join(f"{value * unit.factor:z.5g} {unit.plain}" for value, unit in zip(values, units, strict=True))
 
 
-def plane_model(model: str) -> str:
-    """How the stage is made a plane problem, in words."""
-    words = {"plane_stress": "plane stress", "plane_strain": "plane strain"}
-    return words.get(model, "plane stress corrected by the thickness chart")
-
-
 def print_stiffness(of: StiffnessReport) -> None:
     """Print what `stiffness` found."""
     out = people()
     outside = "" if of.formula_in_range else " (outside its range of t/R at some hinge)"
-    out.print(f"{of.name}: analytic model, mobility {of.mobility}, {of.formula}{outside}, {plane_model(of.model)}")
+    freedoms = "elastic links" if of.links else f"mobility {of.mobility}"
+    out.print(f"{of.name}: analytic model, {of.formula}{outside}, {freedoms}, {PLANES[of.model]}")
     _print_matrix(out, f"stiffness K_uu, {_both(STIFFNESSES)}", of.stiffness)
     _print_matrix(out, f"compliance C_uu, {_both(COMPLIANCES)}", of.compliance)
     out.print("highest neck stress per displacement, the others held:")
@@ -96,7 +92,7 @@ def _peak(stress: Array, unit: Unit, band: str = "") -> str:
 def print_load(of: LoadReport) -> None:
     """Print what `solve` found."""
     out = people()
-    out.print(f"{of.name}: finite elements, {plane_model(of.model)}, {of.triangles} triangles, {of.unknowns} unknowns")
+    out.print(f"{of.name}: finite elements, {PLANES[of.model]}, {of.triangles} triangles, {of.unknowns} unknowns")
     _print_matrix(out, f"stiffness, {_both(STIFFNESSES)}", of.stiffness)
     _print_matrix(out, f"compliance, {_both(COMPLIANCES)}", of.compliance)
     if any(of.force):

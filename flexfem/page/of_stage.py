@@ -10,6 +10,7 @@ import numpy as np
 from flexfem import api
 from flexfem.analytic.fatigue import required_law
 from flexfem.analytic.heat import require_expansion
+from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
@@ -41,7 +42,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
     def elements() -> PageSection:
         both = summary(stage, elements=True)
         assert both.elements is not None
-        own = stiffness(stage).stiffness
+        own = stiffness(stage, formula=DEFAULT_FORMULA).stiffness
         return answers.elements_section(api.solve(stage), both.elements, api.errors(stage), own)
 
     def driven() -> PageSection | None:

@@ -11,13 +11,12 @@ from flexfem.page.drawn import shown_figure
 from flexfem.page.section import Content, PageSection, facts, notes, table
 from flexfem.plot.dimensions import drawing_figure
 from flexfem.plot.told import hinge_spots
-from flexfem.units import DEGREE, LENGTH, MICROMETRE, RATE, STRESS, UNITS
+from flexfem.units import DEGREE, LENGTH, MICROMETRE, PLANES, RATE, STRESS, UNITS
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
     from flexfem.verify.stage_report import PlacedActuator, StageReport
 
-PLANE = {"plane_stress": "plane stress", "plane_strain": "plane strain", "corrected": "corrected for its thickness"}
 TAG = Markup('<span class="tag">{}</span>')
 
 
@@ -28,7 +27,7 @@ def asked_section(stage: Stage, found: StageReport, sections: list[str]) -> Page
         ("file", found.file or "none, made in Python"),
         ("hash of its content", Markup("<code>{}</code>").format(found.hash[:16])),
         ("mobility by (1)", f"{found.mobility}; chains {'alike' if found.chains_alike else 'differ'}"),
-        ("modelled in", PLANE.get(found.model, found.model)),
+        ("modelled in", PLANES[found.model]),
         ("thickness", f"{stage.thickness:g} {LENGTH}"),
         (
             "material",

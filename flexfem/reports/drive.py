@@ -5,6 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from flexfem import arguments
+from flexfem.analytic.model import model_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.reports.given import (
     LARGEST_AMPLITUDE,
@@ -13,7 +14,6 @@ from flexfem.reports.given import (
     RESOLUTION,
     Progress,
     finest_of,
-    model_of,
     solver,
 )
 from flexfem.stage.feasibility import check_feasible

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA
 
 if TYPE_CHECKING:
     from flexfem.stage.schema import Stage
@@ -24,15 +23,6 @@ LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
 LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
 Progress = Callable[[str], object]
 PathLike = str | os.PathLike[str]
-
-
-def model_of(mobility: int | None, formula: str | None, links: bool) -> tuple[int | None, str, bool] | None:
-    """The model asked for; None, for calibrated hinges and elastic links, when nothing was. Raises BadInput."""
-    from flexfem.analytic import formulas
-
-    name = DEFAULT_FORMULA if formula is None else formula
-    formulas.formula(name)
-    return (mobility, name, links) if formula is not None or mobility is not None or links else None
 
 
 def finest_of(resolution: int | None, least: int = 2) -> int | None:

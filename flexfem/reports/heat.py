@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from flexfem.reports.given import RESOLUTION, Progress, finest_of, meshed_solid, model_of
+from flexfem.analytic.model import model_of
+from flexfem.reports.given import RESOLUTION, Progress, finest_of, meshed_solid
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify import drift as verify_drift

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.refusals import checked_path
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, PathLike, finest_of, solver
@@ -38,7 +37,7 @@ def check(stage: Stage) -> StageReport:
 def stiffness(
     stage: Stage,
     mobility: int | None = None,
-    formula: str = DEFAULT_FORMULA,
+    formula: str | None = None,
     links: bool = False,
     resolution: int | None = None,
 ) -> StiffnessReport:
@@ -59,22 +58,24 @@ def stiffness(
     >>> found.formula_in_range, found.stiffness.shape
     (True, (3, 3))
     """
-    from flexfem.analytic import formulas
     from flexfem.analytic.kinematics import freedoms_of
-    from flexfem.analytic.model import analyse
+    from flexfem.analytic.model import analyse, choose, model_of
     from flexfem.verify.answers import report_stiffness
 
     check_feasible(stage)
-    formulas.formula(formula)
+    asked, finest, warnings = model_of(mobility, formula, links), finest_of(resolution, 4), list[str]()
     freedoms_of(mobility or 3)
     if links and mobility not in (None, 21):
         raise BadInput(f"links with mobility {mobility}, expected 21 or none: elastic links go with all freedoms")
-    finest, result = finest_of(resolution, 4), analyse(stage, mobility, formula, links)
+    chosen = choose(stage, asked, warnings)
+    result = analyse(*chosen)
     if finest is None:
-        return report_stiffness(stage, result)
+        return report_stiffness(chosen.stage, result, None, warnings)
+    from flexfem.verify import warning
     from flexfem.verify.summary import banded_stress
 
-    return report_stiffness(stage, result, banded_stress(stage, finest, solver()))
+    warnings += warning.of_thickness(stage)
+    return report_stiffness(chosen.stage, result, banded_stress(stage, finest, solver()), warnings)
 
 
 def summary(stage: Stage, formula: str | None = None, elements: bool = False, resolution: int = RESOLUTION) -> Summary:
@@ -140,7 +141,7 @@ def as_built(
     stage: Stage,
     necks: PathLike,
     mobility: int | None = None,
-    formula: str = DEFAULT_FORMULA,
+    formula: str | None = None,
     links: bool = False,
 ) -> AsBuilt:
     """The stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
@@ -155,9 +156,10 @@ def as_built(
     BadInput, ComputationFailed
         As `flexfem.analyse`; the file cannot be used, or the stage not made with these necks.
     """
-    from flexfem.analytic import formulas
+    from flexfem.analytic.model import choose, model_of
     from flexfem.verify import as_built as verify
 
     check_feasible(stage)
-    formulas.formula(formula)
-    return verify.as_built(stage, verify.read_necks(checked_path(necks), stage), mobility, formula, links)
+    asked, warnings = model_of(mobility, formula, links), list[str]()
+    measured = verify.read_necks(checked_path(necks), stage)
+    return verify.as_built(choose(stage, asked, warnings), measured, warnings)

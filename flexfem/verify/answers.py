@@ -7,6 +7,7 @@ x, y, theta.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
 from flexfem.stage.origin import of_stage
 from flexfem.stage.schema import Stage
+from flexfem.stage.tables import Plane
 from flexfem.verify import warning
 
 if TYPE_CHECKING:
@@ -47,8 +49,9 @@ class StiffnessReport(NamedTuple):
     file: str
     name: str
     units: str
-    model: str
+    model: Plane
     mobility: int
+    links: bool
     formula: str
     formula_source: str
     formula_in_range: bool
@@ -87,7 +90,7 @@ class LoadReport(NamedTuple):
     file: str
     name: str
     units: str
-    model: str
+    model: Plane
     resolution: int
     triangles: int
     unknowns: int
@@ -103,14 +106,17 @@ class LoadReport(NamedTuple):
     not_stated: list[str]
 
 
-def report_stiffness(stage: Stage, result: AnalyticResult, elements: BandedStress | None = None) -> StiffnessReport:
-    """The analytic model of a stage with what is to be known of it, and the neck stress by finite elements."""
+def report_stiffness(
+    stage: Stage, result: AnalyticResult, elements: BandedStress | None = None, warnings: Sequence[str] = ()
+) -> StiffnessReport:
+    """An analytic model with what is to be known of it, `warnings` on its choice, and the neck stress by elements."""
     return StiffnessReport(
         **of_stage(stage),
         units=UNITS,
-        model=stage.model,
+        model=result.plane,
         mobility=result.mobility,
         formula=result.formula,
+        links=result.links,
         formula_source=FORMULAS[result.formula].source,
         formula_in_range=bool(np.all(result.in_range)),
         stiffness=result.stiffness,
@@ -119,7 +125,7 @@ def report_stiffness(stage: Stage, result: AnalyticResult, elements: BandedStres
         neck_stress=result.stress,
         stress_accuracy=warning.stress_accuracy(result.formula, result.links),
         elements=elements,
-        warnings=[*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
+        warnings=[*warnings, *warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
     )
 
 
@@ -153,5 +159,5 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
         reaction=case.reaction,
         energy=case.energy,
         neck_stress=case.neck_stress,
-        warnings=[*doubts, *warning.of_motion(stage, case.pose, where)],
+        warnings=[*warning.of_thickness(stage), *doubts, *warning.of_motion(stage, case.pose, where)],
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
@@ -11,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, analyse, at_rest, hinge_compliances
+from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
@@ -173,19 +174,18 @@ def _of_rows(path: Path, rows: _Rows) -> Necks:
         raise BadInput(one_line(f"{place}: {said}")) from None
 
 
-def as_built(
-    stage: Stage, necks: Necks, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
-) -> AsBuilt:
-    """The stiffness that measured necks give, with its scatter, by an analytic model; arguments as `model.analyse`.
+def as_built(chosen: ModelChoice, necks: Necks, warnings: Sequence[str] = ()) -> AsBuilt:
+    """The stiffness that measured necks give, with its scatter, by an analytic model; `warnings` on its choice.
 
     Raises BadInput, also when a stage with these necks cannot be made, ComputationFailed.
     """
+    stage, formula = chosen.stage, chosen.formula
     measured, sd = necks.array("neck"), necks.array("sd")
     changes = {
         (chain, name): {"neck": measured[chain - 1, k]} for chain in CHAINS for k, name in enumerate(HINGE_NAMES)
     }
     made = stage.replace(override=changes)
-    drawn, found = (analyse(each, mobility, formula, links) for each in (stage, made))
+    drawn, found = (analyse(*chosen._replace(stage=each)) for each in (stage, made))
     scattered = _scattered(made, found, sd)
     answered = scattered[np.all(np.isfinite(scattered), axis=1)]
     low, high = np.quantile(answered, QUANTILES, axis=0)
@@ -204,7 +204,7 @@ def as_built(
         high=high.tolist(),
         draws=DRAWS,
         unanswered=DRAWS - len(answered),
-        warnings=[*warning.of_formula(made, formula), *warning.of_model(made, found)],
+        warnings=[*warnings, *warning.of_formula(made, formula), *warning.of_model(made, found)],
     )
 
 

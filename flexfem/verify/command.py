@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flexfem.analytic.model import choose
 from flexfem.analytic.preload import Serial
 from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
@@ -29,7 +30,6 @@ from flexfem.verify.driven_models import (
     Commanding,
     DrivenMetal,
     across,
-    best_model,
     commanding,
     driven_metal,
     element_stresses,
@@ -110,19 +110,18 @@ def command(
 
     Parameters
     ----------
-    model : mobility, formula, elastic links of the model that computes them; None takes calibrated hinges and elastic
-        links, or the default formula where some hinge is not on the chart.
+    model : mobility, formula, elastic links of the model that computes them; None takes `model.best_model`.
     resolution : of finite elements; None leaves them out.
 
     Raises BadInput for a stage without actuators, ComputationFailed when no strokes hold the pose.
     """
     drive, lever = drive_of(stage), stage.chain.link_lengths[2]
     warnings = list(warning.of_stage(stage))
-    first = commanding(stage, *(model or best_model(stage, warnings)))
+    first = commanding(*choose(stage, model, warnings))
     metal = None if resolution is None else driven_metal(stage, resolution)
     found = _by_criterion(first.of, drive, pose, load, lever, warnings)
-    joints = preloaded.serials(stage, first, drive)
-    rubbing = across(stage, first, drive)
+    joints = preloaded.serials(first.stage, first, drive)
+    rubbing = across(first.stage, first, drive)
     criteria = {
         name: _strokes(stage, drive, first, joints["pushed"], rubbing, metal, x, load) for name, x in found.items()
     }
@@ -192,8 +191,8 @@ def _strokes(
         pose=motion.pose.tolist(),
         metal=motion.metal,
         stacks=motion.stacks,
-        rotation=rotations(stage, first, motion, load).tolist(),
-        stress=stresses(stage, first, pushing, load).tolist(),
+        rotation=rotations(first.stage, first, motion, load).tolist(),
+        stress=stresses(first.stage, first, pushing, load).tolist(),
         element_stress=None if metal is None else element_stresses(stage, metal, drive, x, load).tolist(),
         share={name: used if np.isfinite(used) else None for name, used in limits.items()},
         preloaded=preloaded.stiffness(joints, drive, pushing.force, load),

@@ -17,7 +17,7 @@ from flexfem.analytic.heat import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.heat import drift as analytic_drift
 from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.model import hinge_compliance
+from flexfem.analytic.model import ModelChoice, choose, hinge_compliance
 from flexfem.analytic.notch import Compliance
 from flexfem.analytic.warm_pad import edge_motions
 from flexfem.arrays import Array, Index
@@ -32,7 +32,6 @@ from flexfem.stage.origin import located
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.corners import pose_bands
-from flexfem.verify.driven_models import best_model
 from flexfem.verify.errors import levels
 from flexfem.verify.result import Fields, Matrix, OfStage, Record, about
 
@@ -124,10 +123,9 @@ def drift(
     """
     alpha = expansion_of(stage)
     warnings = warnings_of(stage)
-    mobility, formula, links = model or best_model(stage, warnings)
+    chosen = choose(stage, model, warnings)
     metal = None if resolution is None else _elements(stage, alpha, resolution)
-    found = analytic(stage, alpha, mobility, formula, links)
-    unlike = _unlike(stage, mobility, formula, links)
+    found, unlike = analytic(chosen, alpha), _unlike(chosen)
     cases = {
         name: DriftCase(
             analytic=found[k],
@@ -137,11 +135,10 @@ def drift(
         )
         for k, name in enumerate(CASES)
     }
-    freedom = f"mobility {stage.mobility if mobility is None else mobility}"
     record = Drift(
         **about(stage) | {"hash": stage.heat_hash} | stage.heat_doubts._asdict(),
         name=stage.name,
-        model=f"{formula}, {'elastic links' if links else freedom}",
+        model=chosen.name,
         expansion=float(stage.material.expansion or 0.0),
         frame_expansion=frame_expansion_of(stage),
         sources=sources_of(stage),
@@ -179,8 +176,9 @@ def expansion_of(stage: Stage) -> Expansion:
     return Expansion(float(plane), float(frame), across)
 
 
-def analytic(stage: Stage, alpha: Expansion, mobility: int | None, formula: str, links: bool) -> list[WarmStage]:
+def analytic(chosen: ModelChoice, alpha: Expansion) -> list[WarmStage]:
     """The three cases by the pseudo-rigid model. Raises BadInput as `model.analyse`."""
+    stage, mobility, formula, links = chosen
     if links and mobility not in (None, 21):
         raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
     design = lower(stage)
@@ -234,8 +232,9 @@ def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[_Warm]:
     return found
 
 
-def _unlike(stage: Stage, mobility: int | None, formula: str, links: bool) -> list[list[float]] | None:
+def _unlike(chosen: ModelChoice) -> list[list[float]] | None:
     """Poses (3,) of the three cases with chains made unlike, those furthest off; None where chains differ."""
+    stage = chosen.stage
     if not stage.chains_alike:
         return None
     found = []
@@ -247,7 +246,7 @@ def _unlike(stage: Stage, mobility: int | None, formula: str, links: bool) -> li
         }
         try:
             other = stage.replace(override=necks)
-            found.append(analytic(other, expansion_of(other), mobility, formula, links))
+            found.append(analytic(chosen._replace(stage=other), expansion_of(other)))
         except BadInput:  # a neck as wide as its link, or off the chart
             continue
     if not found:

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.drive import DrivenModel, driven_model
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, analyse, hinge_compliance
+from flexfem.analytic.model import AnalyticResult, analyse
 from flexfem.arrays import Array
 from flexfem.fem.drive import DrivenResponse, driven_response, neck_wrenches
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
-from flexfem.refused import BadInput
 from flexfem.stage.contacts import Stack
 from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
@@ -25,8 +24,12 @@ from flexfem.verify.neck_limits import NeckForces, NeckSections, neck_forces, se
 
 
 class Commanding(NamedTuple):
-    """An analytic model that computes strokes, and the driven stage as it sees it."""
+    """An analytic model that computes strokes, and the driven stage as it sees it.
 
+    stage : as it is modelled, see `model.Choice`.
+    """
+
+    stage: Stage
     name: str
     result: AnalyticResult
     model: DrivenModel
@@ -45,21 +48,11 @@ class DrivenMetal(NamedTuple):
     across: Array
 
 
-def best_model(stage: Stage, warnings: list[str]) -> tuple[int | None, str, bool]:
-    """Calibrated hinges and elastic links, or what is there where a hinge is not on the chart, which is warned of."""
-    try:
-        hinge_compliance(stage, CALIBRATED)
-    except BadInput as refusal:
-        warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is taken instead")
-        return None, DEFAULT_FORMULA, True
-    return None, CALIBRATED, True
-
-
 def commanding(stage: Stage, mobility: int | None, formula: str, links: bool) -> Commanding:
     """An analytic model of a driven stage. Raises BadInput as `model.analyse`, or without actuators."""
     result = analyse(stage, mobility, formula, links)
     model = driven_model(stage, result)
-    return Commanding(result.name, result, model, driven(model.compliance, drive_of(stage)))
+    return Commanding(stage, result.name, result, model, driven(model.compliance, drive_of(stage)))
 
 
 def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:

@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
 from flexfem.refused import ComputationFailed
 from flexfem.stage.schema import Stage
-from flexfem.units import DIRECTIONS, Direction
+from flexfem.units import DIRECTIONS, PLANES, Direction
 from flexfem.verify import warning
-from flexfem.verify.driven_models import best_model
 from flexfem.verify.fixture import Fixture, Measurement
 from flexfem.verify.measured import Slopes
 from flexfem.verify.protocol import Solved
@@ -117,7 +116,7 @@ def experiment(
     Raises BadInput, ComputationFailed as `model.analyse`.
     """
     found = analyse(stage, *model)
-    warnings = [*warning.of_stage(stage)]
+    warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     metal, C = metal_of(stage, solved, warnings)
     pushes = pushes_of(fixture)
     readings = simulated(pushes, C, fixture)
@@ -150,8 +149,8 @@ def experiment(
 def metal_of(stage: Stage, solved: Solved | None, warnings: list[str]) -> tuple[str, Array]:
     """What stands for the metal, and its compliance (3, 3); without finite elements the best model there is."""
     if solved is not None:
-        return "finite elements", solved.response.compliance
-    found = analyse(stage, *best_model(stage, warnings))
+        return f"finite elements, {PLANES[stage.model]}", solved.response.compliance
+    found = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
     return found.name, found.compliance
 
 
@@ -207,7 +206,7 @@ def _row(model: float, metal: float, simulated: float, measured: Slopes, k: int)
 def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> warning.Warnings:
     """Readings that say little, and pushes that the stage does not bear."""
     found, loads = [], of.load * force_of(of, C, fixture.run.strokes[-1:])
-    best = analyse(stage, *best_model(stage, []))
+    best = analyse(*(chosen := best_model(stage, [])))
     for what, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
         if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
             found.append(
@@ -220,7 +219,7 @@ def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> warning.War
         where = f"the largest push in {axis}"
         found += warning.of_motion(stage, C @ load, where)
         found += warning.of_yield(
-            float(np.max(best.neck_stress(stage, C @ load))), stage.material.yield_strength, where
+            float(np.max(best.neck_stress(chosen.stage, C @ load))), stage.material.yield_strength, where
         )
     return found
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from flexfem.analytic.formulas import formula as known
 from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.links import body_compliance
-from flexfem.analytic.model import CALIBRATED, at_rest, hinge_compliances
+from flexfem.analytic.model import CALIBRATED, at_rest, best_model, hinge_compliances
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
 from flexfem.refused import BadInput, ComputationFailed
@@ -19,7 +19,6 @@ from flexfem.stage.designs import lower
 from flexfem.stage.schema import Stage
 from flexfem.units import DIRECTIONS
 from flexfem.verify import warning
-from flexfem.verify.driven_models import best_model
 from flexfem.verify.fixture import Fixture, Measurement
 from flexfem.verify.identified import Alone, Identification, Region, Unknown, finding, unexplained
 from flexfem.verify.pushes import IDEAL, pole_share, pushes_of, read_compliance
@@ -135,7 +134,8 @@ def _problem(
 
 def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     """Neck offsets (n,), mm, and the compliances (n, 3, 3) of stages with them, by the best model there is."""
-    _, formula, _ = best_model(stage, warnings)
+    chosen = best_model(stage, warnings)
+    stage, formula = chosen.stage, chosen.formula
     neck, radius = stage.array("neck"), stage.array("radius")
     ends = FURTHEST * float(np.min(neck)) * np.array([-1.0, 1.0])
     if formula == CALIBRATED:
@@ -148,7 +148,7 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     kept = np.all(np.isfinite(found.stiffness), axis=(1, 2))
     if np.count_nonzero(kept) < GRID // 4:
         raise ComputationFailed(f"stage {stage.name!r}: no model has an answer for other necks")
-    return offsets[kept], inverse(found.stiffness[kept]), f"{formula}, elastic links"
+    return offsets[kept], inverse(found.stiffness[kept]), chosen.name
 
 
 def _alone(of: SlopeProblem, best: Fit, dropped: range, level: float) -> Alone:

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.fatigue import KEY, Basquin
-from flexfem.analytic.model import CALIBRATED, analyse
+from flexfem.analytic.model import CALIBRATED, analyse, best_model
 from flexfem.arrays import first_highest
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.units import STRESS
 from flexfem.verify import warning
 from flexfem.verify.corners import stress_bands
-from flexfem.verify.driven_models import best_model
 from flexfem.verify.errors import levels
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import OfStage, Record, Triple, about
@@ -119,11 +118,11 @@ def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Li
     """
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
-    mobility, formula, links = best_model(stage, warnings)
-    result = analyse(stage, mobility, formula, links)
-    above = warning.STRESS_ABOVE[formula] if formula == CALIBRATED else None  # off its chart nothing was compared
+    result = analyse(*(chosen := best_model(stage, warnings)))
+    compared = chosen.formula == CALIBRATED  # off its chart nothing was
+    above = warning.STRESS_ABOVE[CALIBRATED] if compared else None
     error = None if above is None else (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1)
-    analytic = _witness(stage, f"{formula}, elastic links", by_model(stage, result, asked.of), asked, error)
+    analytic = _witness(stage, chosen.name, by_model(chosen.stage, result, asked.of), asked, error)
     elements = None if resolution is None else _by_elements(stage, asked, resolution, solve)
     for said in (analytic, elements):
         warnings += [] if said is None else _warnings(stage, asked, said)

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.analytic.dynamics import dynamics, engaged
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse
+from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.arrays import Array
 from flexfem.fem.drive import stack_loads
 from flexfem.fem.mesh import StageMesh
@@ -22,7 +22,6 @@ from flexfem.stage.origin import located
 from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY, UNITS
 from flexfem.verify import warning
-from flexfem.verify.driven_models import best_model
 from flexfem.verify.errors import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence, levels
 from flexfem.verify.result import OfStage, Record, Triple, Uncertainty, about
 
@@ -134,7 +133,8 @@ def natural_modes(
             progress(f"{found.mass.shape[0]} unknowns")
     warnings, whole = list(warning.of_stage(stage)), total_mass(found)
     analytic = {name: values * HERTZ for name, values in analytic_frequencies(stage, payload, drives, warnings).items()}
-    warnings += [OUT_OF_PLANE, *[ABOVE_THIRD] * (count > RIGID_MODES), *[NO_STACKS] * (drives == "engaged")]
+    warnings += [*warning.of_thickness(stage), OUT_OF_PLANE]
+    warnings += [*[ABOVE_THIRD] * (count > RIGID_MODES), *[NO_STACKS] * (drives == "engaged")]
     driven = {"hash": stage.drive_hash} | stage.drive_doubts._asdict() if drives == "engaged" else {}
     record = NaturalModes(
         **about(stage) | driven,
@@ -210,18 +210,16 @@ def _finite(values: Array, k: int) -> float | None:
 
 
 def analytic_frequencies(stage: Stage, payload: Payload, drives: Drives, warnings: list[str]) -> dict[str, Array]:
-    """Natural frequencies (21,), rad/s, by the stage's own rigid model and by the best one, of name and value.
+    """Natural frequencies (21,), rad/s, by the stage's own rigid model, the best of the same plane, and the best.
 
     inf for freedoms that a model does not have; why a model is replaced is added to `warnings`.
     """
-    own = (None, DEFAULT_FORMULA, False)
-    found = {}
-    for mobility, formula, links in (own, best_model(stage, warnings)):
-        result = analyse(stage, mobility, formula, links)
-        name = f"{formula}, elastic links" if links else f"{formula}, mobility {result.mobility}"
+    best, found = best_model(stage, warnings), {}
+    for one in (ModelChoice(stage, None, DEFAULT_FORMULA, False), best._replace(stage=stage), best):
+        result = analyse(*one)
         if drives == "engaged":
             drive = drive_of(stage)
-            found[name] = engaged(dynamics(stage, result, payload, drive.stacks), drive.stiffness).frequencies
+            found[one.name] = engaged(dynamics(one.stage, result, payload, drive.stacks), drive.stiffness).frequencies
         else:
-            found[name] = dynamics(stage, result, payload).frequencies
+            found[one.name] = dynamics(one.stage, result, payload).frequencies
     return found

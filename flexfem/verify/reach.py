@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexfem.analytic.model import choose
 from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
 from flexfem.stage.drives import StageDrive, drive_of
@@ -18,7 +19,7 @@ from flexfem.units import STRESS, Direction
 from flexfem.verify import warning
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress
 from flexfem.verify.driven import SINGULAR
-from flexfem.verify.driven_models import Commanding, best_model, commanding, driven_metal
+from flexfem.verify.driven_models import Commanding, commanding, driven_metal
 from flexfem.verify.limits import KINDS
 from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope
 from flexfem.verify.pose_set import ROUND_OFF, PoseEdge, Range, poses, programs, ranges, section
@@ -78,8 +79,8 @@ def reach(
     """
     drive, lever = drive_of(stage), stage.chain.link_lengths[2]
     warnings = list(warning.of_stage(stage))
-    first = commanding(stage, *(model or best_model(stage, warnings)))
-    limits = limits_of_commands(stage, first, first.of, drive, load)
+    first = commanding(*choose(stage, model, warnings))
+    limits = limits_of_commands(first.stage, first, first.of, drive, load)
     try:
         solid = poses(first.of, drive, limits, load, lever)
     except NothingAllowed:
@@ -106,7 +107,7 @@ def reach(
         resolution=resolution,
         elements=None
         if metal is None
-        else ranges(metal, drive, limits_of_commands(stage, first, metal, drive, load), load),
+        else ranges(metal, drive, limits_of_commands(first.stage, first, metal, drive, load), load),
         warnings=list(dict.fromkeys(warnings + _warnings(stage, first, drive, solid, lever))),
     )
 
@@ -152,14 +153,14 @@ def _why_nothing(stage: Stage, first: Commanding, limits: LinearLimits, drive: S
         except NothingAllowed:
             alone.append(kind)
     which = " and those of ".join(alone) if alone else "stroke, contact, blocking force and yield together"
-    stress = preload_stress(stage, first, drive)
+    stress = preload_stress(first.stage, first, drive)
     under = "under this load" if np.any(load) else "without load"
     loaded = f"; preloads alone stress the necks with up to {stress:.4g} {STRESS}" if stress > 1e-3 else ""
     return f"the drive reaches no pose: the limits of {which} allow no commands {under}{loaded}"
 
 
 def _warnings(stage: Stage, first: Commanding, drive: StageDrive, solid: Polytope, lever: float) -> warning.Warnings:
-    found, stress = list[str](), preload_stress(stage, first, drive)
+    found, stress = list[str](), preload_stress(first.stage, first, drive)
     single = np.count_nonzero(drive.differential, axis=0) == 1
     if np.any(np.abs(drive.differential[:, single]).T @ drive.preload > 0):
         found.append(

@@ -11,7 +11,7 @@ from flexfem.stage.designs import stage_frames
 from flexfem.stage.drives import contacts
 from flexfem.stage.origin import of_stage
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
-from flexfem.stage.tables import of_drive, of_heat
+from flexfem.stage.tables import Plane, of_drive, of_heat
 from flexfem.verify import warning
 
 
@@ -66,7 +66,7 @@ class StageReport(NamedTuple):
     file: str
     name: str
     mobility: int
-    model: str
+    model: Plane
     chains_alike: bool
     hash: str
     dimensions: dict[str, Any]

@@ -6,11 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, hinge_compliance
+from flexfem.analytic.model import ModelChoice, analyse, best_model
 from flexfem.arrays import Array, first_highest
 from flexfem.fem.response import load_case
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.refused import ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.stage.tables import Plane
+from flexfem.units import PLANES
 from flexfem.verify import warning
 from flexfem.verify.answers import BandedStress
 from flexfem.verify.case import DIRECTIONS, Direction
@@ -63,18 +65,23 @@ class Summary(OfStage):
     """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked.
 
     material : source of every number of the material, by key path of the stage file.
+    model, plane : how the analytic model and the finite elements make the stage a plane problem.
+    thickness : per cent by which hinges in three dimensions make the platform stiffer than in `plane`; None
+        where the thickness chart does not reach.
     drive : how far the drive reaches within all its limits, by the analytic model; None without one, or where it
         reaches no pose.
     """
 
     name: str
-    model: str
+    model: Plane
+    plane: Plane
     mobility: int
     yield_strength: float
     material: dict[str, str]
     analytic: ModelSummary
     elements: ModelSummary | None
     accuracy: str
+    thickness: Triple | None
     drive: DriveSummary | None
 
 
@@ -83,62 +90,49 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
 
     Parameters
     ----------
-    formula : of the hinges; None takes the calibrated one, or the default where some hinge is not on its chart.
+    formula : of the hinges; None takes that of `model.best_model`.
 
     Raises BadInput as `model.hinge_compliance` for a formula that was asked for, ComputationFailed.
     """
-    warnings = list(warning.of_stage(stage))
-    refused = None if formula else _off_chart(stage)
-    formula = formula or (DEFAULT_FORMULA if refused else CALIBRATED)
-    if refused:
-        warnings.append(f"{refused}; this summary takes {DEFAULT_FORMULA} instead")
-    warnings += [text for text in warning.of_formula(stage, formula) if text not in warnings]
-    analytic = _side(f"analytic, {formula}, elastic links", stage, analytic_limits(stage, formula, links=True))
+    warnings = list(warning.of_numbers(stage))
+    chosen = best_model(stage, warnings, formula)
+    warnings += warning.of_formula(stage, chosen.formula)
+    result, thickness = analyse(*chosen), warning.stiffer_by_thickness(stage)
+    analytic = _side(f"analytic, {chosen.name}", stage, Limits(result.stiffness, result.stress))
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         end = limit.range_at_yield * np.eye(3)[axis]
         warnings += warning.of_motion(stage, end, f"end of the safe range in {direction}")
-    drive, sources = _drive(stage, formula, warnings), stage.sources
+    drive, sources = _drive(chosen, warnings), stage.sources
     return Summary(
         **about(stage),
         name=stage.name,
-        model=stage.model,
+        model=chosen.stage.model,
+        plane=stage.model,
         mobility=stage.mobility,
         yield_strength=stage.material.yield_strength,
         material={key: sources[key] or "not stated" for key in stage.numbers if key.startswith("material")},
         analytic=analytic,
-        elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
-        accuracy=warning.stress_accuracy(formula),
+        elements=None
+        if solved is None
+        else _side(f"finite elements, {PLANES[stage.model]}", stage, element_limits(stage, solved)),
+        accuracy=warning.stress_accuracy(chosen.formula),
+        thickness=None if thickness is None else Triple.of(thickness),
         drive=drive,
         warnings=list(dict.fromkeys(warnings)),
     )
 
 
-def _drive(stage: Stage, formula: str, warnings: list[str]) -> DriveSummary | None:
+def _drive(chosen: ModelChoice, warnings: list[str]) -> DriveSummary | None:
     """The ranges of a drive, with elastic links; what is to be said of them goes into `warnings`."""
-    if not stage.actuator:
+    if not chosen.stage.actuator:
         return None
     try:
-        found = reach(stage, np.zeros(3), (None, formula, True))
+        found = reach(chosen.stage, np.zeros(3), (chosen.mobility, chosen.formula, chosen.links))
     except ComputationFailed as failure:
         warnings.append(str(failure))
         return None
     warnings += found.warnings
     return DriveSummary(ranges=found.ranges, assumed=found.assumed, not_stated=found.not_stated)
-
-
-def _off_chart(stage: Stage) -> str | None:
-    """Why the calibrated hinges have no answer, None where they have."""
-    try:
-        hinge_compliance(stage, CALIBRATED)
-    except BadInput as refusal:
-        return refusal.reason
-    return None
-
-
-def analytic_limits(stage: Stage, formula: str, mobility: int | None = None, links: bool = False) -> Limits:
-    """Limits by the analytic model; arguments as for `model.analyse`."""
-    found = analyse(stage, mobility, formula, links)
-    return Limits(found.stiffness, found.stress)
 
 
 def element_limits(stage: Stage, solved: Solved) -> Limits:

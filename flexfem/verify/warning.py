@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.analytic.formulas import FORMULAS
-from flexfem.analytic.model import AnalyticResult, analyse, in_range
+from flexfem.analytic.model import AnalyticResult, analyse, best_model, in_range, thick
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.cache import once
 from flexfem.stage.designs import lower
 from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.units import DIRECTIONS, LENGTH, STRESS, Direction
+from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, Direction
 
 if TYPE_CHECKING:
     from flexfem.verify.result import Triple, Uncertainty
@@ -53,6 +53,7 @@ STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only explains what
 LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
 UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
 COARSE = 1e-3  # of a compliance: the accuracy that the default mesh is made for
+THICK = 1.0  # per cent of the stiffness: a tenth of what a thick hinge differs by
 FAR = 0.1  # of the shortest link, and rad: there the linear answer is off by some per cent
 SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
 
@@ -131,6 +132,32 @@ def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
         f"{gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){_because_straight(stage)}; "
         "--links with mobility 21 has it all"
     ]
+
+
+def of_thickness(stage: Stage) -> Warnings:
+    """A plane model whose hinges are far from those of three dimensions."""
+    more = stiffer_by_thickness(stage)
+    if more is None or np.max(np.abs(more)) < THICK:
+        return []
+    said = ", ".join(f"{value:+.2g} % in {axis}" for axis, value in zip(DIRECTIONS, more, strict=True))
+    return [
+        f"{PLANES[stage.model]} leaves out the thickness of the hinges, which changes the stiffness by {said} "
+        "(thickness chart); `flexfem solve --three-dimensional` includes it"
+    ]
+
+
+@once
+def stiffer_by_thickness(stage: Stage) -> Array | None:
+    """By how much, per cent, the thickness of the hinges makes the platform stiffer than in the stage's plane (3,).
+
+    None where the thickness chart does not reach a hinge. Positive where three dimensions are stiffer.
+    """
+    chosen = best_model(stage, [])
+    try:
+        found = [np.diag(analyse(*chosen._replace(stage=one)).stiffness) for one in (stage, thick(stage))]
+    except (BadInput, ComputationFailed):
+        return None
+    return np.asarray(100 * (found[1] / found[0] - 1))
 
 
 def of_numbers(stage: Stage) -> Warnings:

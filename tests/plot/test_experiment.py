@@ -46,8 +46,8 @@ def test_readings_and_lines_are_those_of_the_record(found, direction, factor, un
         np.testing.assert_allclose(x, factor * np.array(push.displacement[run]))
         np.testing.assert_allclose(y, push.load[run])
     lines = {
-        "model: paros-weisbord, mobility 6": row.model,
-        "calibrated, elastic links": row.metal,
+        "model: paros-weisbord, mobility 6, plane stress": row.model,
+        "calibrated, elastic links, plane stress": row.metal,
         "line through the readings": push.slope,
     }
     for label, slope in lines.items():

@@ -20,7 +20,9 @@ STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 def found() -> Reach:
     """Light preloads and a load: edges and faces by strokes alone and by contacts too; nothing symmetric."""
     stage = flexfem.load(STAGE)
-    light = stage.replace(actuator=[each.model_copy(update={"preload": 4.0}) for each in stage.actuator])
+    light = stage.replace(
+        model="plane_stress", actuator=[each.model_copy(update={"preload": 4.0}) for each in stage.actuator]
+    )
     return flexfem.reach(light, [0.7, -0.4, 7.0], resolution=None)
 
 

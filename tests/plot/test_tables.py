@@ -63,7 +63,7 @@ def test_hinges_are_in_mm_and_degrees(cells):
 
 DOUBTS = {"warnings": [], "assumed": [], "not_stated": []}
 STIFFNESS = StiffnessReport(
-    *("", "S", "", "plane_stress", 6, "koster", "", False, MATRIX, INVERSE),
+    *("", "S", "", "plane_stress", 6, False, "koster", "", False, MATRIX, INVERSE),
     hinge_compliance=None,
     neck_stress=np.arange(1.0, 28.0).reshape(3, 3, 3)[::-1, [1, 2, 0]] * [1.5, 2.5, 350.0],
     stress_accuracy="as far off as that",

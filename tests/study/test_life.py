@@ -34,7 +34,7 @@ HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
 @pytest.fixture
 def lasting(studies: Any) -> Any:
     """The folder of studies, its stage with unlike chains and of a material with fatigue constants."""
-    stage = GENERIC | {"material": GENERIC["material"] | FATIGUE, "override": UNLIKE}
+    stage = GENERIC | {"model": "plane_stress", "material": GENERIC["material"] | FATIGUE, "override": UNLIKE}
     (studies.folder / "stage.toml").write_text(toml_text(stage))
     return studies
 

@@ -59,7 +59,7 @@ def test_the_scatter_is_that_of_the_nine_sensitivities(stage, tmp_path):
             variance += (slope * SDS[c - 1][k] / 1e3) ** 2
     np.testing.assert_allclose(found.spread, np.sqrt(variance), rtol=0.04)
     np.testing.assert_allclose(np.array(found.high) - found.low, 2 * 1.96 * np.sqrt(variance), rtol=0.06)
-    assert found.model == "paros-weisbord, mobility 3"
+    assert found.model == "paros-weisbord, mobility 3, plane stress"
 
 
 def test_toml_and_csv_say_the_same(stage, tmp_path):

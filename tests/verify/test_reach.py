@@ -41,7 +41,7 @@ def with_actuators(stage: Stage, *changes: dict[str, object], **all_of: object) 
 
 @pytest.fixture(scope="module")
 def stage() -> Stage:
-    return load_stage(GEOMETRY / "mobility6.toml")
+    return load_stage(GEOMETRY / "mobility6.toml").replace(model="plane_stress")
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_ranges_of_the_reference_stages(stage, reached):
         used = np.abs(least) / 8.7e-3
         assert 1 / np.max(used) == pytest.approx(stop, rel=1e-4)
         assert drive.names[int(np.argmax(used))].startswith("elbow")
-    three = reach(load_stage(GEOMETRY / "mobility3.toml"), NONE)
+    three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"), NONE)
     np.testing.assert_allclose(ends(three, "held")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
 
 
