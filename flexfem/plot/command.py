@@ -142,7 +142,7 @@ def plot_open_loop(ax: Axes, found: Command, direction: Direction) -> Axes:
         text = "0" if small else significant(unit.factor * value, 3)
         at, side = unit.factor * value, "right" if value < 0 and not small else "left"
         ax.text(at + (0.03 if side == "left" else -0.03) * reach, row, text, va="center", ha=side, size=8.0)
-    _label_rows(ax, [each.model for each in found.open_loop])
+    _label_rows(ax, [each.model.removeprefix(f"{found.model}, ") for each in found.open_loop])
     ax.set(xlabel=f"error ({unit})", xlim=(-1.5 * reach, 1.5 * reach))
     return ax
 
