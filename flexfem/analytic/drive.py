@@ -29,6 +29,7 @@ from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import CHAINS, Stage
 
 PLATFORM = 3  # of `actuators.BODY_NAMES`
+ROUND_OFF = 1e-12  # of the places of two ends of stations
 
 
 class DrivenModel(NamedTuple):
@@ -159,8 +160,9 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
             for j, push in mine:
                 Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
             A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
-            B[chain - 1] += R @ np.einsum("qab,qbn->an", c, Q)
-            D += np.einsum("qan,qab,qbm->nm", Q, c, Q)
+            moved = c @ Q
+            B[chain - 1] += R @ np.sum(moved, axis=0)
+            D += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
     return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
 
 
@@ -189,10 +191,11 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
 
 
 def _parted(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
-    """A length of a path in pieces, parted where stations begin and end."""
+    """A length of a path in pieces, parted where stations begin and end; ends that differ by round-off are one."""
     marks = {mark for each in stations for mark in (each.middle - each.half, each.middle + each.half)}
     cuts = [begin, *sorted(mark for mark in marks if begin < mark < end), end]
-    return list(pairwise(cuts))
+    least = ROUND_OFF * (abs(begin) + abs(end))
+    return list(pairwise([cut for cut, after in pairwise(cuts) if after - cut > least] + [end]))
 
 
 def beyond(push: Push, link: int, at: Array) -> Array:

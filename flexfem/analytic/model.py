@@ -32,6 +32,7 @@ DEFAULT_FORMULA, CALIBRATED = "paros-weisbord", "calibrated"
 OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
+WIDER = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()  # mm, widths of necks with which a stage is tried
 
 
 class AtRest(NamedTuple):
@@ -163,19 +164,22 @@ def analyse(
 
     Raises
     ------
-    BadInput: mobility or formula not known, or as `hinge_compliance`.
+    BadInput: mobility or formula not known, a neck too thin beside the others, or as `hinge_compliance`.
     ComputationFailed: the stage is at a singular configuration.
     """
     freedoms, design, hinges = _freedoms(stage, mobility, links), lower(stage), hinge_compliance(stage, formula)
-    found = at_rest(design, _stacked(hinges), freedoms, body_compliance(stage)[None] if links else None)
+    bodies = body_compliance(stage)[None] if links else None
+    found = at_rest(design, _stacked(hinges), freedoms, bodies)
     K, inside = found.stiffness[0], in_range(design, formula)[0]
-    if np.isnan(K).any():
+    compliance = inverse(K)
+    if np.isnan(compliance).any():
+        _require_like_necks(stage, formula, freedoms, bodies)
         raise ComputationFailed(
             f"stage {stage.name!r} is at a singular configuration at rest: a chain has no compliance in some direction"
         )
     wrench, stress = Wrench(*(part[0] for part in found.wrench)), found.stress[0]
     of_model = (mobility_of(freedoms), freedoms, formula, hinges, inside, links)
-    return AnalyticResult(K, inverse(K), *of_model, wrench, stress, stage.model)
+    return AnalyticResult(K, compliance, *of_model, wrench, stress, stage.model)
 
 
 class ModelChoice(NamedTuple):
@@ -237,6 +241,26 @@ def thick(stage: Stage) -> Stage:
     found = stage.model_copy(update={"model": "corrected"})
     found.__dict__["origin"] = stage.origin
     return found
+
+
+def _require_like_necks(stage: Stage, formula: str, freedoms: Freedoms, bodies: Array | None) -> None:
+    """Refuse the thinnest neck of a stage that has no answer, where the stage has one with thin necks widened."""
+    design = lower(stage)
+    chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
+    least = WIDER[(WIDER > np.min(design.neck)) & (WIDER < np.max(design.neck))]
+    widened = design.repeated(len(least))
+    np.maximum(widened.neck, least[:, None, None], out=widened.neck)
+    with np.errstate(all="ignore"):
+        K = at_rest(widened, hinge_compliances(widened, formula), freedoms, bodies).stiffness
+    answered = least[~np.isnan(inverse(K)).any(axis=(1, 2))]
+    if len(answered):
+        name = HINGE_NAMES[position]
+        key, neck = key_of(stage, int(chain) + 1, name, "neck_mm"), stage.hinge(int(chain) + 1, name).neck
+        with located(stage):
+            raise BadInput(
+                f"{key} = {neck:g}: this neck is so much thinner than others, of up to {np.max(design.neck):g} mm, that "
+                f"the stiffness cannot be computed to working precision, expected >= {answered[0]:g}"
+            )
 
 
 def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:

@@ -41,6 +41,7 @@ ITERATIONS = 25
 STEP = 1e-11  # of the energies' roots, of the last Newton step
 LARGEST_TURN = 0.3  # rad, of a joint: beyond it the stage has buckled, or the forces are far too large
 ROUND_OFF = 1e-12  # of the largest
+BLOCK = 256  # joints: as many rows of a matrix of all joints of a chain as are held at a time
 
 
 class ChainStack(NamedTuple):
@@ -85,17 +86,34 @@ class Serial(NamedTuple):
     basis: Array
 
 
+class Pulls(NamedTuple):
+    """A symmetric matrix (k, k) whose upper triangle, diagonal included, is that of the product of (m, k) and (m, k)."""
+
+    before: Array
+    after: Array
+
+    def reduced(self, V: Array) -> Array:
+        """V' M V of the matrix M with columns V (k, r), in blocks: M itself is large where there are many stacks."""
+        r = V.shape[1]
+        total, earlier = np.zeros((r, r)), np.zeros((len(self.before), r))
+        for start in range(0, len(V), BLOCK):
+            B, A, here = (part[..., start : start + BLOCK] for part in (self.before, self.after, V.T))
+            total += earlier.T @ (A @ here.T) + here @ np.triu(B.T @ A) @ here.T
+            earlier += B @ here.T
+        return np.asarray(total + total.T - (V.T * np.sum(self.before * self.after, axis=0)) @ V)
+
+
 class JointState(NamedTuple):
     """Chains at joint displacements.
 
     pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
-    pulls : (k, k) by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
+    pulls : by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
     """
 
     pose: Array
     G: Array
     J: Array
-    pulls: list[Array]
+    pulls: list[Pulls]
 
 
 class Loaded(NamedTuple):
@@ -140,7 +158,7 @@ def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], foll
         chains.append(ChainJoints(place, np.append(v, -own[0] - 1j * own[1]), np.append(turn, -own[2]), contacts))
         links.append(pieces)
         size += twists.shape[1]
-    of = Serial(len(stacks), tuple(chains), np.eye(size))
+    of = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
     return of._replace(basis=_basis(of, np.concatenate(links)))
 
 
@@ -187,10 +205,11 @@ def _basis(of: Serial, links: NDArray[np.bool_]) -> Array:
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     _, values, V = np.linalg.svd(rows / np.where(size > 0, size, 1.0), full_matrices=False)
     kept = V[values > ROUND_OFF * np.max(values, initial=0.0)]
-    alone = np.eye(len(links))[:, ~links]
-    together = np.zeros((len(links), len(kept)))
-    together[links] = kept.T
-    return np.concatenate([alone, together], axis=1)
+    alone = np.flatnonzero(~links)
+    found = np.zeros((len(links), len(alone) + len(kept)))
+    found[alone, np.arange(len(alone))] = 1.0
+    found[links, len(alone) :] = kept.T
+    return found
 
 
 def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
@@ -211,7 +230,7 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
             at.J[contact.stack, chain.place], nearer, farther = _opening(chain, contact, spun, origin, v)
             before.append(force[contact.stack] * nearer)
             after.append(farther)
-        at.pulls.append(_both(np.transpose(before) @ np.array(after)))
+        at.pulls.append(Pulls(np.array(before), np.array(after)))
     return at
 
 
@@ -235,11 +254,6 @@ def _opening(
     return of.sign * (of.far - of.near) * rate, (1 - of.near) * nearer, of.far * farther
 
 
-def _both(upper: Array) -> Array:
-    """The symmetric matrix with the upper triangle, diagonal included, of another."""
-    return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
-
-
 def loaded(of: Serial, force: Array, load: Array) -> Loaded:
     """Exact equilibrium with forces (n,) of the stacks, N, whichever way they move, and a dead load (3,) as in (16).
 
@@ -251,7 +265,7 @@ def loaded(of: Serial, force: Array, load: Array) -> Loaded:
         at = moved(of, V @ q, wrench, force)
         G, J, inner = at.G @ V, at.J @ V, np.eye(r)
         for chain, pulls in zip(of.chains, at.pulls, strict=True):
-            inner -= V[chain.place].T @ pulls @ V[chain.place]
+            inner -= pulls.reduced(V[chain.place])
         missing = np.concatenate([J.T @ force + G.T @ wrench - q, one @ u - at.pose, load - one.T @ wrench])
         rows = [inner, -G.T, np.zeros((r, 3))], [G, np.zeros((9, 9)), -one], [np.zeros((3, r)), one.T, np.zeros((3, 3))]
         step = np.linalg.solve(np.block(list(rows)), missing)

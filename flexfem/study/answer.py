@@ -29,6 +29,7 @@ from flexfem.verify.questions import Clock, ask_drift, ask_elements, ask_formula
 from flexfem.verify.strained import Repeated, of_preloads, scaled
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
+SINGULAR = "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
 DRAWN = 512  # of them, where each is made a stage, which is kept until the batch is answered: 60 kB
 
@@ -76,7 +77,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         lost = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             lost |= np.isnan(found.drift.uniform).any(axis=1)
-        reason[lost & (reason == "")] = "chain: singular configuration at rest"
+        reason[lost & (reason == "")] = SINGULAR
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.rotation)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.designs import stage_frames
 from flexfem.stage.schema import load_stage
 
+REFERENCE = Path(__file__).parents[2] / "geometry/mobility6.toml"
 STAGE = """
 name = "generic"
 thickness_mm = 9.3
@@ -105,6 +108,18 @@ def test_a_singular_stage_is_an_error_that_names_it(tmp_path) -> None:
     path.write_text(STAGE.format(l3=22.7, phi3=97.0).replace("-85.0", "0.0"))
     with pytest.raises(ComputationFailed, match="stage 'generic' is at a singular configuration"):
         analyse(load_stage(path), 3)
+
+
+@pytest.mark.parametrize("links", [False, True])
+def test_a_stage_without_an_answer_names_the_neck_that_is_too_thin_and_a_width_that_has_one(links) -> None:
+    """Not its configuration, which is that of the reference stage."""
+    stage = load_stage(REFERENCE)
+    thin = stage.replace(override={(2, "elbow"): {"neck": 1e-4}})
+    with pytest.raises(BadInput, match=r"override.2.elbow.neck_mm = 0.0001: .* expected >= \S+$") as refused:
+        analyse(thin, links=links)
+    least = float(refused.value.reason.rpartition(" ")[2])
+    assert 1e-4 < least < 0.01
+    analyse(stage.replace(override={(2, "elbow"): {"neck": least}}), links=links)
 
 
 def test_links_that_meet_in_the_centre_turn_freely_but_for_their_springs(tmp_path, error) -> None:
