@@ -453,9 +453,9 @@ MUTATIONS = [
     ),
     Mutation(
         "R over t for t over R in the concentration",
-        "surface_stress",
-        "neck / radius",
-        "radius / neck",
+        "stress_raised",
+        "designs.neck / designs.radius",
+        "designs.radius / designs.neck",
         "test_bending_and_tension_of_one_neck_are_those_of_finite_elements",
     ),
     Mutation(

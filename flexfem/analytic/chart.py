@@ -16,6 +16,7 @@ The file `flexfem/data/thickness_chart.json` holds, on a grid of t/R, b/t and Po
 hinge of thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), made by
 `python -m flexfem.fem.thick_chart`; `flexfem/fem/thick.py` defines it. It hardly depends on nu, is near 0 where the
 neck is thin out of plane and near 1 where it is wide, in rotation; a pulled neck stays much nearer to plane stress.
+On the same grid it holds the highest von Mises stress in the notch over that in plane stress, under a moment and a pull.
 """
 
 from __future__ import annotations
@@ -144,12 +145,19 @@ class Positions(NamedTuple):
     axial: Array
 
 
+class StressFactors(NamedTuple):
+    """Highest von Mises stress (...) over that in plane stress; nan outside the chart."""
+
+    bending: Array
+    tension: Array
+
+
 class ThicknessChart(NamedTuple):
-    """Chebyshev series of the positions.
+    """Chebyshev series of the positions and of the stress factors.
 
     ratios, widths, poissons : smallest and largest t/R, b/t and nu; beyond them the chart says nothing.
-    series : (2, n, m, k), coefficients in sqrt(t/R), log(b/t) and nu for rotation and axial.
-    bands : (2,), largest uncertainty of a sample in terms of the compliance, relative, for each.
+    series : (4, n, m, k), coefficients in sqrt(t/R), log(b/t) and nu for rotation, axial, bending stress and tension's.
+    bands : (2,), largest uncertainty of a sample in terms of the compliance, relative, for rotation and axial.
     """
 
     ratios: tuple[float, float]
@@ -165,11 +173,18 @@ class ThicknessChart(NamedTuple):
 
     def positions(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> Positions:
         """Positions (...) at t/R, b/t and nu, broadcast against each other."""
-        at = [np.asarray(values, dtype=float) for values in (ratio, width, poissons_ratio)]
+        return Positions(*self._at(ratio, width, poissons_ratio)[:2])
+
+    def stress_factors(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> StressFactors:
+        """Stress factors (...) at t/R, b/t and nu, broadcast against each other."""
+        return StressFactors(*self._at(ratio, width, poissons_ratio)[2:])
+
+    def _at(self, *point: ArrayLike) -> Array:
+        at = [np.asarray(values, dtype=float) for values in point]
         ends = (self.ratios, self.widths, self.poissons)
         along = [_vander(np.clip(at[k], *ends[k]), ends[k], SCALES[k], self.series.shape[k + 1]) for k in range(3)]
         found = np.einsum("fijk,...i,...j,...k->f...", self.series, *along, optimize=True)
-        return Positions(*np.where(self.covers(*at), found, np.nan))
+        return np.where(self.covers(*at), found, np.nan)
 
 
 def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike) -> Factors:
@@ -214,8 +229,9 @@ def read_thickness_chart(text: str) -> ThicknessChart:
     ends = [tuple(found["range"][name]) for name in AXES]
     at = [np.array(found[name]) for name in AXES]
     inverses = [np.linalg.inv(_vander(*each, len(each[0]))) for each in zip(at, ends, SCALES, strict=True)]
-    samples, bands = (np.array([part[name] for name in FREEDOMS[:2]]) for part in (found, found["largest_band"]))
-    series = np.einsum("fabc,ia,jb,kc->fijk", samples, *inverses, optimize=True)
+    samples = [found["rotation"], found["axial"], found["stress"]["bending"], found["stress"]["tension"]]
+    bands = np.array([found["largest_band"][name] for name in FREEDOMS[:2]])
+    series = np.einsum("fabc,ia,jb,kc->fijk", np.array(samples), *inverses, optimize=True)
     ratios, widths, poissons = ends
     return ThicknessChart(ratios, widths, poissons, series, bands)
 

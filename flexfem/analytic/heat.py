@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import Wrench, chain_compliance, neck_stress, neck_wrenches
+from flexfem.analytic.chains import Wrench, chain_compliance, neck_stress, neck_wrenches, stress_raised
 from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array, inverse
@@ -125,7 +125,7 @@ def drift(
     pose = inverse(pull @ E) @ pull @ t
     wrenches = (S @ (E @ pose - t)).reshape(n, 3, 3, 3)
     necks: Wrench = neck_wrenches(designs.frames, wrenches)
-    stress = neck_stress(necks, designs.radius, designs.neck, designs.thickness, designs.out_of_plane)
+    stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
     return WarmModel(pose, -wrenches, stress)
 
 

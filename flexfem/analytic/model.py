@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.analytic import chart, formulas
-from flexfem.analytic.chains import Wrench, chain_compliance, chain_wrenches, neck_stress, neck_wrenches
+from flexfem.analytic.chains import (
+    Concentration,
+    Wrench,
+    chain_compliance,
+    chain_wrenches,
+    neck_stress,
+    neck_wrenches,
+    stress_raised,
+)
 from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.kinematics import mobility as mobility_of
 from flexfem.analytic.links import body_compliance
@@ -84,8 +92,8 @@ class AnalyticResult(NamedTuple):
         """Largest von Mises stress (..., 3 chains, 3 hinges), MPa, with the platform of its stage at poses (..., 3)."""
         design = lower(stage)
         carried = Wrench(*(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench))
-        sizes = design.radius[0], design.neck[0], design.thickness[0]
-        return neck_stress(carried, *sizes, design.out_of_plane[0])[..., 0]
+        raised = Concentration(*(part[0] for part in stress_raised(design)))
+        return neck_stress(carried, design.neck[0], design.thickness[0], raised)[..., 0]
 
 
 def hinge_compliances(designs: Designs, formula: str) -> Compliance:
@@ -147,7 +155,7 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     chains = chain_wrenches(chain_compliance(designs.frames, hinges, freedoms), bodies)
     wrench = neck_wrenches(designs.frames, chains)
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
-    stress = neck_stress(wrench, designs.radius, designs.neck, designs.thickness, designs.out_of_plane)
+    stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
     return AtRest(np.sum(chains, axis=1), wrench, stress, np.max(turning, axis=1))
 
 

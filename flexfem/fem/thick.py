@@ -18,6 +18,9 @@ minimised for a given length of blocks, A and I the section's area and its secon
     C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation,
 
 since `int (s_xx + s_yy) dA = F L` and `int y (s_xx + s_yy) dA = M L` hold for any stress in equilibrium. Our algebra.
+
+The stress factor is the highest von Mises stress in the notch, over the whole thickness, over that of the plane-stress
+solution on the same section under the same moment or force. In a wide neck it lies near the free faces, about t away.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.extrusion import (
+    Line,
     displacement,
     line_integrals,
     plane_stiffness,
@@ -36,9 +40,11 @@ from flexfem.fem.extrusion import (
     solid_stiffness,
 )
 from flexfem.fem.hinge import Extrapolation, richardson
+from flexfem.fem.layers import layered
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate
+from flexfem.fem.plane_stress import Plate, nodal_stress, von_mises
 from flexfem.fem.problem import edge_force, mapped, nodes_on
+from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 
 FREEDOMS = ("rotation", "axial")
 LEVELS = (2, 3, 4)  # refinements, coarse to fine
@@ -137,23 +143,56 @@ def sample(hinge: ThickHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:
     return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
 
 
+def stress_factors(hinge: ThickHinge, levels: Sequence[int] = LEVELS[1:]) -> Extrapolation:
+    """Highest von Mises stress over that in plane stress, under a moment and a pull (2,); of two or more refinements.
+
+    Notes
+    -----
+    The value is that of the finest mesh, the band what the finest mesh moves it by.
+    """
+    found, unknowns = [], 0
+    for refinement in levels:
+        of, plate = _solved(hinge, refinement), Plate(1.0, hinge.poissons_ratio, 1.0)
+        near, line = np.flatnonzero(np.hypot(*of.mesh.nodes.T) <= 1.0), layered(layers(hinge, refinement))
+        thin = [von_mises(nodal_stress(of.mesh, plate, u.reshape(2, -1).T))[near].max() for u in of.plane]
+        fields = [u.reshape(3, len(of.mesh.nodes), -1).transpose(1, 2, 0) for u in of.solid]
+        thick = [solid_von_mises(solid_nodal_stress(of.mesh, plate, line, each, near)).max() for each in fields]
+        found.append(np.divide(thick, thin))
+        unknowns = len(of.solid[0])
+    return Extrapolation(found[-1], np.abs(found[-1] - found[-2]), np.array(found), unknowns)
+
+
 def _compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
     """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
+    of, (high, length) = _solved(hinge, refinement), hinge.block
+    blocks, half = np.array([24 * length / high**3, 2 * length / high]), of.line.whole.sum()
+    thin = np.array([flat @ u for flat, u in zip(of.loads, of.plane, strict=True)])
+    thick = [_extruded(flat, of.line.whole) @ u / half for flat, u in zip(of.loads, of.solid, strict=True)]
+    return 4 * thin - blocks, 4 * (thick - thin), len(of.solid[0])  # a quarter of the work is done on the quarter
+
+
+class _Solved(NamedTuple):
+    """Displacements on one mesh in plane stress, (2n,), and in three dimensions, (3nm,), under `_loads`."""
+
+    mesh: StageMesh
+    line: Line
+    loads: list[Array]
+    plane: list[Array]
+    solid: list[Array]
+
+
+def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
     mesh, line, nu = section_mesh(hinge, refinement), line_integrals(layers(hinge, refinement)), hinge.poissons_ratio
     section, number = section_integrals(mesh), len(mesh.nodes)
     plane, solid = plane_stiffness(section, nu), solid_stiffness(section, line, nu)
-    half, (high, length) = line.whole.sum(), hinge.block
-    blocks = np.array([24 * length / high**3, 2 * length / high])
-    found = []
     motion = (np.concatenate([-mesh.nodes[:, 1], mesh.nodes[:, 0]]), np.repeat([1.0, 0.0], number))
     held_solid, held_plane = _held(mesh, len(line.whole)), _held(mesh, 1)
-    for k, flat in enumerate(_loads(mesh, high)):
-        thin = flat @ displacement(plane, flat, held_plane[k][held_plane[k] < 2 * number], motion[k])
-        force = _extruded(flat, line.whole)
-        thick = force @ displacement(solid, force, held_solid[k], _extruded(motion[k], np.ones(len(line.whole)))) / half
-        found.append((thin, thick - thin))
-    total, excess = 4 * np.transpose(found)  # a quarter of the unit load's work is done on the quarter
-    return total - blocks, excess, solid.shape[0]
+    found = _Solved(mesh, line, _loads(mesh, hinge.block[0]), [], [])
+    for k, flat in enumerate(found.loads):
+        found.plane.append(displacement(plane, flat, held_plane[k][held_plane[k] < 2 * number], motion[k]))
+        force, rigid = _extruded(flat, line.whole), _extruded(motion[k], np.ones(len(line.whole)))
+        found.solid.append(displacement(solid, force, held_solid[k], rigid))
+    return found
 
 
 def _extruded(flat: Array, along: Array) -> Array:

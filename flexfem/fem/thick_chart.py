@@ -1,4 +1,4 @@
-"""The thickness chart: positions of `thick` on a grid of Chebyshev points, as the file that `analytic.chart` reads.
+"""The thickness chart: positions and stress factors of `thick` on a grid of Chebyshev points, as the file that `analytic.chart` reads.
 
 `python -m flexfem.fem.thick_chart [FOLDER]` makes it anew, in the package itself when no folder is given.
 """
@@ -17,16 +17,18 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.chart import Progress, chebyshev_points, kept, make_and_say, sampled, versions, write_chart
 from flexfem.fem.hinge import Extrapolation
-from flexfem.fem.thick import FREEDOMS, LEVELS, ThickHinge, sample
+from flexfem.fem.thick import FREEDOMS, LEVELS, ThickHinge, sample, stress_factors
 
 RATIOS, WIDTHS, POISSONS = (0.02, 1.2), (0.5, 50.0), (0.1, 0.45)  # t/R, b/t, nu
 SHAPE = (7, 11, 3)  # samples in t/R, b/t and nu
 DIGITS = 5  # kept of a position: its uncertainty is some 1e-4
+STRESSES = ("bending", "tension")
 ABOUT = (
     "Circular hinge (radius R, neck t, thickness b) between elastic blocks as high as the notch, 2R + t, and at least "
     "2(2R + t) and b long, in three dimensions: position p between plane stress and plane strain, "
     "C = C_ps (1 - nu^2 p), of the compliance C in rotation and axially, about the neck's centre, less the blocks'. "
-    "Tables [t/R][b/t][nu]. Bands are absolute, of p."
+    "Tables [t/R][b/t][nu]. Bands are absolute, of p. Under `stress`, the highest von Mises stress in the notch over that "
+    "in plane stress, by a moment and by a pull, on the finest mesh."
 )
 
 
@@ -56,16 +58,25 @@ def make_thickness_chart(
     """
     points = chart_points(shape)
     hinges = [ThickHinge(*map(float, point)) for point in product(*points)]
-    samples = sampled(partial(sample, levels=levels), hinges, workers, progress)
-    write_chart(path, _document(points, samples, levels, date))
+    made = sampled(partial(_both, levels=levels), hinges, workers, progress)
+    write_chart(path, _document(points, *map(list, zip(*made, strict=True)), levels, date))
+
+
+def _both(hinge: ThickHinge, levels: tuple[int, ...]) -> tuple[Extrapolation, Extrapolation]:
+    return sample(hinge, levels), stress_factors(hinge, levels[-2:])
 
 
 def _document(
-    points: tuple[Array, Array, Array], samples: list[Extrapolation], levels: tuple[int, ...], date: str | None
+    points: tuple[Array, Array, Array],
+    samples: list[Extrapolation],
+    stresses: list[Extrapolation],
+    levels: tuple[int, ...],
+    date: str | None,
 ) -> dict[str, Any]:
     shape = tuple(map(len, points))
-    values = np.array([made.values for made in samples]).reshape(*shape, 2)
+    values, stress = (np.array([each.values for each in made]).reshape(*shape, 2) for made in (samples, stresses))
     bands = np.array([made.bands for made in samples]).reshape(*shape, 2)
+    moved = np.max([made.bands / made.values for made in stresses], axis=0)
     worth = bands * points[2][:, None] ** 2
     return {
         "about": ABOUT,
@@ -82,6 +93,8 @@ def _document(
         "nu": kept(points[2], 10),
         **{name: kept(values[..., k], DIGITS) for k, name in enumerate(FREEDOMS)},
         "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
+        "stress": {name: kept(stress[..., k], DIGITS) for k, name in enumerate(STRESSES)},
+        "largest_band_of_stress": {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)},
     }
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.analytic.chains import concentration
 from flexfem.arrays import Array, Index, inverse
 from flexfem.stage.designs import Designs
 from flexfem.stage.drives import StageDrive
@@ -175,6 +176,7 @@ def _worst(
 def _at_most(designs: Designs, design: Index, carried: NeckForces) -> Array:
     """A stress (p, 9) that none along the necks of programs' designs exceeds."""
     bending, tension = (each[design].reshape(-1, 9) for each in sections_of(designs, 1)[1:])
-    lever = BESIDE * designs.radius[design].reshape(-1, 9)
+    K = concentration(designs.neck[design] / designs.radius[design])
+    lever = (BESIDE * designs.radius[design] * K.shear / K.bending).reshape(-1, 9)
     M, N, V = (np.abs(each) for each in carried)
     return np.asarray(bending * (M + lever * V) + tension * N)

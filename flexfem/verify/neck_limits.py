@@ -1,8 +1,8 @@
 """What the necks of driven designs carry, their stress, and the limits that yield sets to commands.
 
-At every place x along a neck, from its centre, `|6 (M + V x) K_b / (b h^2)| + |N K_t / (b h)|`, h the height of the
-notch there: stacks that work against each other shear necks, and beside the centre a shear force bends. The
-concentrations are taken to be those of the centre. M, N, V are linear in the commands, so that yield is four
+At every place x along a neck, from its centre, `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the height of
+the notch there: stacks that work against each other shear necks, and beside the centre a shear force bends, with a
+concentration of its own. All are taken to be those of the centre. M, N, V are linear in the commands, so that yield is four
 half-spaces for every place: one for each pair of signs.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import concentration, von_mises_along
+from flexfem.analytic.chains import stress_raised
 from flexfem.arrays import Array
 from flexfem.stage.designs import Designs, Frames
 from flexfem.verify.driven import DriveLimits, Driven
@@ -33,8 +33,9 @@ class NeckForces(NamedTuple):
 
 
 class NeckSections(NamedTuple):
-    """Places x (..., 3 chains, 3 hinges, s) along the necks, mm, and von Mises stress there: of M + V x, and of N.
+    """Levers x (..., 3 chains, 3 hinges, s) of V at places along the necks, mm, and stress there: of M + V x, and of N.
 
+    x : distance of the place from the centre, times K_s / K_b.   Stress is von Mises'.
     bending : MPa per N mm.   tension : MPa per N.
     """
 
@@ -56,9 +57,9 @@ def sections_of(designs: Designs, count: int = SECTIONS) -> NeckSections:
     radius, neck = designs.radius[..., None], designs.neck[..., None]
     x = radius * (np.linspace(-BESIDE, BESIDE, count) if count > 1 else np.zeros(1))
     high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
-    K = concentration(neck / radius)
-    per_area = (von_mises_along(designs.out_of_plane) / designs.thickness)[:, None, None, None] / high
-    return NeckSections(x, 6 * K.bending * per_area / high, K.tension * per_area)
+    bending, tension, shear = (part[..., None] for part in stress_raised(designs))
+    area = designs.thickness[:, None, None, None] * high
+    return NeckSections(x * shear / bending, 6 * bending / area / high, tension / area)
 
 
 def stress_along(at: NeckSections, carried: NeckForces) -> Array:

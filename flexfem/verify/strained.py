@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from flexfem.analytic.chains import Wrench, surface_stress
+from flexfem.analytic.chains import Wrench, stress_raised, surface_stress
 from flexfem.analytic.fatigue import Basquin, amplitude_at, counted, cycles_at, equivalent
 from flexfem.analytic.model import AnalyticResult
 from flexfem.arrays import Array, Index
@@ -72,7 +72,7 @@ class Strained(NamedTuple):
 
 def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
     """Both sides of every neck of n designs, by what the necks carry (n, 3, 3, 3)."""
-    bending, along = surface_stress(wrench, designs.radius, designs.neck, designs.thickness, designs.out_of_plane)
+    bending, along = surface_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
     part = np.repeat(counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
     return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.motion.amplitude), sides @ of.motion.mean, part)
