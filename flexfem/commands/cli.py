@@ -28,6 +28,7 @@ from flexfem.commands import (
     verification,
 )
 from flexfem.commands.grouped import GroupedCommands
+from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest
 
@@ -72,7 +73,7 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
     os.environ.update(ONE_THREAD | os.environ)  # matrices are small: threads that wait take up to twice the time
     code, text = 130, streams.Stopped.said
-    with streams.plain_streams():
+    with streams.plain_streams(), noted():
         with suppress(KeyboardInterrupt), streams.stoppable() as stops:
             code, text = _run()
         if stops:  # whatever libraries have made of it
