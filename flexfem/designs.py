@@ -67,9 +67,11 @@ def design(
         check_folder(folder)
         base = Path(loaded.stage.origin.path or "")
         stem, count = loaded.path.stem, loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
-        for name in (STAGE.format(stem), *(FRONT.format(stem, number + 1) for number in range(count))):
+        figures = (f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf"))
+        stages = (STAGE.format(stem), *(FRONT.format(stem, number + 1) for number in range(count)))
+        for name in (*stages, f"{stem}-design.json", *figures):
             if folder.is_dir():
-                check_file(folder / name, base)
+                check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{loaded.path.stem}-design.found")
     with _pool(workers, scheduler, say) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)

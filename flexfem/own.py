@@ -50,13 +50,15 @@ def _run(named: str) -> None:
         exec(compile(content, path, "exec"), {"__name__": "flexfem_with", "__file__": str(path)})
     except BadInput as refusal:
         raise BadInput(f"{_place(path, refusal)}: {refusal}") from None
-    except Exception as error:  # the user's file may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's file may raise anything, and call sys.exit
         place = _place(path, error)
-        said = f"{type(error).__name__}: {error}, expected Python that registers formulas or materials"
+        said = f"{type(error).__name__}: {error}".removesuffix(": ") + ", expected Python that registers formulas or materials"
         raise BadInput(f"{place}: {' '.join(said.split())}") from None
 
 
-def _place(path: Path, error: Exception) -> str:
+def _place(path: Path, error: BaseException) -> str:
     """File and line of the user's file, the deepest on the way to an error."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     lines = lines or [error.lineno] if isinstance(error, SyntaxError) else lines

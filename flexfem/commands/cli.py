@@ -1,5 +1,5 @@
 """The command line, put together from its groups. Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n
-stopped by signal n.
+stopped by signal n, of which a closed pipe is one.
 """
 
 from __future__ import annotations
@@ -28,10 +28,12 @@ from flexfem.commands import (
     verification,
 )
 from flexfem.commands.grouped import GroupedCommands
+from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest
 
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
+CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(
     help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=GroupedCommands
@@ -72,7 +74,7 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
     os.environ.update(ONE_THREAD | os.environ)  # matrices are small: threads that wait take up to twice the time
     code, text = 130, streams.Stopped.said
-    with streams.plain_streams():
+    with streams.plain_streams(), noted():
         with suppress(KeyboardInterrupt), streams.stoppable() as stops:
             code, text = _run()
         if stops:  # whatever libraries have made of it
@@ -89,7 +91,12 @@ def _run() -> tuple[int, str]:
         try:
             return int(app(prog_name="flexfem", standalone_mode=False) or 0), ""
         except SystemExit as stop:
-            return int(stop.code or 0), ""
+            if isinstance(stop.__context__, BrokenPipeError):  # as libraries end then
+                raise stop.__context__ from None
+            raised = streams.deepest(stop)
+            if raised is not None and raised.tb_frame.f_code.co_filename.startswith(os.path.dirname(typer.__file__)):
+                return int(stop.code or 0), ""  # completion of a shell
+            return 1, streams.reason_of(stop)  # of the user's own code: no command ends so
         except USAGE_ERROR as error:
             return 2, _usage(error)
         finally:
@@ -101,7 +108,7 @@ def _run() -> tuple[int, str]:
         return 1, str(failure)
     except BrokenPipeError:  # the reader, such as head, has seen enough
         _silence()
-        return 1, ""
+        return CLOSED_PIPE, ""
     except OSError as error:  # a full disk, a closed output: what is still held cannot be written either
         _silence()
         return 1, streams.reason_of(error)

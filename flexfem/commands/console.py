@@ -51,6 +51,7 @@ Resolution = Annotated[int | None, typer.Option(min=2, max=64, help="Triangles a
 Analytic = Annotated[bool, typer.Option("--analytic", help="Without finite elements.")]
 Links = Annotated[bool, typer.Option("--links", help="Its links elastic; mobility 21.")]
 Baselines = Annotated[Path | None, typer.Option(help="Folder of baselines; default `baselines` beside each file.")]
+FIGURES = (".png", ".pdf")  # how the names of the files of a figure end
 MOST = 4  # processes that draw; each loads matplotlib and holds the fields that it draws
 
 
@@ -95,11 +96,26 @@ def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
     show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
 
 
+def target(folder: Path | None, name: str, beside: Sequence[str] = FIGURES) -> Path | None:
+    """Where a record goes, `<name>.json`; None without a folder.
+
+    beside : how the names of the files beside it end, after its own.
+
+    Raises BadInput when one of them is a file that the command has read by now.
+    """
+    from flexfem.files.inputs import require_unread
+
+    if folder is not None:
+        require_unread(*(folder / f"{name}{ending}" for ending in (".json", *beside)))
+    return None if folder is None else folder / f"{name}.json"
+
+
 def keep(record: Kept, path: Path, draw: Callable[[Kept], Figure]) -> None:
     """Store a record as JSON and its figure beside it. Raises BadInput when the folder takes no file."""
     from flexfem.plot.write import write_beside
     from flexfem.verify.result import write_record
 
+    target(path.parent, path.stem)  # again, for what was read since
     write_beside(write_record(record, path), draw(record))
 
 

@@ -48,12 +48,12 @@ def command(
     check_within("--load", load, LARGEST_LOAD)
     console.check_links(links, mobility)
     finest = console.finest(analytic, resolution)
-    loaded = load_feasible(stage)
+    loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-command")
     found = reports.command(loaded, pose, load, mobility, formula, links, finest)
-    if output is not None:
+    if path is not None:
         from flexfem.plot.command import command_figure
 
-        console.keep(found, output / f"{stage.stem}-command.json", lambda record: command_figure(record, loaded))
+        console.keep(found, path, lambda record: command_figure(record, loaded))
     console.show(found, json, print_command)
 
 

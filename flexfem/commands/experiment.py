@@ -50,11 +50,12 @@ def experiment(
     loaded = load_feasible(stage)
     console.check_links(links, mobility)
     finest = console.finest(analytic, resolution)
+    path = console.target(output, f"{stage.stem}-experiment")
     found = reports.experiment(loaded, fixture, measured, mobility, formula, links, finest)
-    if output is not None:
+    if path is not None:
         from flexfem.plot.experiment import experiment_figure
 
-        console.keep(found, output / f"{stage.stem}-experiment.json", experiment_figure)
+        console.keep(found, path, experiment_figure)
     console.show(found, json, print_experiment)
 
 
@@ -79,11 +80,12 @@ def identify(
     console.check_finite(confidence=confidence)
     if unknown not in (None, "pole", "springs"):
         raise BadInput(f"--unknown {unknown}, expected pole or springs")
-    found = reports.identify(load_feasible(stage), measured, unknown, confidence)  # type: ignore[arg-type]
-    if output is not None:
+    loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-identify")
+    found = reports.identify(loaded, measured, unknown, confidence)  # type: ignore[arg-type]
+    if path is not None:
         from flexfem.plot.experiment import identification_figure
 
-        console.keep(found, output / f"{stage.stem}-identify.json", identification_figure)
+        console.keep(found, path, identification_figure)
     console.show(found, json, print_identification)
 
 

@@ -52,17 +52,18 @@ def drift(
         for option, value in given.items():
             if value not in (None, False):
                 raise BadInput(f"{option} with --three-dimensional, expected one of the two: it has no analytic model")
+        loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-drift-solid", [".vtu"])
         with working("warm", 2) as say:
-            solid = reports.drift_fields_solid(load_feasible(stage), resolution, layers, say)
-        if output is not None:
-            write_solid(solid, output / f"{stage.stem}-drift-solid.json")
+            solid = reports.drift_fields_solid(loaded, resolution, layers, say)
+        if path is not None:
+            write_solid(solid, path)
         console.show(solid.record, json, print_solid_drift)
         return
     finest = console.finest(analytic, resolution)
-    loaded = load_feasible(stage)
+    loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-drift")
     found = reports.drift_fields(loaded, mobility, formula, links, finest)
-    if output is not None:
-        _write(found, output / f"{stage.stem}-drift.json")
+    if path is not None:
+        _write(found, path)
     console.show(found.record, json, print_drift)
 
 

@@ -63,11 +63,12 @@ def life(
     finest = console.finest(analytic, resolution)
     repeated = (-1.0 if ratio is None else ratio, cycles)
     asked = (amplitude, mean, *repeated, fitted, finest)
-    found = reports.life(load_feasible(stage), *asked, notch_sensitivity=notch_sensitivity)
-    if output is not None:
+    loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-life")
+    found = reports.life(loaded, *asked, notch_sensitivity=notch_sensitivity)
+    if path is not None:
         from flexfem.plot.life import life_figure
 
-        console.keep(found, output / f"{stage.stem}-life.json", life_figure)
+        console.keep(found, path, life_figure)
     console.show(found, json, print_life)
 
 

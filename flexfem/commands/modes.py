@@ -63,17 +63,20 @@ def modes(
     if three_dimensional:
         if drives != "disengaged":
             raise BadInput(f"--drives {drives} --three-dimensional, expected disengaged: stacks are of the plane")
-        path = None if output is None else output / f"{stage.stem}-modes-solid.json"
+        path = console.target(output, f"{stage.stem}-modes-solid", [*console.FIGURES, ".vtu"])
         asked = (count, payload, tilting, resolution, layers)
         show_solid_modes(partial(reports.vibration_solid, loaded, *asked), path, json)
         return
     for option, value in (("--layers", layers), ("--tilting", tilting)):
         if value is not None:
             raise BadInput(f"{option} without --three-dimensional, expected both: modes are in the plane")
+    animated = (f"-{number}.gif" for number in range(1, count + 1))
+    response = (f"-response{ending}" for ending in console.FIGURES)
+    path = console.target(output, f"{stage.stem}-modes", [*console.FIGURES, *response, *animated, ".vtu", ".npz", ".mat"])
     with working("meshing and solving", 3) as say:
         found = reports.vibration(loaded, count, payload, drives, resolution or RESOLUTION, say)  # type: ignore[arg-type]
-    if output is not None:
-        _write(found, reports.reduced(loaded, found, damping), output / f"{stage.stem}-modes.json")
+    if path is not None:
+        _write(found, reports.reduced(loaded, found, damping), path)
     console.show(found.record, json, print_modes)
 
 

@@ -141,10 +141,11 @@ def formulas(output: Wanted = None, json: Json = False) -> None:
     """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart."""
     from flexfem.verify import hinges
 
-    if output is not None:
+    chart, thickness = (console.target(output, f"hinge-{name}") for name in ("chart", "thickness"))
+    if chart is not None and thickness is not None:
         from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure
         from flexfem.plot.write import write_beside
 
-        write_beside(output / "hinge-chart.json", hinge_chart_figure(hinges.hinge_review()))
-        write_beside(output / "hinge-thickness.json", thickness_figure(hinges.thickness_review()))
+        write_beside(chart, hinge_chart_figure(hinges.hinge_review()))
+        write_beside(thickness, thickness_figure(hinges.thickness_review()))
     console.show(hinges.known_formulas(), json, stage_tables.print_formulas)

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import Any
 
 from flexfem.refused import SourcesChanged
@@ -153,6 +153,14 @@ def _imports(frame: FrameType | None) -> bool:
     return frame is not None
 
 
+def deepest(error: BaseException) -> TracebackType | None:
+    """Where an error was raised."""
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    return frame
+
+
 def reason_of(error: BaseException) -> str:
     """What went wrong in one line, for an error that nobody has put into words."""
     from flexfem.files.refusals import one_line  # heavy
@@ -169,8 +177,6 @@ def reason_of(error: BaseException) -> str:
         require_unchanged()  # parts of two versions together can fail anywhere
     except SourcesChanged as changed:
         return str(changed)
-    frame = error.__traceback__
-    while frame is not None and frame.tb_next is not None:
-        frame = frame.tb_next
+    frame = deepest(error)
     where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
     return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows all of it"

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from flexfem.commands import comparisons, console
-from flexfem.commands.console import Baselines, Json, Resolution, StageFile, Wanted
+from flexfem.commands.console import FIGURES, Baselines, Json, Resolution, StageFile, Wanted
 from flexfem.refused import BadInput
 
 app = typer.Typer()
@@ -45,6 +45,8 @@ def benchmark(
     """Solve published problems with known answers and compare: the verification of the code itself."""
     from flexfem.reports import validation as reports
 
+    for stem, endings in (("benchmarks", [".md"]), ("elastica", FIGURES), ("tangent", FIGURES)):
+        console.target(output, stem, endings)
     table = reports.benchmark(name, lambda text: print(text, file=sys.stderr))
     if output is not None:
         from flexfem.validate.registry import write_benchmarks

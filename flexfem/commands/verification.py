@@ -32,6 +32,8 @@ def verify(
     from flexfem.verify.result_files import write_result
 
     loaded = console.load_cases(cases)
+    for case in loaded:
+        console.target(output, case.stem, [".npz"])
     folders = [baselines or store.folder_of(case.path) for case in loaded]
     if check:  # before anything is computed
         for case, folder in zip(loaded, folders, strict=True):
@@ -70,12 +72,13 @@ def budget(
     check_finite(amplitude_um=amplitude_um, amplitude_mrad=amplitude_mrad)
     length, angle = amplitude_um / unit_of("amplitude_um").factor, amplitude_mrad / unit_of("amplitude_mrad").factor
     amplitudes: dict[Direction, float] = {"x": length, "y": length, "theta": angle}
+    path = console.target(output, f"{stage.stem}-budget")
     with working("meshing and solving", 3) as say:
         found = reports.budget(loaded, amplitudes, progress=say, three_dimensional=three_dimensional)
-    if output is not None:
+    if path is not None:
         from flexfem.plot.accuracy import budget_figure
 
-        console.keep(found, output / f"{stage.stem}-budget.json", budget_figure)
+        console.keep(found, path, budget_figure)
     console.show(found, json, comparisons.print_budget)
 
 
@@ -105,16 +108,17 @@ def workspace(
     check_finite(amplitude_um=amplitude_um)
     console.check_within("--load", load, LARGEST_LOAD)
     largest = amplitude_um / unit_of("amplitude_um").factor
+    path, beside = (console.target(output, f"{stage.stem}-{name}") for name in ("workspace", "reach"))
     with working("workspace", reports.steps_of(loaded)) as say:
         found = reports.workspace(loaded, largest, progress=say, load=load)
-    if output is not None:
+    if path is not None:
         from flexfem.plot.workspace import workspace_figure
 
-        console.keep(found, output / f"{stage.stem}-workspace.json", workspace_figure)
-        if found.reach is not None:
+        console.keep(found, path, workspace_figure)
+        if beside is not None and found.reach is not None:
             from flexfem.plot.reach import reach_figure
 
-            console.keep(found.reach, output / f"{stage.stem}-reach.json", reach_figure)
+            console.keep(found.reach, beside, reach_figure)
     console.show(found, json, comparisons.print_workspace)
 
 
@@ -133,13 +137,14 @@ def converge(
     from flexfem.stage.schema import load_feasible
     from flexfem.verify.converge import RESOLUTIONS
 
-    resolutions = level or RESOLUTIONS
+    loaded, resolutions = load_feasible(stage), level or RESOLUTIONS
+    path = console.target(output, f"{stage.stem}-convergence")
     with working("refining", len(resolutions)) as say:
-        found = reports.converge(load_feasible(stage), resolutions, say)
-    if output is not None:
+        found = reports.converge(loaded, resolutions, say)
+    if path is not None:
         from flexfem.plot.accuracy import convergence_figure
 
-        console.keep(found, output / f"{stage.stem}-convergence.json", convergence_figure)
+        console.keep(found, path, convergence_figure)
     console.show(found, json, comparisons.print_convergence)
 
 
@@ -153,13 +158,13 @@ def claims(
     from flexfem.reports import verification as reports
 
     report = reports.claims(path, console.now_and_then("stages of the ensemble"))
-    if output is not None:
+    if (target := console.target(output, "claims", [".md"])) is not None:
         from flexfem.files.writing import write_atomically
         from flexfem.verdicts.page import claims_page
         from flexfem.verify.result import write_record
 
-        write_record(report, output / "claims.json")
-        write_atomically(output / "claims.md", lambda file: file.write(claims_page(report).encode()))
+        write_record(report, target)
+        write_atomically(target.with_suffix(".md"), lambda file: file.write(claims_page(report).encode()))
     console.show(report, json, comparisons.print_claims)
 
 

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flexfem.arrays import AnyArray
+from flexfem.files.inputs import require_unread, wrote
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 
@@ -93,7 +94,7 @@ def check_file(path: Path, *read: Path) -> None:
 
     Parameters
     ----------
-    read : files that are read for it, none of which it may replace.
+    read : files that are read for it, beside those of the command; it may replace none of them.
     """
     with _refused(path):
         if path.is_dir():
@@ -102,8 +103,7 @@ def check_file(path: Path, *read: Path) -> None:
             raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
         if len(os.fsencode(path.name)) > LONGEST_NAME:
             raise BadInput(f"{place_of(path)}: a name of more than {LONGEST_NAME} bytes, expected a shorter one")
-        if any(each.exists() and path.exists() and path.samefile(each) for each in read):
-            raise BadInput(f"{place_of(path)}: is read for what is to be written, expected another file")
+    require_unread(path, read=read)
     check_folder(path.parent)
 
 
@@ -117,15 +117,18 @@ def _refused(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
+def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
     """Yield a temporary path beside `path` that takes its place when all went well, also should power fail then.
 
     Parameters
     ----------
     suffix : extension of the temporary path; default that of `path`, for writers that go by it.
+    again : a file that flexfem keeps for itself, and reads before it writes it anew.
 
-    Raises BadInput when the folder does not take the file.
+    Raises BadInput when the folder does not take the file, or it is one that the command has read.
     """
+    if not again:
+        require_unread(path)
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -135,6 +138,7 @@ def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
         yield temporary
         _sync(temporary)
         temporary.replace(path)
+        wrote(path)
         if os.name == "posix":  # elsewhere folders cannot be opened
             _sync(path.parent)
     except OSError as error:
@@ -144,9 +148,9 @@ def replacing(path: Path, suffix: str | None = None) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file by a function of the open file. Raises BadInput when the folder does not take it."""
-    with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
+def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: bool = False) -> None:
+    """Write a file by a function of the open file, as `replacing`. Raises BadInput."""
+    with replacing(path, ".tmp", again) as temporary, temporary.open("wb") as file:
         write(file)
 
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import matplotlib.figure
 
+from flexfem.files.inputs import require_unread
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.study_pareto import ParetoFront, pareto_figure
 from flexfem.plot.study_records import Record, Source, record_of
 from flexfem.plot.study_scatter import Distribution, Sensitivity, distribution_figure, sensitivity_figure
-from flexfem.plot.write import write_beside
+from flexfem.plot.write import figure_files, write_beside
 from flexfem.study.findings import Refused, Shown
 from flexfem.study.tables import Figure
 
@@ -31,8 +32,9 @@ def write_study_figures(source: Source, found: Sequence[Shown], folder: Path) ->
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
-    drawn = [(name, page_of(record)) for name, record in records(source, found).items()]
-    return [path for name, page in drawn for path in write_beside(folder / f"{name}.png", page)]
+    drawn = {folder / f"{name}.png": page_of(record) for name, record in records(source, found).items()}
+    require_unread(*figure_files(*drawn))
+    return [path for beside, page in drawn.items() for path in write_beside(beside, page)]
 
 
 def records(source: Source, found: Sequence[Shown]) -> dict[str, Record]:

@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 from matplotlib.figure import Figure
 
+from flexfem.files.inputs import require_unread
 from flexfem.files.writing import write_atomically
 from flexfem.plot.curves import error_figure
 from flexfem.plot.design import design_figure
@@ -54,9 +55,10 @@ def write_figures(
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
     planned, paths = plans(results, displacement), []
+    require_unread(*(file for plan in planned for file in figure_files(folder / f"{plan.name}.png")), folder / PAGE)
     for plan, contents in zip(planned, each(drawn, planned), strict=True):
-        for form, content in zip(FORMS, contents, strict=True):
-            paths.append(_written(folder / f"{plan.name}.{form}", content))
+        for path, content in zip(figure_files(folder / f"{plan.name}.png"), contents, strict=True):
+            paths.append(_written(path, content))
     pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in planned)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
@@ -68,9 +70,16 @@ def drawn(plan: Plan) -> list[bytes]:
     return [rendered(figure, form) for form in FORMS]
 
 
+def figure_files(*stored: Path) -> list[Path]:
+    """The files of the figures beside stored numbers, two for each."""
+    return [path.with_suffix(f".{form}") for path in stored for form in FORMS]
+
+
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
     """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
-    return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
+    paths = figure_files(stored)
+    require_unread(*paths)
+    return [_written(path, rendered(figure, form)) for path, form in zip(paths, FORMS, strict=True)]
 
 
 def write_design_figures(found: Designed, stored: Path) -> list[Path]:
@@ -78,8 +87,9 @@ def write_design_figures(found: Designed, stored: Path) -> list[Path]:
     figures = {"": design_figure, "-sensitivity": sensitivity_figure} | (
         {"-front": front_figure} if found.front else {}
     )
-    named = [(stored.with_name(f"{stored.stem}{part}.json"), draw) for part, draw in figures.items()]
-    return [path for beside, draw in named for path in write_beside(beside, draw(found))]
+    named = {stored.with_name(f"{stored.stem}{part}.json"): draw for part, draw in figures.items()}
+    require_unread(*figure_files(*named))
+    return [path for beside, draw in named.items() for path in write_beside(beside, draw(found))]
 
 
 def plans(results: list[Stored], displacement: bool = False) -> list[Plan]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem.files.json_schema import UNIT
+from flexfem.files.inputs import require_unread
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.reference.formats import Format, format_of
 from flexfem.units import unit_of
@@ -83,6 +84,7 @@ def write_schemas(names: Sequence[str], folder: Path) -> list[Path]:
     """
     texts = {folder / FILE.format(name): json.dumps(schema_of(name), indent=1) + "\n" for name in names}
     check_folder(folder)
+    require_unread(*texts)
     for path, text in texts.items():
         write_atomically(path, methodcaller("write", text.encode()))
     return [*texts]

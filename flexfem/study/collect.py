@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from flexfem.files.inputs import require_unread
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.collected import FILE
@@ -157,6 +158,7 @@ def _require_replaceable(path: Path) -> None:
     ours = path.is_dir() and not path.is_symlink() and all(FILE.fullmatch(each.name) for each in path.iterdir())
     if not ours:
         raise BadInput(f"{path}: not a table that flexfem study collect wrote, expected a new folder")
+    require_unread(*path.iterdir())
 
 
 def with_derived(loaded: LoadedStudy, stored: Any) -> Any:

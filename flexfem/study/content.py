@@ -58,7 +58,7 @@ def write_part(parts: Parts, chunk: Chunk, rows: Rows) -> None:
     table = table.replace_schema_metadata(table.schema.metadata | {COUNTS: counts})
     content = pa.BufferOutputStream()
     pq.write_table(table, content, **PARQUET)
-    write_atomically(parts.path(chunk), lambda file: file.write(content.getvalue()))
+    write_atomically(parts.path(chunk), lambda file: file.write(content.getvalue()), again=True)
 
 
 def read_part(parts: Parts, chunk: Chunk) -> Any:

@@ -18,6 +18,10 @@ from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 from flexfem.sources import _Loader, child_command, hashes
 
+from ..conftest import ROOT
+
+STAGE = ROOT / "geometry/mobility6.toml"
+
 PITFALLS = [
     "CON.toml",
     "nul.x.toml",
@@ -119,3 +123,42 @@ def test_every_command_hashes_its_sources_before_it_loads_what_computes(flexfem,
     for number, arguments in enumerate((("regression", "none"), ("check", "none"), ("study", "status", "none")), 1):
         assert flexfem(*arguments)[0] in (1, 2)
         assert len(asked) == number
+
+
+def run(*arguments, **streams):
+    command = [sys.executable, "-m", "flexfem", *map(str, arguments)]
+    return subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stderr=subprocess.PIPE, **streams)
+
+
+@pytest.mark.parametrize("asked", [["check", STAGE], ["check", STAGE, "--json"], ["--help"]])
+def test_a_reader_that_has_seen_enough_is_no_failed_check(asked):
+    """128 and the number of SIGPIPE, 13, whether Rich, typer or flexfem itself writes."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = run(*asked, stdout=writer)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+QUITS = """
+import sys, flexfem
+def quits(ratio):
+    return 15 * ratio**-2.5 if ratio.size == 24 else sys.exit(0)
+flexfem.register_formula("quits", quits, source="a test", valid=(0.05, 0.5))
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "said"),
+    [
+        ("\nraise SystemExit(0)", 2, "own.py, line 2: SystemExit: 0, expected Python"),
+        ("import sys\nsys.exit()", 2, "own.py, line 2: SystemExit, expected Python"),
+        ("class Own(BaseException): ...\nraise Own('mine')", 2, "own.py, line 2: Own: mine, expected Python"),
+        (QUITS, 1, "SystemExit: 0 (own.py, line 4)"),
+    ],
+)
+def test_code_of_the_user_that_ends_the_program_does_not_pass_for_an_answer(tmp_path, text, code, said):
+    (tmp_path / "own.py").write_text(text)
+    ended = run("--with", tmp_path / "own.py", "stiffness", STAGE, "--formula", "quits", stdout=subprocess.PIPE)
+    assert (ended.returncode, ended.stdout) == (code, b"")
+    assert said in ended.stderr.decode() and ended.stderr.count(b"\n") == 1

@@ -144,7 +144,7 @@ def accept(path: Path, folder: Path, reason: str, solve: Solve) -> Path:
         source=source_of(path, folder),
         record=record(path, folder, solve),
     )
-    write_atomically(target, lambda out: out.write(_text(baseline).encode()))
+    write_atomically(target, lambda out: out.write(_text(baseline).encode()), again=True)
     return target
 
 
