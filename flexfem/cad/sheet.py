@@ -13,6 +13,7 @@ from flexfem.stage.designs import CHAIN_TURN
 from flexfem.stage.dimensions import Dimensions, dimensions_of
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import CHAINS, Stage
+from flexfem.stage.tables import counted
 
 METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
@@ -75,10 +76,9 @@ def notes_of(stage: Stage, part: Part, kerf: float | None) -> Iterator[str]:
     yield f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}"
     if stage.chains_alike:
         yield "chains 2 and 3 as chain 1, turned by 120 and 240 degrees"
-    if stage.assumed:
-        yield f"ASSUMED: {len(stage.assumed)} numbers of geometry and material"
-    if stage.not_stated:
-        yield f"NO STATED SOURCE: {len(stage.not_stated)} numbers of geometry and material"
+    for said, keys in (("ASSUMED", stage.assumed), ("NO STATED SOURCE", stage.not_stated)):
+        if keys:
+            yield f"{said}: {counted(len(keys), 'number', 'numbers')} of geometry and material"
     yield "In the models: clamped along the back edges of the pads, the hub hole filled by a rigid disc."
     if part.mounting:
         yield "Not in the models: the mounting holes."

@@ -79,7 +79,7 @@ def size_of(count: int) -> str:
 
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
-    from flexfem.stage.tables import scopes_of
+    from flexfem.stage.tables import doubts_said
 
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
@@ -101,8 +101,7 @@ def print_status(facts: dict[str, Any]) -> None:
     for text in facts["warnings"]:
         print(f"warning: {text}")
     print(f"stress: {facts['stress_accuracy']}")
-    for key, said in (("assumed", "are assumed, not the paper's"), ("not_stated", "have no stated source")):
-        if facts[key]:
-            print(f"{len(facts[key])} of the numbers behind it {said} ({scopes_of(facts[key])}): --json lists them")
+    for text in doubts_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
+        print(f"{text}: --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")

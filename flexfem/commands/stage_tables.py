@@ -35,7 +35,7 @@ def print_stage(of: StageReport) -> None:
         out.print(f"  {key}: {source}")
     for text in of.warnings:
         out.print(f"warning: {text}")
-    for said, keys in (("assumed, not the paper's", of.assumed), ("no source stated", of.not_stated)):
+    for said, keys in (("assumed", of.assumed), ("no source stated", of.not_stated)):
         if keys:
             out.print(f"{said}: {', '.join(keys)}")
 
@@ -60,7 +60,7 @@ def _hinge(h: PlacedHinge) -> Iterator[str]:
 
 def print_summary(of: Summary) -> None:
     """Print how far a stage may go, by every model that was asked."""
-    from flexfem.stage.tables import of_drive
+    from flexfem.stage.tables import counted, of_drive
 
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"
@@ -81,7 +81,8 @@ def print_summary(of: Summary) -> None:
         head = ("the drive reaches", "others at zero", "others free", "stopped, at zero, by limits of")
         out.print(table(head, _driven(of.drive.ranges)))
         doubted = [key for key in (*of.drive.assumed, *of.drive.not_stated) if of_drive(key)]
-        out.print(f"{len(doubted)} numbers of the drive are assumed or without a stated source")
+        said = counted(len(doubted), "number of the drive is", "numbers of the drive are")
+        out.print(f"{said} assumed or without a stated source")
     print_ending(out, of)
 
 

@@ -155,10 +155,9 @@ def _print_matrix(out: Console, title: str, matrix: Array) -> None:
 
 def print_ending(out: Console, of: Any) -> None:
     """Print the warnings of a record, and how many numbers are in doubt."""
-    from flexfem.stage.tables import scopes_of
+    from flexfem.stage.tables import doubts_said
 
     for text in of.warnings:
         out.print(f"warning: {text}")
-    for keys, said in ((of.assumed, "are assumed, not the paper's"), (of.not_stated, "have no stated source")):
-        if keys:
-            out.print(f"{len(keys)} of these numbers {said} ({scopes_of(keys)}): --json lists them")
+    for text in doubts_said(of.assumed, of.not_stated):
+        out.print(f"{text}: --json lists them")

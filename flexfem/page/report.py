@@ -19,7 +19,7 @@ from flexfem.page.stored_claims import is_claims, read_claims
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
 from flexfem.reports.life import checked_amplitude
-from flexfem.stage.tables import scopes_of
+from flexfem.stage.tables import doubts_said
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
 
@@ -121,11 +121,8 @@ def report(
 
 def doubts_line(subject: Subject) -> str:
     """What a page says first of numbers in doubt; "" without any."""
-    assumed, unknown = len(subject.assumed), len(subject.not_stated)
-    said = [f"{assumed} of the numbers behind this page are assumed ({scopes_of(subject.assumed)})"] if assumed else []
-    if unknown:
-        whose = "" if said else " of its numbers"
-        said.append(f"{unknown}{whose} have no stated source ({scopes_of(subject.not_stated)})")
+    said = doubts_said(subject.assumed, [], "of the numbers behind this page ")
+    said += doubts_said([], subject.not_stated, "" if said else "of its numbers ")
     return f"{'; '.join(said)}. They are listed under “Where the numbers come from”." if said else ""
 
 

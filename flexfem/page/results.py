@@ -13,6 +13,7 @@ from flexfem.page.section import Content, PageSection, notes, table
 from flexfem.plot.curves import driven_by, error_figure
 from flexfem.plot.text import banded, significant
 from flexfem.plot.told import error_spots
+from flexfem.stage.tables import counted
 from flexfem.synthesis.result import Designed
 from flexfem.units import LENGTH, STRESS, unit_for
 from flexfem.verdicts.page import said_of_ensemble
@@ -121,8 +122,8 @@ def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | De
         [key, TAG.format(kind), ", ".join(where)] for (key, kind), where in sorted(kinds.items())
     ]
     assumed = sum(kind == "assumed" for _, kind in kinds)
-    parts = Markup("<p><strong>{} numbers are assumed</strong>, {} have no stated source.</p>").format(
-        assumed, len(kinds) - assumed
+    parts = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
+        counted(assumed, "number is", "numbers are"), counted(len(kinds) - assumed, "has", "have")
     )
     parts += table(["key of the file", "kind", "in"], rows) if rows else Markup("")
     made = [[name, *_computed(each), _versions(each.versions)] for name, each in named]

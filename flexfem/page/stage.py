@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import Content, PageSection, facts, notes, table
 from flexfem.plot.dimensions import drawing_figure
 from flexfem.plot.told import hinge_spots
+from flexfem.stage.tables import counted
 from flexfem.units import DEGREE, LENGTH, MICROMETRE, PLANES, RATE, STRESS, UNITS
 
 if TYPE_CHECKING:
@@ -92,16 +94,18 @@ def drawing_section(stage: Stage, found: StageReport) -> PageSection:
 
 
 def provenance_section(stage: Stage, found: StageReport) -> PageSection:
-    """Every number with where it comes from; those assumed first and marked."""
-    sources = {key: text for key, text in stage.sources.items() if text}
+    """Every value with where it comes from, those that no answer of the page takes too; those assumed first."""
+    values = values_by_key(stage)
+    sources = {key: text for key, text in stage.sources.items() if text and key in values}
     assumed, not_stated = doubted(found)
+    assumed += [key for key, text in sources.items() if is_assumed(text) and key not in assumed]
     rows: list[list[Content]] = [
         [key, TAG.format("assumed"), sources.get(key, "not a number of the file")] for key in assumed
     ]
     rows += [[key, TAG.format("not stated"), "no source in the file"] for key in not_stated]
     rows += [[key, "stated", text] for key, text in sources.items() if key not in {*assumed, *not_stated}]
-    opening = Markup("<p><strong>{} of these numbers are assumed</strong>, {} have no stated source.</p>").format(
-        len(assumed), len(not_stated)
+    opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
+        counted(len(assumed), "of these numbers is", "of these numbers are"), counted(len(not_stated), "has", "have")
     )
     return PageSection(
         "provenance", "Where the numbers come from", opening + table(["key of the file", "kind", "source"], rows)

@@ -110,7 +110,7 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     disc, fillet = stage.platform.radius, FILLET * width
     if front < width - disc:
         raise BadInput(
-            f"{key_of(stage, chain, 'platform', 'axis_deg')}: the neck of chain {chain} points past the platform, "
+            f"{_heading_of(stage, chain)}: the neck of chain {chain} points past the platform, "
             f"expected the platform centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
             f"hinge's face, is {front:g}"
         )
@@ -121,6 +121,14 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     end = corner + LUG * width * along
     touch = cmath.phase(end) - side * np.arccos(disc / abs(end))
     return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
+
+
+def _heading_of(stage: StageContent, chain: int) -> str:
+    """The key of the file that turns the platform hinge of a chain, and its value."""
+    axis = stage.hinge(chain, "platform").axis
+    if axis is not None:
+        return f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(axis):.6g}"
+    return f"chain.joint_angles_deg = [{', '.join(f'{angle:.6g}' for angle in np.rad2deg(stage.chain.joint_angles))}]"
 
 
 def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:

@@ -6,7 +6,7 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, Field
@@ -174,6 +174,17 @@ def of_heat(key: str) -> bool:
 
 
 FILES = {"measured": "the measurements", "necks": "the measured necks"}  # where the word before a key is not the file's
+
+
+def doubts_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
+    """How many numbers are assumed and how many have no stated source, in words, each if there are any."""
+    verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
+    return [f"{counted(len(keys), *(of + verb for verb in both))} ({scopes_of(keys)})" for keys, both in verbs if keys]
+
+
+def counted(count: int, one: str, many: str) -> str:
+    """A count with what agrees with it: "1 number is", "2 numbers are"."""
+    return f"{count} {one if count == 1 else many}"
 
 
 def scopes_of(doubted: Iterable[str]) -> str:

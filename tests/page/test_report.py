@@ -12,6 +12,7 @@ import pytest
 
 import flexfem
 from flexfem.page.report import STANDARD, command_line, doubts_line, report
+from flexfem.page.stage import provenance_section
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
@@ -77,6 +78,24 @@ def test_assumed_numbers_are_counted_first_and_listed(written):
     assert f"{len(keys)} of the numbers behind this page are assumed {scopes}" in page.split("<nav")[0]
     listed = cells(page.split("Where the numbers come from</h2>")[1])
     assert {key for key in keys if listed[listed.index(key) + 1] == "assumed"} == keys and len(keys) > 20
+
+
+def test_no_number_whose_source_says_assumed_is_called_stated(tmp_path):
+    """Sources of whole tables, one number without a source, and expansion, which no section of this page takes."""
+    flexfem.new_stage(tmp_path / "mine.toml")
+    text = (tmp_path / "mine.toml").read_text().split("[[actuator]]")[0]
+    sources = {"thickness_mm": "assumed", "material": "assumed: a guess", "chain": "Drawing 7", "frame": "Assumed"}
+    lines = "".join(f'"{key}" = "{source}"\n' for key, source in sources.items())
+    (tmp_path / "mine.toml").write_text(f'{text}\n[provenance]\n{lines}"hinges" = "measured"\n"platform" = "measured"')
+    stage = flexfem.load(tmp_path / "mine.toml")
+    found = cells(provenance_section(stage, flexfem.check(stage)).html)
+    rows = {key: (kind, source) for key, kind, source in zip(*(found[k::3] for k in range(3)), strict=True)}
+    assert rows["frame.expansion_um_per_m_k"] == ("assumed", "Assumed")
+    assert rows["chain.link_width_mm"] == ("stated", "Drawing 7") and "chain" not in rows and "material" not in rows
+    assert not any(kind == "stated" and source.lower().startswith("assumed") for kind, source in rows.values())
+    kinds = [kind for kind, _ in rows.values()]
+    opening = provenance_section(stage, flexfem.check(stage)).html.split("</p>")[0]
+    assert f"{kinds.count('assumed')} of these numbers are assumed</strong>, 0 have no stated source" in opening
 
 
 def test_the_line_that_made_a_page_is_on_it_and_quoted(written):
@@ -201,7 +220,7 @@ def test_what_is_not_in_doubt_is_not_said_to_be():
 
     assert doubts_line(Subject("", "", [], [], [])) == ""
     assert doubts_line(Subject("", "", ["a"], ["b", "c"], [])).startswith(
-        "1 of the numbers behind this page are assumed (1 of geometry and material); 2 have no stated source (2 of geo"
+        "1 of the numbers behind this page is assumed (1 of geometry and material); 2 have no stated source (2 of geo"
     )
 
 

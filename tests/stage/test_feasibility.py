@@ -100,7 +100,12 @@ IMPOSSIBLE = {
         {"platform.hub_radius_mm": 16.3}, ["platform.hub_radius_mm = 16.3", "hub larger than the platform"]
     ),
     "hinge pointing past the platform": Impossible(
-        {"hinges.platform.axis_deg": 60.0}, ["points past the platform", "neck of chain 1", "mm ahead"]
+        {"hinges.platform.axis_deg": 60.0},
+        ["hinges.platform.axis_deg = 60: the neck", "points past the platform", "neck of chain 1", "mm ahead"],
+    ),
+    "joint angle that points the hinge past the platform": Impossible(
+        {"chain.joint_angles_deg": [180.0, -90.0, 120.0]},
+        ["chain.joint_angles_deg = [180, -90, 120]: the neck", "points past the platform"],
     ),
     "hinge of one chain pointing past the platform": Impossible(
         {"override": [HARMLESS, override(2, "platform", axis_deg=60.0)]},

@@ -49,7 +49,7 @@ def test_a_record_is_printed_with_each_number_where_its_heading_says(capsys):
         "evaluations: 53,345 by analytic, 12 by finite elements; 17 designs drawn",
         "largest difference of corrected model and finite elements, by round: 7.53, 0.066 %",
         "warning: life extrapolated",
-        "1 of these numbers are assumed, not the paper's (1 of geometry and material): --json lists them",
+        "1 of these numbers is assumed (1 of geometry and material): --json lists them",
     ]
 
 
