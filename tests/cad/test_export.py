@@ -132,7 +132,7 @@ def require_necks(pieces: list[Piece], beside: float = 0.0) -> None:
             centres = [centre for centre, found in arcs.values() if abs(found + beside - radius) < NEAR]
             pairs = [(a + b) / 2 for a, b in combinations(centres, 2) if abs(abs(a - b) - 2 * radius - neck) < NEAR]
             places.append(pairs)
-        lengths = (31.0, 33.5, 25.0)
+        lengths = (31.07, 33.506, 25.0)
         found = [
             (base, elbow, platform)
             for base in places[0]
@@ -145,7 +145,8 @@ def require_necks(pieces: list[Piece], beside: float = 0.0) -> None:
 
 @pytest.fixture(scope="module")
 def stage() -> flexfem.Stage:
-    return with_changes({"override": UNLIKE, "name": HOSTILE})
+    """Lengths of as many decimals as a drawing must keep."""
+    return with_changes({"override": UNLIKE, "name": HOSTILE, "chain.link_lengths_mm": [31.07, 33.506, 25.0]})
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +216,14 @@ def test_the_path_of_the_wire_leaves_every_neck(drawing):
 def test_a_dxf_states_dimensions_that_it_measures(drawing):
     space = drawing.modelspace()
     measured = {each.dxf.text: each.get_measurement() for each in space.query("DIMENSION")}
-    assert measured == pytest.approx({"l1 <>": 31.0, "l2 <>": 33.5, "l3 <>": 25.0, "w <>": 8.9}, rel=REL)
+    assert measured == pytest.approx({"l1 <>": 31.07, "l2 <>": 33.506, "l3 <>": 25.0, "w <>": 8.9}, rel=REL)
+    drawn = [
+        text.plain_text()
+        for each in space.query("DIMENSION")
+        for text in each.virtual_entities()
+        if text.dxftype() == "MTEXT"
+    ]
+    assert drawn == ["l1 31.07", "l2 33.506", "l3 25", "w 8.9"]
     said = [each.plain_text() for each in space.query("TEXT")]
     assert {f"R {radius}, t {neck}" for hinges in HINGES.values() for radius, neck in hinges} < set(said)
     assert {"platform R 16.3", "hub R 7.7", "3 holes R 2.15", HOSTILE} < set(said)

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import flexfem
+from flexfem.page import answers, motion
+from flexfem.page import stage as of_stage
 from flexfem.page.report import STANDARD, command_line, doubts_line, report
 from flexfem.page.stage import provenance_section
 from flexfem.refused import BadInput
@@ -68,6 +70,118 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
         assert found[at : at + 3] == [name, value, unit]
     at = found.index("±659.2\xa0µm")
     assert found[at + 1 : at + 4] == ["25.04\xa0N", "0.7631\xa0MPa/µm", "elbow hinge, chain 3"]
+
+
+@pytest.fixture(scope="module")
+def unlike() -> flexfem.Stage:
+    """Chains that differ, so that no two directions, chains or hinges have the same numbers; fatigue constants."""
+    override = {(2, "elbow"): {"neck": 0.43}, (3, "platform"): {"radius": 1.8}, (1, "base"): {"neck": 0.57}}
+    return flexfem.load(STAGE).replace(override=override, material="al-2024-t4")
+
+
+@pytest.fixture
+def table(monkeypatch):
+    """The rows of the tables of a section, by their first cells; of its figures the data alone."""
+
+    def shown(name, draw, description, spots=None, data="", caption=""):
+        return data
+
+    for module in (answers, motion, of_stage):
+        monkeypatch.setattr(module, "shown_figure", shown)
+    plain = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}", " -")
+
+    def read(html):
+        rows = [[cell.translate(plain) for cell in cells(row)] for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL)]
+        return {key: line for key, *line in rows}
+
+    return read
+
+
+def told(cell):
+    """The numbers of a cell, and the unit after them."""
+    number = r"-?\d+\.?\d*"
+    return [float(each) for each in re.findall(number, cell)], re.sub(rf"^±?{number}( (±|to) {number})? ?", "", cell)
+
+
+def near(*values, rel=6e-4):
+    """Numbers as they are printed with four digits."""
+    return pytest.approx(list(values), rel=rel)
+
+
+FREEDOMS = {"X": ("µm", "N", "MPa/µm"), "Y": ("µm", "N", "MPa/µm"), "θ": ("mrad", "N mm", "MPa/mrad")}
+
+
+def test_finite_elements_are_those_of_the_record_in_every_direction(unlike, table):
+    model, side = flexfem.solve(unlike, 4), flexfem.summary(unlike, elements=True, resolution=4).elements
+    errors, own = flexfem.errors(unlike, resolution=4), flexfem.stiffness(unlike).stiffness
+    found = table(answers.elements_section(model, side, errors, own).html)
+    for k, (axis, units) in enumerate(FREEDOMS.items()):
+        stiff, share = model.stiffness[k, k], model.band[k, k] / model.compliance[k, k]
+        first, second, error = found[f"K {axis}{axis}"]
+        unit = "N mm/rad" if axis == "θ" else "N/mm"
+        assert told(first) == (near(own[k, k]), unit)
+        assert told(second) == (near(stiff, stiff * share, rel=0.05), unit) and told(second)[0][:1] == near(stiff)
+        assert told(error) == (near(errors.percent[k, k], errors.band[k, k], rel=0.05), "%")
+        limit, name = list(side.limits.values())[k], ("x", "y", "theta")[k]
+        values = 1e3 * limit.range_at_yield, getattr(limit.force, name), 1e-3 * limit.stress
+        assert [told(cell) for cell in found[axis][:3]] == [(near(v), u) for v, u in zip(values, units, strict=True)]
+        assert found[axis][3] == f"{limit.hinge} hinge, chain {limit.chain}"
+
+
+def test_stress_on_a_page_is_that_of_each_neck(unlike, table):
+    model = flexfem.solve(unlike, 4)
+    found = table(answers.stress_section(unlike, model).html)
+    assert found.pop("neck") == ["X = 50 µm (MPa)", "θ = 1 mrad (MPa)"]
+    stress = [model.neck_stress(pose) for pose in ([0.05, 0.0, 0.0], [0.0, 0.0, 1e-3])]
+    for chain in range(3):
+        for k, hinge in enumerate(("base", "elbow", "platform")):
+            line = found.pop(f"{hinge} hinge, chain {chain + 1}")
+            assert list(map(float, line)) == near(*(each[chain, k] for each in stress))
+    assert not found
+
+
+def test_modes_drive_and_life_on_a_page_are_those_of_their_records(unlike, table):
+    vibration = flexfem.vibration(unlike, 3, resolution=4)
+    found = table(motion.modes_section(vibration).html)
+    assert found.pop("mode") == [
+        "frequency (Hz)", "± (Hz)", "mass in X (%)", "in Y (%)", "inertia in θ (%)"
+    ]  # fmt: skip
+    for number, one in enumerate(vibration.record.modes, start=1):
+        frequency, band, *shares = map(float, found.pop(str(number)))
+        assert [frequency] == near(one.frequency) and [band] == near(one.band, rel=0.05)
+        assert shares == pytest.approx(list(one.share.model_dump().values()), abs=0.005)
+
+    reach = flexfem.reach(unlike, resolution=None)
+    drive = table(motion.drive_section(reach, of_stage.drive_table(flexfem.check(unlike))).html)
+    for (axis, units), one in zip(FREEDOMS.items(), reach.ranges.values(), strict=True):
+        for cell, ends in zip(drive[axis], (one.held, one.free), strict=False):
+            assert told(cell) == (near(1e3 * ends.low, 1e3 * ends.high), units[0])
+    actuator = flexfem.check(unlike).drive.actuators[0]
+    stiffness = drive["base"][5:7]  # N/um: 935 N over 17.4 um, and in series with the contact
+    assert (
+        list(map(float, stiffness)) == near(53.74, 1e-3 * actuator.stiffness_with_contact) and actuator.name == "base"
+    )
+    assert float(stiffness[1]) < 50.0
+
+    life = flexfem.life(unlike, [0.05, 0.02, 1e-4], resolution=None)
+    ((model, line),) = [row for row in table(motion.life_section(life).html).items() if row[0] != "model"]
+    of, first = life.analytic, life.analytic.necks[life.analytic.first]
+    assert (model, line[0]) == (of.model, f"{first.hinge} hinge, chain {first.chain}")
+    assert [float(line[1]), float(line[-1])] == near(first.equivalent, of.safety, rel=6e-3)
+    shown = [
+        float(each.replace("×10", "e").translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-"))) for each in line[2:5]
+    ]
+    assert shown == near(of.cycles, of.fewest, of.most, rel=6e-3) and of.fewest < 0.95 * of.most
+
+
+def test_the_table_of_hinges_has_each_in_its_row(unlike):
+    found = flexfem.check(unlike)
+    page = str(of_stage.drawing_section(unlike, found).html)
+    lines = [cells(row) for row in re.findall(r"<tr.*?</tr>", page, re.DOTALL)]
+    assert lines[0][-2:] == ["R (mm)", "t (mm)"]
+    shown = {(int(line[1]), line[0]): line[-2:] for line in lines[1:]}
+    assert shown[2, "elbow"] == ["1.5", "0.43"] and shown[3, "platform"] == ["1.8", "0.5"]
+    assert shown[1, "base"] == ["4", "0.57"] and shown[2, "base"] == ["4", "0.5"]
 
 
 def test_assumed_numbers_are_counted_first_and_listed(written):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 import flexfem
+from flexfem.page.motion import drift_section
 from flexfem.plot.displacement import exaggeration
 from flexfem.plot.drift import drift_figure, plot_drift
 from flexfem.verify.drift import CASES, DriftFields, WarmStage
@@ -46,6 +48,10 @@ def test_every_panel_has_the_numbers_of_its_case(found, made):
         f"von Mises stress (MPa per {per})" for per in ("K", "K/mm", "K/mm")
     ]
     assert [ax.get_xlim()[1] for ax in figure.axes[3:]] == pytest.approx([31.7, 3 * 31.7, 9 * 31.7])
+    page = drift_section(found).html
+    rows = [re.findall("<t[hd][^>]*>(?:<button[^>]*>)?([^<]*)", row) for row in page.split("<tr")]
+    assert ["change of temperature", "model", "X (µm)", "Y (µm)", "θ (µrad)", "highest neck stress (MPa)"] in rows
+    assert ["1 K/mm along X", "finite elements", "−22.60", "3.000", "−40.00", "13.00"] in rows
     (words,) = [text for text in made.texts(figure) if text.startswith("Expansion")]
     assert "Expansion 23.60 µm/(m K), frame 12.00 µm/(m K);" in words and "grows with finer meshes" in words
 

@@ -22,6 +22,7 @@ from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.hinges import KnownFormula
 from flexfem.verify.result import Triple
+from flexfem.verify.solid_report import SolidReport
 from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -79,11 +80,31 @@ LOADED = LoadReport(
     neck_stress=[[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.5, 8.5, 9.5]],
     **DOUBTS,
 )
+ROWS = {  # of the compliance in three dimensions, %
+    "band, mesh in the plane": [0.125, 0.25, 0.375],
+    "band, layers through the thickness": [0.0625, 0.5, 0.75],
+    "plane stress is softer by": [10.5, 9.5, 8.5],
+    "plane strain is stiffer by": [1.5, 1.25, 2.5],
+}
+IN_PLANE, THROUGH, SOFTER, STIFFER = (np.diag(INVERSE) * np.diag(row) / 100 for row in ROWS.values())
+SOLID = SolidReport(
+    *("", "S", "", "three_dimensional", 8, 3, [0.0, 3.25, 4.5, 5.5], 321, 654),
+    *(np.array(each) for each in (MATRIX, INVERSE, IN_PLANE + THROUGH, IN_PLANE, THROUGH)),
+    plane_stress=INVERSE + SOFTER,
+    plane_strain=INVERSE - STIFFER,
+    neck_height=[[0.5, 1.25, 1.75], [2.25, 2.75, 3.5], [3.75, 4.25, 5.5]],
+    **{name: getattr(LOADED, name) for name in ("force", "displacement", "reaction", "energy", "neck_stress")},
+    **DOUBTS,
+)
 
 
 @pytest.mark.parametrize(
     ("show", "facts", "names"),
-    [(tables.print_stiffness, STIFFNESS, (" K_uu", " C_uu")), (tables.print_load, LOADED, ("", ""))],
+    [
+        (tables.print_stiffness, STIFFNESS, (" K_uu", " C_uu")),
+        (tables.print_load, LOADED, ("", "")),
+        (tables.print_solid, SOLID, ("", "")),
+    ],
 )
 def test_matrices_are_printed_row_by_row_with_their_units(cells, show, facts, names):
     rows = cells(show, facts)
@@ -108,14 +129,24 @@ def test_the_highest_neck_stress_is_named_with_its_neck_in_units_of_each_directi
     ]
 
 
-def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells):
-    rows = [re.split(r"\s+", " ".join(row)) for row in cells(tables.print_load, LOADED)]
+@pytest.mark.parametrize(("show", "facts"), [(tables.print_load, LOADED), (tables.print_solid, SOLID)])
+def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells, show, facts):
+    """That of finite elements in three dimensions is also compared with the plane ones, and has heights."""
+    printed = cells(show, facts)
+    rows = [re.split(r"\s+", " ".join(row)) for row in printed]
     assert ["force", "1.500000e+00", "-2.500000e+00", "3.500000e+01", "N,", "N,", "N", "mm"] in rows
     assert ["displacement", "2.500000e-02", "-3.500000e-02", "4.500000e-03", "mm,", "mm,", "rad"] in rows
     at = next(k for k, row in enumerate(rows) if "necks," in row)
     assert "MPa," in rows[at] and " ".join(rows[at]).endswith("(base, elbow, platform):")
     assert rows[at + 1 : at + 4] == [["1", "1.5", "2.5", "3.5"], ["2", "4.5", "5.5", "6.5"], ["3", "7.5", "8.5", "9.5"]]
-    assert "321 triangles, 654 unknowns" in " ".join(rows[0])
+    assert "321 triangles" in " ".join(rows[0]) and "654 unknowns" in " ".join(rows[0])
+    if facts is SOLID:
+        assert printed[1] == ["bounds of the layers from the mid-plane, mm: 0, 3.25, 4.5, 5.5"]
+        shares = printed.index(["of the compliance, %", "x", "y", "theta"])
+        said = {row[0]: [float(cell) for cell in row[1:]] for row in printed[shares + 1 : shares + 5]}
+        assert said == {name: pytest.approx(row, rel=0.005) for name, row in ROWS.items()}
+        at = printed.index(["where, mm from the mid-plane (the face is at 5.5):"])
+        assert [row[1:] for row in rows[at + 1 : at + 4]] == [[str(v) for v in row] for row in SOLID.neck_height]
 
 
 def test_a_formula_outside_its_range_is_called_so(cells):

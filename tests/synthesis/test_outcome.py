@@ -66,11 +66,14 @@ def best_of_metal(load, *asked):
 
 
 def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
-    """Bands of 0.1 % and an accuracy of 0.1 % need more room than 0.15 %; both ends are of different requirements."""
+    """Bands of 0.15 % and an accuracy of 0.1 % need more room than 0.08 %; both ends are of different requirements."""
     alone = best_of_metal(load, require("kxx_n_per_mm", 60), RANGE)
-    found = best_of_metal(load, require("kxx_n_per_mm", 60), require("kxx_n_per_mm", None, 60.09), RANGE)
+    found = best_of_metal(load, require("kxx_n_per_mm", 60), require("kxx_n_per_mm", None, 60.05), RANGE)
     assert found.feasible and found.agreed and found.alternatives == []
     assert found.requirements[0].value == pytest.approx(60, rel=1e-3)
+    (_, upper) = found.requirements
+    assert upper.verdict == "within the band" and upper.margin == pytest.approx(0.05, abs=1e-3)
+    assert upper.band == pytest.approx(0.0884, rel=0.01)
     assert found.objectives[0].value == pytest.approx(alone.objectives[0].value, rel=1e-3)
 
 

@@ -120,12 +120,14 @@ def test_a_number_of_the_material_that_was_recalled_is_said_to_be(unlike):
 
 
 def test_notch_sensitivity_lets_less_of_the_concentration_count_and_all_of_it_for_yield(unlike):
-    """By hand: K = 1.0642 in bending at t/R = 1/3, so that (1 + 0.4 0.0642) / 1.0642 = 0.9638 counts."""
-    full, part = (flexfem.life(unlike, [0.05, 0, 0], ratio=0, resolution=4, notch_sensitivity=q) for q in (1.0, 0.4))
+    """By hand: K = 1.0642 in bending at t/R = 1/3, so that (1 + 0.4 0.0642) / 1.0642 = 0.9638 counts; nine necks."""
+    by_hand = [0.98364, 0.96382, 0.96382, 0.98558, 0.96847, 0.96382, 0.98558, 0.96382, 0.96937]  # t/R 0.125 to 0.333
+    full, part = (flexfem.life(unlike, [0.05, 0.02, 0], ratio=0, resolution=4, notch_sensitivity=q) for q in (1.0, 0.4))
     for one, other in ((full.analytic, part.analytic), (full.elements, part.elements)):
-        k = [(neck.chain, neck.hinge) for neck in one.necks].index((1, "elbow"))
-        assert other.necks[k].equivalent / one.necks[k].equivalent == pytest.approx(0.9638, abs=1e-4)
-        assert other.necks[k].peak == one.necks[k].peak and other.safety == one.safety and other.cycles > one.cycles
+        ratios = [b.equivalent / a.equivalent for a, b in zip(one.necks, other.necks, strict=True)]
+        assert ratios == pytest.approx(by_hand, abs=2e-5)
+        assert [neck.peak for neck in one.necks] == [neck.peak for neck in other.necks]
+        assert other.safety == one.safety and other.cycles > one.cycles
     assert (full.notch_sensitivity, part.notch_sensitivity) == (1.0, 0.4)
 
 

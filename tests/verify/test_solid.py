@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.layers import layered
 from flexfem.stage.schema import Stage
+from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid
 from flexfem.verify.solid_report import SolidReport
 
@@ -47,13 +49,20 @@ def test_the_reference_stage_is_a_tenth_stiffer_than_in_plane_stress(reported: A
     np.testing.assert_allclose(found.heights, [0.0, 3.189, 4.413, 5.0], atol=2e-3)
 
 
-@pytest.mark.slow
-def test_the_file_holds_half_of_the_stage(reported: Any) -> None:
-    found, grid = reported
-    wedges = grid.cells_dict["wedge18"]
-    at = grid.points[wedges]
-    assert len(wedges) == 3 * found.triangles
-    assert (grid.points[:, 2].min(), grid.points[:, 2].max()) == (0.0, 5.0)
+def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fields_with_them(tmp_path: Path) -> None:
+    """Of two layers, 2.2 and 1 mm high."""
+    mesh, heights = third(3, 6, 0.7).mesh, np.array([0.0, 1.1, 2.2, 2.7, 3.2])
+    field = np.array([[[2 * x - y, 3 * z, x + 0.1 * z] for z in heights] for x, y in mesh.nodes])
+    write_solid_vtu(mesh, heights, tmp_path / "part.vtu", {"field": field})
+    grid = meshio.read(tmp_path / "part.vtu")
+    x, y, z = grid.points.T
+    np.testing.assert_allclose(grid.point_data["field"], np.column_stack([2 * x - y, 3 * z, x + 0.1 * z]), atol=1e-12)
+    far = np.hypot(x, y)
+    np.testing.assert_array_equal(grid.point_data["hub"], far < far.min() + 1e-9)
+    np.testing.assert_array_equal(grid.point_data["ground"], far > far.max() - 1e-9)
+    at = grid.points[grid.cells_dict["wedge18"]]
+    assert len(at) == 2 * len(mesh.triangles)
+    assert np.unique(np.round(at[:, [0, 3], 2], 9), axis=0).tolist() == [[0.0, 2.2], [2.2, 3.2]]
     pairs = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]  # VTK's quadratic wedge
     for middle, (a, b) in enumerate(pairs, start=6):
         between = np.linalg.norm(at[:, middle] - (at[:, a] + at[:, b]) / 2, axis=1)
@@ -61,6 +70,13 @@ def test_the_file_holds_half_of_the_stage(reported: Any) -> None:
     for middle, (a, b) in zip((15, 16, 17), ((6, 9), (7, 10), (8, 11)), strict=True):
         np.testing.assert_allclose(at[:, middle], (at[:, a] + at[:, b]) / 2, atol=1e-12)
     assert np.all(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])[:, 2] > 0)
+
+
+@pytest.mark.slow
+def test_the_file_holds_half_of_the_stage(reported: Any) -> None:
+    found, grid = reported
+    assert len(grid.cells_dict["wedge18"]) == 3 * found.triangles
+    assert (grid.points[:, 2].min(), grid.points[:, 2].max()) == (0.0, 5.0)
     hub = grid.point_data["hub"] > 0
     x, y = grid.points[hub, :2].T
     moved = np.stack([0.04 - 3e-4 * y, -0.01 + 3e-4 * x, 0 * x], axis=-1)

@@ -103,9 +103,11 @@ def test_the_load_on_the_finite_elements_is_the_exact_one(made, stage, solved):
     load = at_pose(assemble(stage), command * np.eye(3)[axis]).load
     pose = equilibrium(solved.mesh, plate_of(stage), load).pose[0]
     np.testing.assert_allclose(made.travel["y"].elements.loaded[0], pose, rtol=0, atol=EXACT * 0.5)
-    linear = solved.response.compliance @ load
-    error = 100 * (linear[axis] - pose[axis]) / pose[axis]
-    assert point(made, "y", command).position["loaded"] == pytest.approx(error, rel=1e-6)
+    error = 100 * (solved.response.compliance @ load - pose) * [1, 1, 24] / pose[axis]  # l3 = 24 mm
+    found = point(made, "y", command)
+    assert (found.position["loaded"], found.across["loaded"]) == pytest.approx((error[1], error[2]), rel=1e-6)
+    np.testing.assert_allclose(made.travel["y"].elements.loaded_position[0], error, rtol=1e-6)
+    assert found.across["loaded"] == pytest.approx(-0.452, abs=0.005)  # 105 urad of 24 mm over 0.56 mm
 
 
 def test_the_box_is_searched_at_its_corners_edges_and_faces(made, stage):
