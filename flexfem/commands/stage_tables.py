@@ -70,7 +70,8 @@ def print_summary(of: Summary) -> None:
         out.print(f"{', '.join(key for key, text in of.material.items() if text == source)}: {source}")
     for side in (of.analytic, of.elements):
         if side is not None:
-            out.print(table((side.model, *columns), _limits(side)))
+            out.print(side.model)
+            out.print(table(("", *columns), _limits(side)))
     if of.thickness is not None:
         effect = ", ".join(f"{value:+.3g} % in {axis}" for axis, value in of.thickness.model_dump().items())
         out.print(f"thickness: three-dimensional hinges change the stiffness in {PLANES[of.plane]} by {effect}")

@@ -25,7 +25,8 @@ class OpenLoop(Record):
 def open_loop(stage: Stage, metal: DrivenMetal, first: Commanding, pose: Array, load: Array) -> list[OpenLoop]:
     """Poses of the metal under the strokes of several models, then of the first after calibration."""
     models = {first.name: first}
-    for choice in ((None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)):
+    rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
+    for choice in ((None, CALIBRATED, True), *rigid):
         try:
             one = commanding(stage, *choice)
         except BadInput:  # off the chart
