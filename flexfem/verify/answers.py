@@ -117,7 +117,7 @@ def report_stiffness(stage: Stage, result: AnalyticResult, elements: BandedStres
         compliance=result.compliance,
         hinge_compliance=result.hinges,
         neck_stress=result.stress,
-        stress_accuracy=warning.stress_accuracy(result.formula, result.links),
+        stress_accuracy=warning.stress_accuracy(result.formula, result.links, stage.model),
         elements=elements,
         warnings=[*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
     )

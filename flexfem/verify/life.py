@@ -121,7 +121,8 @@ def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Li
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     mobility, formula, links = best_model(stage, warnings)
     result = analyse(stage, mobility, formula, links)
-    above = warning.STRESS_ABOVE[formula] if formula == CALIBRATED else None  # off its chart nothing was compared
+    compared = formula == CALIBRATED  # off its chart nothing was
+    above = warning.stress_above(formula, links, stage.model) if compared else None
     error = None if above is None else (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1)
     analytic = _witness(stage, f"{formula}, elastic links", by_model(stage, result, asked.of), asked, error)
     elements = None if resolution is None else _by_elements(stage, asked, resolution, solve)

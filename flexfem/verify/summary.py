@@ -107,7 +107,7 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
         material={key: sources[key] or "not stated" for key in stage.numbers if key.startswith("material")},
         analytic=analytic,
         elements=None if solved is None else _side("finite elements", stage, element_limits(stage, solved)),
-        accuracy=warning.stress_accuracy(formula),
+        accuracy=warning.stress_accuracy(formula, plane=stage.model),
         drive=drive,
         warnings=list(dict.fromkeys(warnings)),
     )
