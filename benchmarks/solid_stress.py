@@ -3,9 +3,9 @@
     python benchmarks/solid_stress.py [--stages 8] [--seed 4111]
 
 The reference stages and random ones of other thicknesses and Poisson's ratios, elastic links; per cent above the finite
-elements per displacement in x, y and theta, of `model = "corrected"` with every hinge formula in its range, and of plane
-stress and plane strain with calibrated hinges. The finite elements are those of resolution 4 and
-3 layers, moved by what resolution 8 changes with one layer, and 6 layers at resolution 2.
+elements per displacement in x, y and theta, of `model = "corrected"` with every hinge formula in its range, and of
+plane stress and plane strain with calibrated hinges. The finite elements are those of resolution 4 and 3 layers, moved
+by what resolution 8 changes with one layer, and 6 layers at resolution 2.
 """
 
 from __future__ import annotations

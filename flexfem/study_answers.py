@@ -65,7 +65,7 @@ def status_facts(parts: Parts, shard: Shard = WHOLE) -> dict[str, Any]:
         "damaged": list(found.damaged.values()),
         "foreign": [path.name for path in found.foreign],
         "stale": sum(1 for name in names_in(parts.stale) if PART.fullmatch(name)),
-        "stress_accuracy": loaded.study.stress_accuracy,
+        "stress_accuracy": loaded.stress_accuracy,
         "assumed": list(loaded.assumed),
         "not_stated": list(loaded.not_stated),
     }

@@ -89,9 +89,9 @@ def concentration(ratio: Array) -> Concentration:
     `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))`, in tension
     `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)`, both recalled, not copied from a print. In shear our algebra,
     from Kolosov's `phi = i A w`, `z = c sinh w`: `2 a sqrt a (a + 1) / (3 ((a + 1) arctan sqrt a - sqrt a))` where the
-    place goes to the centre; on a circular notch it is that within 1 % up to 0.6 R beside the centre. Compared with plane-stress
-    finite elements of whole stages (t/R 0.13 to 0.60): the highest neck stress agrees within 1 % when the forces are
-    those of calibrated hinges and elastic links; other forces are worse (`warning.STRESS_ABOVE`).
+    place goes to the centre; on a circular notch it is that within 1 % up to 0.6 R beside the centre. Compared with
+    plane-stress finite elements of whole stages (t/R 0.13 to 0.60): the highest neck stress agrees within 1 % when the
+    forces are those of calibrated hinges and elastic links; other forces are worse (`warning.STRESS_ABOVE`).
     Smith and Chetwynd's `(1 + t/2R)^0.45` gives up to 1.4 % and 3.4 % too much, no concentration at all 6 to 9 % too
     little.
     """

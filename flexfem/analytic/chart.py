@@ -16,7 +16,7 @@ The file `flexfem/data/thickness_chart.json` holds, on a grid of t/R, b/t and Po
 hinge of thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), made by
 `python -m flexfem.fem.thick_chart`; `flexfem/fem/thick.py` defines it. It hardly depends on nu, is near 0 where the
 neck is thin out of plane and near 1 where it is wide, in rotation; a pulled neck stays much nearer to plane stress.
-On the same grid it holds the highest von Mises stress in the notch over that in plane stress, under a moment and a pull.
+On the same grid it holds the highest von Mises stress in the notch over that in plane stress, by a moment and a pull.
 """
 
 from __future__ import annotations

@@ -71,6 +71,7 @@ def print_command(of: Command) -> None:
         round_off = 1e-12 * max(map(abs, of.pose))
         head = ("error of the metal by model", *DIRECTIONS)
         out.print(table(head, (_miss(each, round_off) for each in of.open_loop)))
+    out.print(f"stress: {of.stress_accuracy}")
     print_ending(out, of)
 
 

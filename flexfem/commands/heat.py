@@ -11,7 +11,15 @@ import typer
 from flexfem.commands import console
 from flexfem.commands.at_work import working
 from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted
-from flexfem.commands.solid_drift import band_texts, highest, pose_texts, print_solid_drift, write_solid
+from flexfem.commands.solid_drift import (
+    AT_EDGES,
+    band_texts,
+    edge_text,
+    highest,
+    pose_texts,
+    print_solid_drift,
+    write_solid,
+)
 from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
 from flexfem.units import EXPANSION, STRESS
 
@@ -84,10 +92,12 @@ def print_drift(of: Drift) -> None:
     out = people()
     factor, unit = EXPANSION.factor, EXPANSION.plain
     out.print(f"{of.name}: expansion {factor * of.expansion:g} {unit}, frame {factor * of.frame_expansion:g} {unit}")
-    head = ("temperature", f"by {of.model}", *DIRECTIONS, f"highest neck stress ({STRESS})")
+    head = ("temperature", f"by {of.model}", *DIRECTIONS, f"highest neck stress ({STRESS})", "at clamped edges")
     out.print(table(head, (row for name, case in of.cases.items() for row in _rows(of, name, case))))
     out.print("uniform: per K; gradients: per K/mm about the platform's centre, in stage and frame alike")
     out.print("proportional to the difference of both coefficients; through the thickness uniform; in the plane")
+    without = "the clamped edges of pads may carry more than the necks do: finite elements say how much"
+    out.print(AT_EDGES if of.resolution else without)
     print_ending(out, of)
 
 
@@ -96,16 +106,28 @@ def _rows(of: Drift, name: str, case: DriftCase) -> Iterator[list[str]]:
     from flexfem.verify.drift import UNLIKE
 
     model, metal, lever = case.analytic, case.elements, of.lever
-    yield [name, "", *pose_texts(model.pose, lever), f"{highest(model.stress):.4g}"]
+    yield [name, "", *pose_texts(model.pose, lever), f"{highest(model.stress):.4g}", ""]
     if metal is not None:
-        yield ["", "finite elements", *pose_texts(metal.pose, lever), f"{highest(metal.stress):.4g}"]
+        yield [
+            "",
+            "finite elements",
+            *pose_texts(metal.pose, lever),
+            f"{highest(metal.stress):.4g}",
+            edge_text(metal.edges),
+        ]
         off = [
             100 * (one / other - 1) if text != "0" else None
             for one, other, text in zip(model.pose, metal.pose, pose_texts(metal.pose, lever), strict=True)
         ]
         stress = 100 * (highest(model.stress) / highest(metal.stress) - 1) if highest(metal.stress) else None
-        yield ["", "difference (%)", *("" if each is None else f"{each:+.2f}" for each in (*off, stress))]
+        yield ["", "difference (%)", *("" if each is None else f"{each:+.2f}" for each in (*off, stress)), ""]
     if case.band is not None and metal is not None:
-        yield ["", "mesh band (+-)", *band_texts(case.band, metal.pose, lever), ""]
+        yield [
+            "",
+            "mesh band (+-)",
+            *band_texts(case.band, metal.pose, lever),
+            "",
+            f"{case.edge_band:.2g}" if case.edge_band else "",
+        ]
     if case.unlike is not None:
-        yield ["", f"necks of chains {UNLIKE:g} % unlike", *pose_texts(case.unlike, lever), ""]
+        yield ["", f"necks of chains {UNLIKE:g} % unlike", *pose_texts(case.unlike, lever), "", ""]

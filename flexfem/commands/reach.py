@@ -29,6 +29,7 @@ def print_reach(out: Console, of: Reach) -> None:
         f"{um.plain} with rotations times l3 = {of.lever:g} mm"
     )
     out.print("limits: stroke, contacts that only push, blocking force, yield at the necks of the model; linear")
+    out.print(f"stress: {of.stress_accuracy}")
     print_ending(out, of)
 
 

@@ -28,6 +28,8 @@ from flexfem.fem.plane_stress import (
 from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, tie_hub
 from flexfem.refused import ComputationFailed
 
+CORNER = 0.2  # of a clamped edge, left out at both ends: stress at its corners has no bound, and grows with the mesh
+
 
 class HeatResponse(NamedTuple):
     """Answer to one kelvin, and to one kelvin per mm along x and along y, about the platform's centre: three cases.
@@ -90,14 +92,39 @@ def _imbalance(mesh: StageMesh, ground: Index, elastic: Array, forces: Array) ->
 
 def _reactions(mesh: StageMesh, forces: Array) -> Array:
     """Forces of the ground on each pad (k, 3 chains, 3), about the platform's centre."""
-    edges, found = mesh.edges["ground"], np.zeros((len(forces), 3, 3))
-    chain_of = np.full(len(mesh.nodes), -1)
-    for body in range(0, 12, 4):  # pads
-        chain_of[mesh.triangles[mesh.bodies == body]] = body // 4
-    nodes = np.unique(edges)
-    for chain in range(3):
-        mine = nodes[chain_of[nodes] == chain]
+    found = np.zeros((len(forces), 3, 3))
+    for chain, mine in enumerate(clamped_nodes(mesh)):
         x, y = mesh.nodes[mine].T
         fx, fy = np.moveaxis(forces[:, mine], -1, 0)
         found[:, chain] = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y], axis=1)
     return found
+
+
+def clamped_nodes(mesh: StageMesh) -> list[Index]:
+    """Nodes of the clamped edge of each chain's pad."""
+    ground = np.unique(mesh.edges["ground"])
+    pads = [np.unique(mesh.triangles[mesh.bodies == body]) for body in range(0, 12, 4)]
+    return [np.intersect1d(ground, pad) for pad in pads]
+
+
+def edge_maxima(mesh: StageMesh, values: Array) -> Array:
+    """Largest of values (n, ...) at the nodes of each clamped edge, (3 chains, ...), but for `CORNER` at both ends."""
+    found = []
+    for nodes in clamped_nodes(mesh):
+        x, y = mesh.nodes[nodes].T
+        end = int(np.argmax(np.hypot(x - np.mean(x), y - np.mean(y))))
+        along = np.hypot(x - x[end], y - y[end])
+        found.append(largest_within(along / np.max(along), values[nodes], CORNER, 1 - CORNER))
+    return np.array(found)
+
+
+def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
+    """Largest of values (n, ...) at places (n,) from `low` to `high`, linear in between."""
+    order = np.argsort(places)
+    places, values = places[order], values[order]
+    inside = (places > low) & (places < high)
+    k = np.clip(np.searchsorted(places, [low, high]), 1, len(places) - 1)
+    share = ([low, high] - places[k - 1]) / (places[k] - places[k - 1])
+    share = share.reshape(2, *[1] * (values.ndim - 1))
+    ends = (1 - share) * values[k - 1] + share * values[k]
+    return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))

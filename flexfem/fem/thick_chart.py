@@ -1,4 +1,4 @@
-"""The thickness chart: positions and stress factors of `thick` on a grid of Chebyshev points, as the file that `analytic.chart` reads.
+"""The thickness chart: positions and stress factors of `thick` on a grid of Chebyshev points, as a JSON file.
 
 `python -m flexfem.fem.thick_chart [FOLDER]` makes it anew, in the package itself when no folder is given.
 """
@@ -27,8 +27,8 @@ ABOUT = (
     "Circular hinge (radius R, neck t, thickness b) between elastic blocks as high as the notch, 2R + t, and at least "
     "2(2R + t) and b long, in three dimensions: position p between plane stress and plane strain, "
     "C = C_ps (1 - nu^2 p), of the compliance C in rotation and axially, about the neck's centre, less the blocks'. "
-    "Tables [t/R][b/t][nu]. Bands are absolute, of p. Under `stress`, the highest von Mises stress in the notch over that "
-    "in plane stress, by a moment and by a pull, on the finest mesh."
+    "Tables [t/R][b/t][nu]. Bands are absolute, of p. Under `stress`, the highest von Mises stress in the notch over "
+    "that in plane stress, by a moment and by a pull, on the finest mesh."
 )
 
 
@@ -59,7 +59,8 @@ def make_thickness_chart(
     points = chart_points(shape)
     hinges = [ThickHinge(*map(float, point)) for point in product(*points)]
     made = sampled(partial(_both, levels=levels), hinges, workers, progress)
-    write_chart(path, _document(points, *map(list, zip(*made, strict=True)), levels, date))
+    samples, stresses = ([pair[k] for pair in made] for k in (0, 1))
+    write_chart(path, _document(points, samples, stresses, levels, date))
 
 
 def _both(hinge: ThickHinge, levels: tuple[int, ...]) -> tuple[Extrapolation, Extrapolation]:

@@ -45,7 +45,7 @@ def _asked(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     yield "base stage", f"{loaded.stage.name} ({study.stage})"
     yield "model", model_words(loaded)
     yield "sample", f"{METHODS[study.sampling.method]}, {thousands(loaded.count)} designs{_drawn(loaded)}"
-    yield "accuracy of stresses", study.stress_accuracy
+    yield "accuracy of stresses", loaded.stress_accuracy
     for name in ("drive", "frequencies", "life", "drift"):
         asked = getattr(study, name)
         if asked is not None:

@@ -87,12 +87,12 @@ class Source(NamedTuple):
 
     def _stressed(self, figure: Figure) -> list[str]:
         """How far what it shows may be off by the neck stress, where it is found from that."""
-        study = self.loaded.study
+        study, accuracy = self.loaded.study, self.loaded.stress_accuracy
         shown = {name for name, _ in figure.columns.values()}
         derived = [text for one in study.output if one.name in shown for text in study.in_full(one.expression)]
         used = shown | {name for text in derived for name in names_in(text)}
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
-        return [f"{study.stress_accuracy[0].upper()}{study.stress_accuracy[1:]}."] if used & of_stress else []
+        return [f"{accuracy[0].upper()}{accuracy[1:]}."] if used & of_stress else []
 
     def base(self, x: str, y: str) -> tuple[float, float] | None:
         """Where the base stage is among the designs, None where that is not known."""

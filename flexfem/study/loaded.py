@@ -23,6 +23,7 @@ from flexfem.study.expression import names_in
 from flexfem.study.given import Given, given_of
 from flexfem.study.plan import Study
 from flexfem.study.tables import EXTENSIBLE
+from flexfem.verify import warning
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,16 @@ class LoadedStudy:
         """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
         stage = (f"stage: {key}" for key in self._doubts.not_stated)
         return (*stage, *(f"study: {key}" for key in self.study.not_stated))
+
+    @property
+    def stress_accuracy(self) -> str:
+        """How far the highest neck stress, and what is found from it, may be off, in words."""
+        study, plane = self.study, self.stage.model
+        if study.model != "analytic":
+            return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
+        said = warning.stress_accuracy(study.formula, study.links, plane)
+        driven = warning.driven_accuracy(study.formula, study.links, plane)
+        return f"{said}; in what the drive reaches, {driven}" if study.driven else said
 
     @property
     def _doubts(self) -> Doubts:

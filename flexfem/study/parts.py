@@ -88,7 +88,7 @@ class Parts:
             "name": loaded.study.name,
             "hash": loaded.hash,
             "versions": dict(self.versions),
-            "stress_accuracy": loaded.study.stress_accuracy,
+            "stress_accuracy": loaded.stress_accuracy,
             "assumed": list(loaded.assumed),
             "not_stated": list(loaded.not_stated),
         }

@@ -202,13 +202,6 @@ class Study(Sourced):
         return unasked(self.frequencies is not None, self.life is not None, self.drift is not None)
 
     @property
-    def stress_accuracy(self) -> str:
-        """How far the highest neck stress, and what is found from it, may be off, in words."""
-        if self.model == "analytic":
-            return warning.stress_accuracy(self.formula, self.links)
-        return f"neck stress by finite elements of resolution {self.resolution} is {self.stress_below}"
-
-    @property
     def stress_below(self) -> str:
         """By how much, at most, the highest neck stress is low by the mesh, in words; "" without one."""
         return "" if self.model == "analytic" else warning.stress_below(self.resolution)

@@ -123,7 +123,7 @@ def report_stiffness(
         compliance=result.compliance,
         hinge_compliance=result.hinges,
         neck_stress=result.stress,
-        stress_accuracy=warning.stress_accuracy(result.formula, result.links),
+        stress_accuracy=warning.stress_accuracy(result.formula, result.links, result.plane),
         elements=elements,
         warnings=[*warnings, *warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
     )

@@ -81,6 +81,7 @@ class Command(OfStage):
     resolution : of the finite elements, None without them.
     open_loop : errors by model, of strokes of least energy; empty without finite elements.
     calibration : (3, 3), which command of the pose makes finite elements take a unit pose, without load.
+    stress_accuracy : how far the model's neck stress is from finite elements, in words.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Command(OfStage):
     resolution: int | None
     open_loop: list[OpenLoop]
     calibration: Matrix | None
+    stress_accuracy: str
 
 
 def command(
@@ -148,6 +150,7 @@ def command(
         resolution=resolution,
         open_loop=[] if metal is None else open_loop(stage, metal, first, pose, load),
         calibration=None if metal is None else calibration(metal.of, first.of, drive, lever).tolist(),
+        stress_accuracy=warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
         warnings=list(dict.fromkeys(warnings)),
     )
 

@@ -21,7 +21,7 @@ from flexfem.analytic.model import ModelChoice, choose, hinge_compliance
 from flexfem.analytic.notch import Compliance
 from flexfem.analytic.warm_pad import edge_motions
 from flexfem.arrays import Array, Index
-from flexfem.fem.heat import HeatResponse, heat_response
+from flexfem.fem.heat import HeatResponse, edge_maxima, heat_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
@@ -31,7 +31,7 @@ from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.origin import located
 from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.verify import warning
-from flexfem.verify.corners import pose_bands
+from flexfem.verify.corners import corner_bands, pose_bands
 from flexfem.verify.errors import levels
 from flexfem.verify.result import Fields, Matrix, OfStage, Record, about
 
@@ -58,18 +58,22 @@ class WarmStage(Record):
     """What one case does, per kelvin or per K/mm; each (3,) or (3 chains, 3).
 
     pose : mm, mm, rad.   stress : largest von Mises stress at each neck, MPa.
+    edges : (3 chains,), the same along the clamped edge of each pad but for `CORNER` of its length at both corners,
+        where stress has no bound; None by the analytic model, which does not have it.
     reaction : of the ground on each pad, about the platform's centre, N, N, N mm.
     """
 
     pose: list[float]
     stress: Matrix
     reaction: Matrix
+    edges: list[float] | None = None
 
 
 class DriftCase(Record):
     """Both models under one change of temperature: per kelvin, per K/mm.
 
     analytic, elements : see `WarmStage`; elements None without them.   band : (3,), half-widths of the pose by meshes.
+    edge_band : the same of the largest of the elements' `edges`, MPa.
     unlike : (3,), pose with necks of some chains wider or narrower, that of `UNLIKE_CHAINS` which moves furthest in X
         and Y, by the analytic model; None where chains are not alike as they are.
     """
@@ -78,6 +82,7 @@ class DriftCase(Record):
     elements: WarmStage | None
     band: list[float] | None
     unlike: list[float] | None
+    edge_band: float | None = None
 
 
 class Drift(OfStage):
@@ -132,6 +137,7 @@ def drift(
             elements=None if metal is None else metal[k].found,
             band=None if metal is None else metal[k].band.tolist(),
             unlike=None if unlike is None else unlike[k],
+            edge_band=None if metal is None else metal[k].edge_band,
         )
         for k, name in enumerate(CASES)
     }
@@ -200,10 +206,12 @@ def analytic(chosen: ModelChoice, alpha: Expansion) -> list[WarmStage]:
 
 
 class _Warm(NamedTuple):
-    """One case by finite elements: its answer, the band (3,) of the pose, fields and clamped edges (k, 3)."""
+    """One case by finite elements: its answer, the band (3,) of the pose and that of stress at clamped edges, fields
+    and clamped edges (k, 3)."""
 
     found: WarmStage
     band: Array
+    edge_band: float
     fields: Fields
     ground: Index
 
@@ -217,19 +225,27 @@ def _elements(stage: Stage, alpha: Expansion, resolution: int) -> list[_Warm]:
         made.append((mesh, heat_response(mesh, plate, alpha.stage, alpha.frame)))
     mesh, finest = made[-1]
     bands = pose_bands(np.array(steps, dtype=float), np.array([r.pose for _, r in made]), stage.chain.link_lengths[2])
-    warm = np.concatenate([np.ones((len(mesh.nodes), 1)), mesh.nodes], axis=1)
     found = []
     for k in range(3):
-        stress = von_mises(finest.stress[k], out_of_plane_ratio_of(stage), alpha.across * warm[:, k])
+        stresses = [_warm_stress(stage, alpha, *each, k) for each in made]
+        edges, stress = [edge_maxima(of[0], each) for of, each in zip(made, stresses, strict=True)], stresses[-1]
+        edge_band = corner_bands(np.array(steps, dtype=float), np.array([np.max(each) for each in edges]))
         one = WarmStage(
             pose=finest.pose[:, k].tolist(),
             stress=neck_maxima(stage, mesh, stress).tolist(),
             reaction=finest.reactions[k].tolist(),
+            edges=edges[-1].tolist(),
         )
         drawn = (mesh.nodes, mesh.triangles, mesh.bodies, finest.fields[k], stress)
         fields = Fields(**dict(zip(Fields.model_fields, drawn, strict=True)))
-        found.append(_Warm(one, bands[:, k], fields, mesh.edges["ground"]))
+        found.append(_Warm(one, bands[:, k], float(edge_band), fields, mesh.edges["ground"]))
     return found
+
+
+def _warm_stress(stage: Stage, alpha: Expansion, mesh: StageMesh, response: HeatResponse, case: int) -> Array:
+    """Von Mises stress (n,) at the nodes by one case, MPa."""
+    warm = np.concatenate([np.ones((len(mesh.nodes), 1)), mesh.nodes], axis=1)[:, case]
+    return von_mises(response.stress[case], out_of_plane_ratio_of(stage), alpha.across * warm)
 
 
 def _unlike(chosen: ModelChoice) -> list[list[float]] | None:

@@ -24,6 +24,7 @@ from flexfem.verify.neck_limits import (
     sections_of,
 )
 from flexfem.verify.polytope import LinearLimits
+from flexfem.verify.warning import YIELD_MARGIN
 
 
 def limits_of_commands(stage: Stage, first: Commanding, of: Driven, drive: StageDrive, load: Array) -> LinearLimits:
@@ -48,13 +49,13 @@ def limits_of_commands(stage: Stage, first: Commanding, of: Driven, drive: Stage
 
 
 def _yield_limits(stage: Stage, first: Commanding, of: Driven, drive: StageDrive, load: Array) -> DriveLimits:
-    """Limits of the stress along every neck, neck by neck, with the preloads and a load."""
+    """Limits of the stress along every neck, neck by neck, with the preloads and a load; `YIELD_MARGIN` below yield."""
     at = NeckSections(*(each[0] for each in sections_of(lower(stage))))
     frames, necks = stage_frames(stage), first.model.necks
     force = drive.preload - of.Y @ of.C[3:, :3] @ load
     carried = neck_forces(frames, (necks @ np.concatenate([load, force]))[..., None])
     at_rest = NeckForces(*(each[..., 0] for each in carried))
-    strength = np.array(stage.material.yield_strength)
+    strength = np.array(stage.material.yield_strength * (1 - YIELD_MARGIN[stage.model]))
     return limits_of_necks(at, per_command(of, frames, necks), at_rest, strength)
 
 

@@ -120,7 +120,7 @@ def life(stage: Stage, asked: Asked, resolution: int | None, solve: Solve) -> Li
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     result = analyse(*(chosen := best_model(stage, warnings)))
     compared = chosen.formula == CALIBRATED  # off its chart nothing was
-    above = warning.STRESS_ABOVE[CALIBRATED] if compared else None
+    above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model) if compared else None
     error = None if above is None else (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1)
     analytic = _witness(stage, chosen.name, by_model(chosen.stage, result, asked.of), asked, error)
     elements = None if resolution is None else _by_elements(stage, asked, resolution, solve)

@@ -2,8 +2,8 @@
 
 At every place x along a neck, from its centre, `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the height of
 the notch there: stacks that work against each other shear necks, and beside the centre a shear force bends, with a
-concentration of its own. All are taken to be those of the centre. M, N, V are linear in the commands, so that yield is four
-half-spaces for every place: one for each pair of signs.
+concentration of its own. All are taken to be those of the centre. M, N, V are linear in the commands, so that yield is
+four half-spaces for every place: one for each pair of signs.
 """
 
 from __future__ import annotations

@@ -46,6 +46,7 @@ class Reach(OfStage):
     circle, ball : radius about `rest`, mm, of the largest circle of translations, and of the largest ball of all poses
         with rotations times the lever, that are reached.
     elements : ranges by finite elements, of `resolution`; neck stresses there by the model's necks.
+    stress_accuracy : how far that neck stress is from finite elements, and where limits of yield are, in words.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Reach(OfStage):
     ball: float
     resolution: int | None
     elements: dict[Direction, Range] | None
+    stress_accuracy: str
 
 
 def reach(
@@ -108,6 +110,7 @@ def reach(
         elements=None
         if metal is None
         else ranges(metal, drive, limits_of_commands(first.stage, first, metal, drive, load), load),
+        stress_accuracy=warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
         warnings=list(dict.fromkeys(warnings + _warnings(stage, first, drive, solid, lever))),
     )
 

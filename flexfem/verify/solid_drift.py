@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.heat import heat_response
+from flexfem.fem.heat import CORNER, edge_maxima, heat_response, largest_within
 from flexfem.fem.layers import layers_of
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.sectors import Sector, mesh_sectors
@@ -39,6 +39,8 @@ class SolidDriftCase(Record):
     pose : mm, mm, rad, x, y, theta; of a gradient in z mm, rad, rad, z and the rotations about x and y.
     band : the sum of `band_plane`, of the mesh in the plane, and `band_thickness`, of the layers.
     stress : largest von Mises stress at each neck, MPa.
+    edges : (3 chains,), the same on the clamped face of each pad but for `heat.CORNER` of its length and of the half
+        thickness along its borders, where stress has no bound.
     plane_stress : pose in plane stress on the same mesh of the plane; None of a gradient in z.
     """
 
@@ -48,6 +50,7 @@ class SolidDriftCase(Record):
     band_thickness: list[float]
     stress: Matrix
     plane_stress: list[float] | None
+    edges: list[float] | None = None
 
 
 class SolidDrift(OfStage):
@@ -156,7 +159,17 @@ def _case(stage: Stage, of: _Solved, at: int, beyond: float, sheet: list[float] 
         band_thickness=thickness.tolist(),
         stress=stress.tolist(),
         plane_stress=sheet,
+        edges=_clamped(stage, of.half, beyond * of.half.fields[at]),
     )
+
+
+def _clamped(stage: Stage, half: WarmHalf, field: Array) -> list[float]:
+    """As `SolidDriftCase.edges`, of displacements (n, m, 3) beyond those of free metal."""
+    ground, heights = np.unique(half.mesh.edges["ground"]), half.layers.heights
+    stress = np.zeros(field.shape[:2])
+    stress[ground] = solid_von_mises(solid_nodal_stress(half.mesh, sheet_of(stage), half.layers, field, ground))
+    highest = edge_maxima(half.mesh, stress)
+    return largest_within(heights / heights[-1], highest.T, 0.0, 1 - CORNER).tolist()
 
 
 def _solved(stage: Stage, meshes: dict[int, tuple[Sector, ...]], layers: int, antisymmetric: bool) -> _Solved:

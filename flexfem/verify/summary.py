@@ -115,7 +115,7 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
         elements=None
         if solved is None
         else _side(f"finite elements, {PLANES[stage.model]}", stage, element_limits(stage, solved)),
-        accuracy=warning.stress_accuracy(chosen.formula),
+        accuracy=warning.stress_accuracy(chosen.formula, plane=chosen.stage.model),
         thickness=None if thickness is None else Triple.of(thickness),
         drive=drive,
         warnings=list(dict.fromkeys(warnings)),

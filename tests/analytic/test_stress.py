@@ -63,10 +63,11 @@ def test_bending_and_tension_of_one_neck_are_those_of_finite_elements(ratio: flo
 
 
 def test_the_hyperbolic_notch_in_numbers() -> None:
-    """H. Neuber's two formulas at t/2R = 1/4, worked out by hand: atan(1/2) = 0.4636476."""
+    """H. Neuber's two formulas, and that of shear, at t/2R = 1/4, worked out by hand: atan(1/2) = 0.4636476."""
     found = concentration(np.array(0.5))
     assert found.bending == pytest.approx(0.5 / (3 * (0.5 - 0.75 * 0.4636476)), rel=1e-6)
     assert found.tension == pytest.approx(1.25 / (1.25 * 0.4636476 + 0.5), rel=1e-6)
+    assert found.shear == pytest.approx(0.3125 / (3 * (1.25 * 0.4636476 - 0.5)), rel=1e-5)
 
 
 def test_one_neck_by_hand_and_the_highest_of_all_counts() -> None:

@@ -23,6 +23,7 @@ from flexfem.fem.thick import (
     position,
     sample,
     section_mesh,
+    stress_factors,
 )
 from flexfem.fem.thick_chart import SHAPE, chart_points, main, make_thickness_chart, thickness_chart_path
 
@@ -200,6 +201,11 @@ def test_the_mesh_is_that_of_a_hinge(hinge: ThickHinge) -> None:
 @pytest.mark.parametrize("width", [0.6, 7.0, 45.0])
 def test_without_contraction_across_thickness_makes_no_difference(width: float) -> None:
     np.testing.assert_allclose(factor(ThickHinge(0.17, width, 0.0), 1), 1.0, rtol=EXACT)
+
+
+def test_stress_is_that_of_plane_stress_without_contraction_and_in_a_thin_neck() -> None:
+    np.testing.assert_allclose(stress_factors(ThickHinge(0.17, 7.0, 0.0), (1, 2)).values, 1.0, rtol=1e-8)
+    np.testing.assert_allclose(stress_factors(ThickHinge(0.3, 0.1, NU), (2, 3)).values, 1.0, atol=2e-3)
 
 
 @pytest.mark.parametrize("ratio", [0.05, pytest.param(0.9, marks=pytest.mark.slow)])

@@ -89,11 +89,11 @@ def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(last
     assert found["life_cycles"] == pytest.approx(0.5 * (stress / strength) ** (1 / b), rel=1e-5)
     assert found["life_amplitude_x_um"] == pytest.approx(61.0 * strength * 8e5**b / stress, rel=1e-6)
     assert found["safety_factor"] == pytest.approx(values[2] / stress, rel=1e-6)
-    assert "resolution 4 is up to 1 % low" in loaded.study.stress_accuracy
+    assert "resolution 4 is up to 1 % low" in loaded.stress_accuracy
     assert output("stress_y_mpa_per_um", loaded.study).label == "peak neck stress per Y (up to 1 % low) in MPa/µm"
     finer = study(lasting, 'model = "fe"\nresolution = 8\n', 1, tail).study
     assert output("stress_y_mpa_per_um", finer).name == "peak neck stress per Y (up to 0.25 % low)"
-    assert "rigid links is +1 to +9 % off" in study(lasting, HEAD, 1, tail).study.stress_accuracy
+    assert "rigid links is +1 to +9 % off" in study(lasting, HEAD, 1, tail).stress_accuracy
 
 
 def test_what_is_asked_of_lives_is_part_of_what_a_study_is(lasting: Any) -> None:

@@ -316,10 +316,10 @@ def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage,
     assert reached.warnings == []
     one, drive = modelled(stage)
     free = limits_of_commands(stage, one, one.of, drive, NONE).bounds[-1]
-    assert free == pytest.approx(503.0, rel=1e-9)
+    assert free == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
     one, drive = modelled(alone)
     at_rest = limits_of_commands(alone, one, one.of, drive, NONE).bounds[24:]
-    assert 503.0 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
+    assert 497.97 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
 
 
 def test_limits_that_allow_nothing_are_named(stage):

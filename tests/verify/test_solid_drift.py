@@ -42,6 +42,7 @@ def test_a_symmetric_stage_drifts_as_the_plane_says_and_rises_with_a_gradient_th
     assert x.plane_stress == pytest.approx([-0.022614, 0.0029776, 0.0], rel=1e-3, abs=1e-15)
     assert z.plane_stress is None and np.max(z.stress) == pytest.approx(37.67, rel=0.02)
     assert np.max(x.stress) == pytest.approx(13.68, rel=0.02)
+    assert max(x.edges) == pytest.approx(118.9, rel=0.03)  # held across too: far more than the 68.5 of plane stress
     for case in (uniform, x, y, z):
         assert case.band == pytest.approx(np.add(case.band_plane, case.band_thickness))
     assert warm.record.hash == flexfem.drift(warm.stage, resolution=None).hash
@@ -110,7 +111,13 @@ def test_the_command_prints_and_keeps_both_tables(
     assert b"displacement, gradient in z" in (tmp_path / "mobility6-drift-solid.vtu").read_bytes()
     cli.app(given, standalone_mode=False)
     said = capsys.readouterr().out
-    assert "tilt x" in said and "gradient in z" in said and "-23.03 um" in said and "1.205 um" in said
+    assert (
+        "tilt x" in said
+        and "gradient in z" in said
+        and "-23.03 um" in said
+        and "1.205 um" in said
+        and "at clamped edges" in said
+    )
 
 
 @pytest.mark.parametrize(
