@@ -54,7 +54,10 @@ def _run(named: str) -> None:
         raise
     except BaseException as error:  # the user's file may raise anything, and call sys.exit
         place = _place(path, error)
-        said = f"{type(error).__name__}: {error}".removesuffix(": ") + ", expected Python that registers formulas or materials"
+        said = (
+            f"{type(error).__name__}: {error}".removesuffix(": ")
+            + ", expected Python that registers formulas or materials"
+        )
         raise BadInput(f"{place}: {' '.join(said.split())}") from None
 
 

@@ -210,7 +210,10 @@ def test_every_table_for_people_says_that_numbers_are_assumed(flexfem):
 def test_nothing_is_said_of_the_paper_where_a_file_of_ones_own_is_assumed(flexfem, tmp_path):
     text = Path(STAGE).read_text().partition("[provenance]")[0].replace("reference", "of my own")
     (tmp_path / "own.toml").write_text(f'{text}[provenance]\n"platform.radius_mm" = "assumed"\n')
-    for command, said in (("check", "assumed: platform.radius_mm"), ("stiffness", "1 of these numbers is assumed (1 of")):
+    for command, said in (
+        ("check", "assumed: platform.radius_mm"),
+        ("stiffness", "1 of these numbers is assumed (1 of"),
+    ):
         out = flexfem(command, tmp_path / "own.toml")[1]
         assert said in out and "paper" not in out
 

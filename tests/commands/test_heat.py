@@ -45,7 +45,10 @@ def test_every_row_has_its_numbers_in_their_units(rows, capsys):
     print_drift(rows)
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     first = next(k for k, line in enumerate(lines) if line.startswith("temperature"))
-    assert lines[first] == "temperature by quadrature, mobility 6, plane stress x y theta highest neck stress (MPa) at clamped edges"
+    assert (
+        lines[first]
+        == "temperature by quadrature, mobility 6, plane stress x y theta highest neck stress (MPa) at clamped edges"
+    )
     assert lines[first + 1 : first + 12] == [
         "uniform 0 -33 nm 5.1 urad 11",
         "finite elements 0 -30 nm 5 urad 10 20",
