@@ -26,7 +26,7 @@ from flexfem.verify.neck_limits import NeckForces, NeckSections, neck_forces, se
 class Commanding(NamedTuple):
     """An analytic model that computes strokes, and the driven stage as it sees it.
 
-    stage : as it is modelled, see `model.Choice`.
+    stage : as it is modelled, see `model.ModelChoice`.
     """
 
     stage: Stage

@@ -108,6 +108,8 @@ def test_a_zero_to_round_off_has_no_more_room_than_round_off():
             assert abs(at(record, path)) < 1e-10
             assert allowed(record, path) <= 1.0001e-10  # per cent
         assert 1e-4 < allowed(record, ("result", "error_percent", label, "y")) < 5e-3
+    held = store.read_baseline(ROOT / "tests/baselines/joints-theta.json").record
+    assert allowed(held, ("result", "error_percent", "mobility six", "x")) <= 1.0001e-9  # as docs/drive.md says
     path = ("committed", "mobility six", "compliance", 0, 1)
     assert allowed(record, path) < 1e-13  # mm/N, of 0.026
 
