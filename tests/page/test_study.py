@@ -152,7 +152,12 @@ def test_the_numbers_of_a_design_are_those_of_the_table(tmp_path):
 
 
 def test_designs_of_a_map_are_where_its_axes_have_their_ticks(tmp_path):
-    html = page_of(source_of(study(tmp_path, GRID + MAP)))
+    """Stiffnesses from 50 to 61 in no order: 50 at the first design, 61 at the sixth."""
+    html = page_of(source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12))
+    ends = dict(re.findall(r'<th scope="row"[^>]*>(least|most)</th>(.*?)</tr>', html, re.S))
+    assert [re.findall(r">([^<>]+)</td>", ends[name]) for name in ("least", "most")] == [
+        ["50.000", "2.0000", "0.40000"], ["61.000", "2.5000", "0.80000"]
+    ]  # fmt: skip
     found = {
         which: {float(value): float(place) for place, value in re.findall(pattern, html, re.S)}
         for which, pattern in (

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.analytic.fatigue import equivalent
-from flexfem.plot.life import plot_life
+from flexfem.plot.life import life_figure, plot_life
 from flexfem.verify.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -240,6 +240,9 @@ def test_a_figure_counts_the_necks_whose_life_is_beyond_it_and_names_no_mark_tha
         drawn = sum(len(line.get_xdata()) for line in axes.lines if "analytic" in line.get_label())
         assert drawn == 9 - count and count == sum(neck.cycles >= 1e14 for neck in found.analytic.necks)
         assert axes.get_xlabel() == f"cycles to failure; {count} of 9 points beyond 1×10¹⁴, not drawn"
+    first = found.analytic.necks[found.analytic.first]
+    said = " ".join(text.get_text() for text in life_figure(found).texts).replace("\n", " ")
+    assert found.analytic.first != 0 and f"{first.hinge} hinge of chain {first.chain} first" in said
 
 
 def test_a_single_side_held_in_compression_still_fails_on_the_other(unlike, modelled):
