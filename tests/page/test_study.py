@@ -205,11 +205,12 @@ def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_const
 
 
 def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_path):
+    """The radius on a linear axis, the neck on a logarithmic one."""
     text = MAP.replace("other necks", "hinges.base.neck_mm")
-    loaded = study(tmp_path, SCATTERED + text)
+    loaded = study(tmp_path, SCATTERED.replace("to = 0.8\n", 'to = 0.8\nscale = "log"\n') + text)
     source = source_of(loaded)
     points = of_map(source, loaded.study.figure[0], 400)
-    x, y = source.table.columns["hinges.base.radius_mm"], source.table.columns["hinges.base.neck_mm"]
+    x, y = source.table.columns["hinges.base.radius_mm"], np.log(source.table.columns["hinges.base.neck_mm"])
     low, high = (np.array([edge(x), edge(y)]) for edge in (np.min, np.max))
     middles = low + (high - low) * (np.stack(np.meshgrid(range(5), range(5)), -1).reshape(-1, 2) + 0.5) / 5
     expected = {
