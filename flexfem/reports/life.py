@@ -61,7 +61,7 @@ def life(
     >>> found = flexfem.life(stage, [0.1, 0, 0], resolution=None)
     >>> neck = found.analytic.necks[found.analytic.first]
     >>> round(neck.equivalent, 1), neck.hinge, f"{neck.cycles:.3g}"
-    (77.7, 'elbow', '1.35e+10')
+    (79.9, 'elbow', '1.03e+10')
     """
     check_feasible(stage)
     moved = checked_amplitude(amplitude)

@@ -119,8 +119,12 @@ def svg_pieces(path: str) -> list[Piece]:
     return found
 
 
-def require_necks(pieces: list[Piece], beside: float = 0.0) -> None:
-    """Every hinge of the drawing as HINGES has it, its notches `beside` smaller in radius, and the centres in place."""
+def require_necks(pieces: list[Piece], beside: float = 0.0) -> list[complex]:
+    """Every hinge of the drawing as HINGES has it, its notches `beside` smaller in radius, and the centres in place.
+
+    Returns these, chain by chain.
+    """
+    centres_of_necks = list[complex]()
     arcs = {  # each centre once, and as it was read
         (round(p.centre.real, 7), round(p.centre.imag, 7)): (p.centre, abs(p.start - p.centre))
         for p in pieces
@@ -141,6 +145,8 @@ def require_necks(pieces: list[Piece], beside: float = 0.0) -> None:
             if np.allclose([abs(base - elbow), abs(elbow - platform), abs(platform)], lengths, rtol=0, atol=NEAR)
         ]
         assert found, chain
+        centres_of_necks += found[0]
+    return centres_of_necks
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +197,11 @@ def test_a_dxf_has_the_metal_as_one_closed_contour(drawing, metal):
     (hub,) = space.query('CIRCLE[layer=="HUB_HOLE"]')
     assert place(hub.dxf.center) == 0 and hub.dxf.radius == 7.7
     assert abs(sum(piece.swept for piece in loop)) - math.pi * 7.7**2 == pytest.approx(metal, rel=REL)
-    require_necks(loop)
+    holes = [place(hole.dxf.center) for hole in space.query('CIRCLE[layer=="MOUNTING_HOLES"]')]
+    marks = [(piece.start + piece.end) / 2 for piece in dxf_pieces(space, "CENTRE_MARKS")]
+    wanted = [*require_necks(loop), 0j, *holes]
+    assert len(marks) == 2 * len(wanted) == 2 * 13
+    assert all(sum(abs(mark - centre) < NEAR for mark in marks) == 2 for centre in wanted)
 
 
 def test_a_dxf_has_the_pads_with_a_hole_in_the_middle_of_each(drawing):
@@ -231,10 +241,11 @@ def test_a_dxf_states_dimensions_that_it_measures(drawing):
         "mm; thickness 9.7; generic metal" in said and "NO STATED SOURCE: 22 numbers of geometry and material" in said
     )
     assert "Not in the models: the mounting holes." in said
+    assert "WIRE_PATH: middle of a cut 0.32 mm wide, wire and spark gap together" in said
 
 
 def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
-    found = flexfem.export(stage, folder / "part.svg", kerf=0.32)
+    found = flexfem.export(stage, folder / "part.svg", kerf=0.32, mounting=4.3)
     root = ElementTree.parse(folder / "part.svg").getroot()
     _, _, width, height = map(float, root.get("viewBox").split())
     assert (root.get("width"), root.get("height")) == (f"{width}mm", f"{height}mm")
@@ -242,8 +253,16 @@ def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
     assert list(groups) == found.layers
     loop, path = (svg_pieces(groups[name].find(f"{SVG}path").get("d")) for name in ("METAL", "WIRE_PATH"))
     assert sum(piece.swept for piece in loop) - math.pi * 7.7**2 == pytest.approx(metal, rel=REL)
-    require_necks(loop)
+    base, elbow, platform, *_ = require_necks(loop)
     require_necks(path, beside=0.16)
+    pads = [svg_pieces(pad.get("d")) for pad in groups["CLAMPED_PADS"]]
+    holes = [complex(float(hole.get("cx")), -float(hole.get("cy"))) for hole in groups["MOUNTING_HOLES"]]
+    assert [hole.get("r") for hole in groups["MOUNTING_HOLES"]] == ["2.15"] * 3
+    assert np.allclose(holes, [np.mean([piece.start for piece in pad]) for pad in pads], rtol=0, atol=1e-9)
+    written = {text.text: text for text in groups["DIMENSIONS"].iter(f"{SVG}text")}
+    for said, along in (("l1 31.07", elbow - base), ("l2 33.506", platform - elbow), ("l3 25", platform)):
+        turn = float(re.match(r"rotate\((-?[\d.]+)", written[said].get("transform"))[1])  # clockwise: y is down
+        assert abs(math.remainder(turn + math.degrees(cmath.phase(along)), 180)) < 1e-3
     (hub,) = groups["HUB_HOLE"]
     assert (float(hub.get("r")), float(hub.get("cx")), float(hub.get("cy"))) == (7.7, 0.0, 0.0)
     assert root.find(f"{SVG}title").text == HOSTILE

@@ -57,8 +57,14 @@ def test_displacement_is_compliance_times_force(flexfem):
     assert facts["unknowns"] > 1000
 
 
-def test_a_displacement_takes_the_force_that_holds_it(flexfem):
-    held = machine(flexfem, "solve", STAGE, "--resolution", 2, "--displacement", 0.01, -0.02, 3e-4)
+UNLIKE = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.43\n'
+
+
+def test_a_displacement_takes_the_force_that_holds_it(flexfem, project):
+    """Of a stage with coupling."""
+    unlike = project.edit("geometry/mobility6.toml", ("[platform]\n", f"{UNLIKE}\n[platform]\n"))
+    held = machine(flexfem, "solve", unlike, "--resolution", 2, "--displacement", 0.01, -0.02, 3e-4)
+    assert abs(held["stiffness"][0][2]) > 10.0
     np.testing.assert_allclose(held["displacement"], [0.01, -0.02, 3e-4], rtol=1e-9)
     np.testing.assert_allclose(np.array(held["stiffness"]) @ [0.01, -0.02, 3e-4], held["force"], rtol=1e-9)
     assert held["force"][0] > 0 > held["force"][1] and np.min(held["neck_stress"]) > 0

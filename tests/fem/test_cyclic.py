@@ -123,17 +123,18 @@ def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair:
     assert not np.allclose(here, there, rtol=0.05)
 
 
-def test_base_rotation_of_a_rigidly_turned_link_is_its_angle(pair: dict[str, Both]) -> None:
-    """Displacements of a rigid rotation of link 1 about the neck, the pad at rest."""
-    both, angle = pair["unlike"], 1.7e-3
+def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pair: dict[str, Both]) -> None:
+    """Displacements of rigid rotations of link 1 and of the pad, others in every chain."""
+    both, links, pads = pair["unlike"], (1.7e-3, 1.1e-3, -0.6e-3), (-0.4e-3, 0.2e-3, 0.3e-3)
     fields = []
-    for sector in both.response.sectors:
+    for sector, link, pad in zip(both.response.sectors, links, pads, strict=True):
         field = np.zeros((3, len(sector.mesh.nodes), 2))
-        moved = np.unique(sector.mesh.triangles[sector.mesh.bodies >= 1])
-        field[1, moved] = angle * np.stack([-sector.mesh.nodes[moved, 1], sector.mesh.nodes[moved, 0]], axis=-1)
+        for angle, body in ((pad, sector.mesh.bodies == 0), (link, sector.mesh.bodies >= 1)):
+            moved = np.unique(sector.mesh.triangles[body])
+            field[1, moved] = angle * np.stack([-sector.mesh.nodes[moved, 1], sector.mesh.nodes[moved, 0]], axis=-1)
         fields.append(field)
     turns = base_rotations(both.stage, replace(both.response, sector_fields=tuple(fields)))
-    np.testing.assert_allclose(turns[1], angle, rtol=1e-12)
+    np.testing.assert_allclose(turns[1], [2.1e-3, 0.9e-3, -0.9e-3], rtol=1e-12)
     assert np.all(turns[[0, 2]] == 0.0)
 
 

@@ -9,12 +9,14 @@ from html import unescape
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.page import answers, motion
 from flexfem.page import stage as of_stage
 from flexfem.page.report import STANDARD, command_line, doubts_line, report
 from flexfem.page.stage import provenance_section
+from flexfem.plot.told import hinge_spots
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
@@ -182,6 +184,9 @@ def test_the_table_of_hinges_has_each_in_its_row(unlike):
     shown = {(int(line[1]), line[0]): line[-2:] for line in lines[1:]}
     assert shown[2, "elbow"] == ["1.5", "0.43"] and shown[3, "platform"] == ["1.8", "0.5"]
     assert shown[1, "base"] == ["4", "0.57"] and shown[2, "base"] == ["4", "0.5"]
+    pointed = [spot.text.split("\n")[:2] for spot in hinge_spots(Figure().subplots(), unlike)]
+    assert ["elbow hinge, chain 2", "notch radius 1.5 mm, neck 0.43 mm"] in pointed
+    assert ["platform hinge, chain 3", "notch radius 1.8 mm, neck 0.5 mm"] in pointed
 
 
 def test_assumed_numbers_are_counted_first_and_listed(written):

@@ -152,7 +152,12 @@ def test_the_numbers_of_a_design_are_those_of_the_table(tmp_path):
 
 
 def test_designs_of_a_map_are_where_its_axes_have_their_ticks(tmp_path):
-    html = page_of(source_of(study(tmp_path, GRID + MAP)))
+    """Stiffnesses from 50 to 61 in no order: 50 at the first design, 61 at the sixth."""
+    html = page_of(source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12))
+    ends = dict(re.findall(r'<th scope="row"[^>]*>(least|most)</th>(.*?)</tr>', html, re.S))
+    assert [re.findall(r">([^<>]+)</td>", ends[name]) for name in ("least", "most")] == [
+        ["50.000", "2.0000", "0.40000"], ["61.000", "2.5000", "0.80000"]
+    ]  # fmt: skip
     found = {
         which: {float(value): float(place) for place, value in re.findall(pattern, html, re.S)}
         for which, pattern in (
@@ -200,11 +205,12 @@ def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_const
 
 
 def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_path):
+    """The radius on a linear axis, the neck on a logarithmic one."""
     text = MAP.replace("other necks", "hinges.base.neck_mm")
-    loaded = study(tmp_path, SCATTERED + text)
+    loaded = study(tmp_path, SCATTERED.replace("to = 0.8\n", 'to = 0.8\nscale = "log"\n') + text)
     source = source_of(loaded)
     points = of_map(source, loaded.study.figure[0], 400)
-    x, y = source.table.columns["hinges.base.radius_mm"], source.table.columns["hinges.base.neck_mm"]
+    x, y = source.table.columns["hinges.base.radius_mm"], np.log(source.table.columns["hinges.base.neck_mm"])
     low, high = (np.array([edge(x), edge(y)]) for edge in (np.min, np.max))
     middles = low + (high - low) * (np.stack(np.meshgrid(range(5), range(5)), -1).reshape(-1, 2) + 0.5) / 5
     expected = {

@@ -94,6 +94,9 @@ def test_the_region_holds_the_best_fit_and_shows_both_causes(stage):
     assert ax.get_ylabel() == "pole, times as soft as described"
     low, high = ax.get_xlim()
     assert low < 1e3 * min(one.necks_alone.numbers[0], 0.0) and max(1e3 * one.offset.value, 0.0) < high
+    for name, unit in (("translation", "mm/N"), ("rotation", "rad/(N mm)")):
+        spring = one.model_copy(update={"fixture": {name: one.fixture["pole"]}})
+        assert plot_region(Figure().subplots(), spring).get_ylabel() == f"fixture in {name} ({unit})"
     said = " ".join(text.get_text() for text in identification_figure(one).texts).replace("\n", " ")
     assert one.finding in said
 

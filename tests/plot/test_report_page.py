@@ -36,6 +36,14 @@ def test_percentages_stand_with_their_bands(made):
     ]
 
 
+def test_the_table_of_models_has_the_highest_stress_of_all_chains(made):
+    """31.7 MPa at the elbow hinge of chain 2."""
+    found = cells(of_results.models_section([made.result(ERRORS)]).html)
+    at = found.index("one")
+    assert found[at - 10 : at][-4:] == ["l3 (mm)", "triangles across a neck", "unknowns", "largest neck stress (MPa)"]
+    assert found[at + 3 : at + 10] == ["1234567890ab", "6", "paros-weisbord", "21", "5", "54,321", "31.70"]
+
+
 def test_a_spot_tells_command_error_and_band(made):
     """At 50 um an error of 3.1 % is 1.55 um; its band of 0.0173 points is 0.00865 um, which is 8.7 nm."""
     one = made.result(ERRORS)
@@ -63,10 +71,16 @@ def test_the_table_of_a_figure_has_its_numbers(made):
 
 def test_a_budget_tells_its_shares(made):
     page = budget_section(made.budget()).html
-    split = made.budget().split["x"]
-    share = split.shares[1]
+    share = made.budget().split["x"].shares[1]
     assert any(each.startswith(share.name) and "percentage points of X" in each for each in titles(page))
-    assert f"{share.points.x:+.3f}".replace("-", "−") in cells(page)
+    found = cells(page)
+    for name, *along in (
+        ("share (percentage points)", "X", "Y", "θ"),
+        ("formula", "+11.796", "+8.523", "+9.685"),
+        ("what is left", "−0.308", "+0.092", "+0.051"),
+        ("total", "12.091\xa0±\xa00.013\xa0%", "9.19\xa0±\xa00.13\xa0%", "9.48\xa0±\xa00.24\xa0%"),
+    ):
+        assert found[found.index(name) + 1 : found.index(name) + 4] == along
 
 
 def test_results_of_a_file_make_a_page(made, tmp_path):

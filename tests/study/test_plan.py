@@ -14,6 +14,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.keys import keys
 from flexfem.stage.overrides import Override
 from flexfem.study.loaded import load_study
+from flexfem.study.outputs import outputs_of
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
 RANGE = "from = 0.4\nto = 0.7"
@@ -323,14 +324,33 @@ def test_a_loaded_study_travels_lightly_between_processes(studies: Any) -> None:
     assert again == loaded and again.hash == loaded.hash and again.columns == loaded.columns
 
 
+AXES = ("x", "y", "theta")
+
+
 def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
+    """In the order in which models answer: a name in another place is a column of other numbers."""
     plain = studies.load().outputs
     driven = studies.load((LAST, f"{LAST}[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")).outputs
     verified = studies.load(('"analytic"', '"verify"')).outputs
     bare = studies.load(('"analytic"', '"verify"'), ("= 21", "= 21\nbands = false")).outputs
-    assert plain[0] == "kxx_n_per_mm" and plain[-1] == "envelope_mm" and len(plain) == 16
+    assert plain == (
+        *("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad", "kxy_n_per_mm", "kxt_n", "kyt_n"),
+        *("coupling_xy", "coupling_xt", "coupling_yt"),
+        *("stress_x_mpa_per_um", "stress_y_mpa_per_um", "stress_theta_mpa_per_mrad"),
+        *("range_x_um", "range_y_um", "range_theta_mrad", "envelope_mm"),
+    )
     assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
-    assert verified[:16] == plain and verified[-1] == "band_theta_percent" and bare == verified[:-3]
+    assert verified[:16] == plain and bare == verified[:-3]
+    assert verified[16:] == tuple(f"{what}_{axis}_percent" for what in ("error", "cross", "band") for axis in AXES)
+    every = outputs_of(False, False, False, driven=True, vibrating=True, moved=(True, False, True), drifting=True)
+    assert every[16:] == (
+        *("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad"),
+        *("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad"),
+        *("frequency_1_hz", "frequency_2_hz", "frequency_3_hz"),
+        *("life_cycles", "life_amplitude_x_um", "life_amplitude_theta_mrad", "safety_factor"),
+        *("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k"),
+        *("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm"),
+    )
 
 
 def test_an_override_that_repeats_the_value_of_its_like_is_another_study(studies: Any) -> None:

@@ -74,7 +74,9 @@ def test_large_commands_bend_the_error_curve_and_its_percentage_is_at_the_larges
 
 
 def test_what_a_curve_says_of_its_two_models(project, solve):
-    """Force by (18), stress at the full command, and the mesh's band in each direction."""
+    """Force by (18), stress at the full command, and the mesh's band in each direction, of unlike chains."""
+    override = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.43\n'
+    project.edit("geometry/mobility6.toml", ("[platform]\n", f"{override}\n[platform]\n"))
     result, fields = run_case(LoadedCase(project.edit("cases/fig6.toml", *SMALLER)), solve)
     for label, model in result.models.items():
         K, C, full = np.array(model.stiffness), np.array(model.compliance), np.array(model.force[-1])
@@ -83,6 +85,7 @@ def test_what_a_curve_says_of_its_two_models(project, solve):
         percent = result.error_percent[label]
         expected = (100 * moved[0] / 0.05, 100 * moved[1] / 0.05, 100 * moved[2] * 24.0 / 0.05)
         assert (percent.x, percent.y, percent.theta) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert min(map(abs, expected)) > 0.1
         stage = load_stage(project.path("geometry/mobility6.toml"))
         solved = solve(stage, 4)
         case = load_case(stage, solved.mesh, solved.response, 0.05 * K[:, 1])
@@ -90,8 +93,9 @@ def test_what_a_curve_says_of_its_two_models(project, solve):
         np.testing.assert_allclose(fields[label].displacement, case.field, rtol=0, atol=1e-12)
         along = result.uncertainty[label]["y"]
         assert along.values[-1] == pytest.approx(percent.y, rel=1e-9) and along.resolutions == [2, 3, 4]
-        diagonals = [100 * (K[1, 1] * solve(stage, n).response.compliance[1, 1] - 1) for n in (2, 3, 4)]
-        assert along.values == pytest.approx(diagonals, rel=1e-6)
+        moves = 100 * np.array([solve(stage, n).response.compliance @ K[:, 1] for n in (2, 3, 4)])
+        assert along.values == pytest.approx(moves[:, 1] - 100, rel=1e-6)
+        assert result.uncertainty[label]["theta"].values == pytest.approx(24.0 * moves[:, 2], rel=1e-6)
         assert 1e-3 < along.band < 1.0
 
 

@@ -73,6 +73,7 @@ def test_both_models_agree_on_unlike_chains(stage):
             np.array(one.elements.reaction), abs=0.02 * np.max(np.abs(one.elements.reaction))
         )
         assert one.unlike is None
+        assert one.band[0] == one.band[1] == pytest.approx(24.0 * one.band[2]), "rotations count at l3"
 
 
 def test_plane_strain_grows_more_in_the_plane_and_is_held_across(stage):

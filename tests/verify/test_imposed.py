@@ -24,7 +24,7 @@ from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.driven import held
 from flexfem.verify.errors import error_matrix
-from flexfem.verify.imposed import _bands, elements, imposed, turned_hinges
+from flexfem.verify.imposed import _bands, answer_to_joints, elements, imposed, turned_hinges
 from flexfem.verify.protocol import run_case
 
 from ..conftest import UNLIKE, with_changes
@@ -158,6 +158,12 @@ def test_both_witnesses_read_and_impose_rotations_alike_with_unlike_chains(unlik
     given = imposed(unlike, analyse(unlike, 6), "joints")
     of_model, of_metal = (error_matrix(np.eye(3), given.poses(C), 25.0) for C in (model, metal))
     assert np.max(np.abs(of_model - of_metal)) < CHART and np.max(np.abs(of_metal)) > 10 * CHART
+    commanded = np.array([-0.03, 0.0, 0.03])
+    case: Any = SimpleNamespace(drive="joints", direction="x", commanded=commanded, resolution=6)
+    answer = answer_to_joints(unlike, analyse(unlike, 6), case)
+    np.testing.assert_allclose(answer.found.percent, of_metal[:, 0], rtol=1e-6)
+    np.testing.assert_allclose([band.values[-1] for band in answer.bands], of_metal[:, 0], rtol=1e-6)
+    assert np.min(np.abs(of_metal[:, 0])) > 1e-3
 
 
 def test_rotations_that_a_force_makes_do_with_it_what_the_force_does_alone(unlike):
