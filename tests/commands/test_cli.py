@@ -101,7 +101,7 @@ def test_a_summary_for_people_is_in_the_units_it_names(flexfem, project):
     assert re.search(r"x +-24\.03 to 24\.03 um +-28\.6 to 28\.6 um +stroke: elbow, chain 1, longest \| base,", out)
     thin = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
     out = flexfem("summary", thin)[1]
-    assert "analytic, paros-weisbord, elastic links, corrected for thickness" in out
+    assert "analytic, paros-weisbord, elastic links, plane stress" in out
     assert "warning: hinges.base.neck_mm = 0.05: t/R = 0.0125 is not on the hinge chart" in out
 
 

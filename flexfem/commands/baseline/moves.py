@@ -17,7 +17,7 @@ from flexfem.files.keypath import KeyPath, key_path
 Leaf: TypeAlias = float | int | str | bool | None
 MISSING = "\0missing"
 ROUND_OFF = 1e-10  # of the size of its neighbours: a number below is zero but for the arithmetic
-JOINTS = 10.0  # times as much with joints commanded, whose zeros were 1e-12, 9e-11 and 1.8e-10 % on three processors
+JOINTS = 1e-11  # least `Gate.zero` with joints commanded: their zeros were 1e-14, 9e-13 and 1.8e-12 on three processors
 NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
 UNORDERED = ("assumed", "not_stated")  # lists of keys
 SENTENCES = (  # their numbers are rounded
@@ -160,7 +160,7 @@ def allowed(record: Any, path: KeyPath, rule: Rule) -> float:
     was = abs(float(at(record, path)))
     size = rule.dimension.size(record, path)
     joints = isinstance(record, Mapping) and record.get("result", {}).get("drive", "force") != "force"
-    zero = rule.gate.zero * (JOINTS if joints else 1.0)
+    zero = max(rule.gate.zero, JOINTS) if joints else rule.gate.zero
     if was <= max(ROUND_OFF, zero) * size:
         return zero * size
     return rule.gate.own * was + rule.gate.size * size
