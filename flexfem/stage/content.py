@@ -38,9 +38,9 @@ class StageContent(Dimensioned, Sourced):
     model: Plane = Field(
         default="plane_stress",
         description="How the stage is made a plane problem, in both models: `plane_stress`, the paper's; "
-        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances corrected for their thickness by "
-        "three-dimensional finite elements, in the analytic model alone, because the finite elements of the stage "
-        "are plane",
+        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances and neck stresses corrected for "
+        "their thickness by three-dimensional finite elements, in the analytic model alone, because the finite "
+        "elements of the stage are plane",
     )
     thickness: Length = Field(alias="thickness_mm", description="b, out of plane", examples=[10.0])
     material: Material = Field(description="What the stage is made of, isotropic")

@@ -16,7 +16,9 @@ MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType(
         "labels, captions and `study status` say; `analytic`: bending and tension with Neuber's stress "
         'concentration, shear left out. Against finite elements: within 1 % with `formula = "calibrated"` and '
         "`links`, 1 to 9 % high with rigid links; 10 to 22 % high with the default formula and `links`, 14 to 34 % "
-        "with rigid links, because its hinges are too stiff (`benchmarks/stress.py`)",
+        "with rigid links, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
+        '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '
+        "(`benchmarks/solid_stress.py`)",
         outputs.RANGES: "displacement at which the first hinge yields; low by as much as the stress is high",
         outputs.ENVELOPE: "diameter of the circle about the platform centre that holds the stage",
         outputs.TRAVELS: "with `[drive]` `stroke_um`: displacement at which the first base hinge has turned by "

@@ -169,7 +169,7 @@ def _clamped(stage: Stage, half: WarmHalf, field: Array) -> list[float]:
     stress = np.zeros(field.shape[:2])
     stress[ground] = solid_von_mises(solid_nodal_stress(half.mesh, sheet_of(stage), half.layers, field, ground))
     highest = edge_maxima(half.mesh, stress)
-    return largest_within(heights / heights[-1], highest.T, 0.0, 1 - CORNER).tolist()
+    return [float(each) for each in largest_within(heights / heights[-1], highest.T, 0.0, 1 - CORNER)]
 
 
 def _solved(stage: Stage, meshes: dict[int, tuple[Sector, ...]], layers: int, antisymmetric: bool) -> _Solved:

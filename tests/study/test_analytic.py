@@ -227,12 +227,12 @@ def test_stress_is_linear_in_the_wrench_and_falls_with_the_square_of_the_neck(st
     loaded = study(studies, GENTLE, "calibrated", 21, 1)
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     wrench = analyse(stage, 21, "calibrated").wrench
-    radius, neck, thickness = stage.array("radius"), stage.array("neck"), np.array(stage.thickness)
-    free = np.array(0.0)
-    plain = neck_stress(wrench, radius, neck, thickness, free)
-    np.testing.assert_allclose(neck_stress(wrench, radius, neck, 2 * thickness, free), plain / 2, rtol=1e-12)
+    neck, thickness = stage.array("neck"), np.array(stage.thickness)
+    K = concentration(neck / stage.array("radius"))
+    plain = neck_stress(wrench, neck, thickness, K)
+    np.testing.assert_allclose(neck_stress(wrench, neck, 2 * thickness, K), plain / 2, rtol=1e-12)
     bent = wrench._replace(normal=0 * wrench.normal)
-    ratio = neck_stress(bent, 2 * radius, 2 * neck, thickness, free) / neck_stress(bent, radius, neck, thickness, free)
+    ratio = neck_stress(bent, 2 * neck, thickness, K) / neck_stress(bent, neck, thickness, K)
     np.testing.assert_allclose(ratio, 0.25, rtol=1e-12)
 
 
