@@ -72,7 +72,9 @@ def modes(
             raise BadInput(f"{option} without --three-dimensional, expected both: modes are in the plane")
     animated = (f"-{number}.gif" for number in range(1, count + 1))
     response = (f"-response{ending}" for ending in console.FIGURES)
-    path = console.target(output, f"{stage.stem}-modes", [*console.FIGURES, *response, *animated, ".vtu", ".npz", ".mat"])
+    path = console.target(
+        output, f"{stage.stem}-modes", [*console.FIGURES, *response, *animated, ".vtu", ".npz", ".mat"]
+    )
     with working("meshing and solving", 3) as say:
         found = reports.vibration(loaded, count, payload, drives, resolution or RESOLUTION, say)  # type: ignore[arg-type]
     if path is not None:
