@@ -75,6 +75,7 @@ WRITTEN: list[tuple[str, str, list[Any], tuple[str, ...], tuple[str, ...]]] = [
     ),
     ("identify", "output", ["s.toml", "slopes.toml"], ("s-identify.json",), ("slopes.toml", *STAGE)),
     ("verify", "output", ["c.toml"], ("c.json", "c.npz"), ("c.toml", "mobility6.toml", *STAGE)),
+    ("verify", "output", ["c.toml", "--check", "--baselines", "."], ("c.npz", "c.json"), ("c.json", "c.toml")),
     ("budget", "output", ["s.toml"], ("s-budget.json",), STAGE),
     ("workspace", "output", ["s.toml"], ("s-workspace.pdf", "s-reach.json"), STAGE),
     ("converge", "output", ["s.toml"], ("s-convergence.png",), STAGE),
@@ -129,6 +130,7 @@ def inputs(tmp_path, monkeypatch, flexfem):
     for name, content in FILES.items():
         Path(name).write_text(content)
     write_record(recorded(), Path("design.json"))
+    shutil.copy(ROOT / "tests/baselines/fig5.json", "c.json")
     monkeypatch.setenv(own.VARIABLE, "")
     return folder
 
