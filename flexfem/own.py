@@ -54,10 +54,8 @@ def _run(named: str) -> None:
         raise
     except BaseException as error:  # the user's file may raise anything, and call sys.exit
         place = _place(path, error)
-        said = (
-            f"{type(error).__name__}: {error}".removesuffix(": ")
-            + ", expected Python that registers formulas or materials"
-        )
+        raised = f"{type(error).__name__}: {error}".removesuffix(": ")
+        said = f"{raised}, expected Python that registers formulas or materials"
         raise BadInput(f"{place}: {' '.join(said.split())}") from None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import copy
 import gc
+import json
 import os
 import shutil
 import signal
@@ -125,6 +126,11 @@ class Project:
 @pytest.fixture
 def project(tmp_path: Path) -> Project:
     return Project(tmp_path / "project")
+
+
+def stored(path: Path) -> Any:
+    """What a stored record says, its digests left out."""
+    return {key: value for key, value in json.loads(path.read_text()).items() if key not in ("digest", "fields")}
 
 
 @pytest.fixture

@@ -32,12 +32,12 @@ def verify(
     from flexfem.verify.result_files import write_result
 
     loaded = console.load_cases(cases)
-    for case in loaded:
-        console.target(output, case.stem, [".npz"])
     folders = [baselines or store.folder_of(case.path) for case in loaded]
     if check:  # before anything is computed
         for case, folder in zip(loaded, folders, strict=True):
             store.read_baseline(store.file_of(case.path, folder))
+    for case in loaded:
+        console.target(output, case.stem, [".npz"])
     solve, results = console.solved_once(), []
     for result, fields in console.run_cases(loaded, solve):
         write_result(result, fields, output)

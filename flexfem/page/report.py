@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexfem import studies
+from flexfem.files.inputs import require_unread
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
@@ -102,6 +103,7 @@ def report(
     _check_sections(sections, amplitude)
     check_file(target, *files)
     subject = _subject(files, sections, amplitude, checked_path(folder))
+    require_unread(target)  # stages, studies and materials are read by now
     made = [section for _, make in through(subject.parts) if (section := make()) is not None]
     command = command_line(files, target, sections, amplitude, checked_path(folder))
     page = Page(

@@ -1,13 +1,11 @@
-"""Answers of `flexfem claims --json` as files."""
+"""Answers of `flexfem claims` as files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexfem.files.refusals import place_of
-from flexfem.refused import BadInput
-from flexfem.verify.result_files import first_mistake, stored_json, stores
+from flexfem.verify.result_files import read_record, stores
 
 if TYPE_CHECKING:
     from flexfem.verdicts.records import ClaimsReport
@@ -19,13 +17,7 @@ def is_claims(path: Path) -> bool:
 
 
 def read_claims(path: Path) -> ClaimsReport:
-    """Read stored claims. Raises BadInput when they are none of this version."""
-    from pydantic import ValidationError
-
+    """Read stored claims. Raises BadInput when they are none of this version, or not as they were stored."""
     from flexfem.verdicts.records import ClaimsReport
 
-    try:
-        return ClaimsReport.model_validate_json(stored_json(path))
-    except ValidationError as error:
-        said = f"not what this version of flexfem claims stores: {first_mistake(error)}"
-        raise BadInput(f"{place_of(path)}: {said}") from None
+    return read_record(path, ClaimsReport, "flexfem claims")

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from typing import Literal, TypeAlias
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field
 
-from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label
-from flexfem.stage.schema import Stage
 from flexfem.units import NONE, Unit, unit_of
 from flexfem.verify.result import Record
 
@@ -194,24 +191,6 @@ class Designed(Record):
     warnings: list[str]
     versions: dict[str, str]
 
-    @model_validator(mode="after")
-    def _parts_belong_together(self) -> Designed:
-        if _stage_of(self.stage, "stage").hash != self.hash:
-            raise refusal("the hash of its stage", "hash")
-        quantities = {each.name for each in (*self.objectives, *self.requirements)}
-        for name in self.design:
-            if name not in self.relaxed:
-                raise refusal("each of the dimensions", "relaxed")
-            if set(self.sensitivities.get(name, ())) != quantities:
-                raise refusal("each of the quantities", "sensitivities", name)
-        for index, each in enumerate(self.front):
-            if not len(each.values) == len(each.predicted) == len(self.objectives):
-                raise refusal("a value of each objective", "front", index)
-            if len(each.margins_percent) != len(self.requirements):
-                raise refusal("a margin of each requirement", "front", index)
-            _stage_of(each.stage, "front", index, "stage")
-        return self
-
     @property
     def decisive(self) -> list[Stated]:
         """Objectives and active requirements, each quantity once."""
@@ -219,13 +198,6 @@ class Designed(Record):
         for each in (*self.objectives, *(one for one in self.requirements if one.active)):
             found.setdefault(each.name, each)
         return list(found.values())
-
-
-def _stage_of(text: str, *at: str | int) -> Stage:
-    try:
-        return Stage.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
-        raise refusal("the text of a stage file", *at) from None
 
 
 def finite(value: float) -> float | None:

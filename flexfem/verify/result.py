@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from flexfem.arrays import AnyArray, Array, first_highest
-from flexfem.files.refusals import refusal
+from flexfem.files.digest import digest
 from flexfem.files.toml import Label
 from flexfem.files.writing import write_atomically
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
 from flexfem.verify.errors import Convergence, Verdict
 
+DIGEST = "digest"  # key of a stored record
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 Matrix = list[list[float]]
 
@@ -191,23 +193,6 @@ class Result(Record):
     written: str
     seconds: float
 
-    @model_validator(mode="after")
-    def _belongs_together(self) -> Result:
-        """Every curve has its percentages, bands and models, and a value for every command."""
-        if not any(self.commanded):
-            raise refusal("commands, not all of them zero", "commanded")
-        for name in ("error_percent", "uncertainty", "models"):
-            if set(getattr(self, name)) != set(self.curves):
-                raise refusal("each of the curves, and no other", name)
-        for label, series in self.curves.items():
-            if any(len(getattr(series, axis)) != len(self.commanded) for axis in DIRECTIONS):
-                raise refusal(f"{len(self.commanded)} values, one for each command", "curves", label)
-            if set(self.uncertainty[label]) != {*DIRECTIONS}:
-                raise refusal(", ".join(DIRECTIONS), "uncertainty", label)
-            if [len(row) for row in self.models[label].neck_stress] != [3, 3, 3]:
-                raise refusal("stresses of three chains, three hinges each", "models", label, "neck_stress")
-        return self
-
 
 class Fields(Record):
     """Finite-element fields of one curve at full command: nodes (n, 2) mm, triangles (m, 6), bodies (m,),
@@ -239,7 +224,12 @@ def versions() -> dict[str, str]:
     return found
 
 
-def write_record(record: Record, path: Path) -> Path:
-    """Store a record as JSON; returns the path. Raises BadInput when the folder does not take it."""
-    write_atomically(path, lambda file: file.write((record.model_dump_json(indent=1) + "\n").encode()))
+def write_record(record: Record, path: Path, **beside: str) -> Path:
+    """Store a record as JSON, `beside` and the digest of all of it added, by which readers see a change.
+
+    Returns the path. Raises BadInput when the folder does not take it.
+    """
+    content = record.model_dump(mode="json") | beside
+    text = json.dumps(content | {DIGEST: digest(content)}, indent=1, allow_nan=False)
+    write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
     return path

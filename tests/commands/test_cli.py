@@ -16,6 +16,8 @@ from flexfem.validate import registry
 from flexfem.validate.records import Finding
 from flexfem.verify import protocol
 
+from ..conftest import stored
+
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")
 
@@ -125,7 +127,7 @@ def test_a_file_of_another_kind_is_named_as_what_it_is(flexfem, tmp_path):
                 assert (code, out) == (2, "") and said in err and err.count("\n") == 1, (name, command)
     (tmp_path / "other.json").write_text('{"split": {}}')
     assert "this is JSON, but not a result of flexfem verify" in flexfem("plot", tmp_path / "other.json")[2]
-    assert "make it again: name: Field required" in flexfem("plot", tmp_path / "fig5.json")[2]
+    assert "fig5.json: has no digest" in flexfem("plot", tmp_path / "fig5.json")[2]
 
 
 def test_the_version_is_said(flexfem):
@@ -175,7 +177,7 @@ def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
 def test_verify_prints_and_stores_the_same_result_and_says_that_numbers_are_assumed(flexfem, tmp_path):
     five, six = ROOT / "cases/fig5.toml", ROOT / "cases/fig6.toml"
     out = flexfem("verify", five, "--output", tmp_path)[1]
-    alone = json.loads((tmp_path / "fig5.json").read_text())
+    alone = stored(tmp_path / "fig5.json")
     listed = len(alone["assumed"])  # of the case, too: `check` reads stages alone
     counted = "(2 of the case, 17 of geometry and material)"
     assert f"{listed} of these numbers are assumed {counted}: --json lists them" in out
@@ -186,7 +188,7 @@ def test_verify_prints_and_stores_the_same_result_and_says_that_numbers_are_assu
         assert len(curve["theta"]) == len(alone["commanded"]) == 21
     several = machine(flexfem, "verify", five, six, "--output", tmp_path)
     assert [result["case"] for result in several] == ["fig5", "fig6"]
-    assert several == [json.loads((tmp_path / f"{name}.json").read_text()) for name in ("fig5", "fig6")]
+    assert several == [stored(tmp_path / f"{name}.json") for name in ("fig5", "fig6")]
     dated = {"seconds": 0, "written": ""}
     assert several[0] | dated == alone | dated
 
@@ -337,7 +339,7 @@ def test_a_mesh_study_is_stored_and_drawn(flexfem, tmp_path):
     facts = machine(flexfem, "converge", STAGE, *levels, "--output", tmp_path)
     assert facts["resolutions"] == [2, 3, 4]
     assert facts["unknowns"] == sorted(facts["unknowns"])
-    assert json.loads((tmp_path / "mobility6-convergence.json").read_text()) == facts
+    assert stored(tmp_path / "mobility6-convergence.json") == facts
     assert (tmp_path / "mobility6-convergence.png").read_bytes() == b"png"
     finest = facts["compliance"][-1][0][0]
     assert abs(facts["uncertainty"]["x"]["extrapolated"] / finest - 1) < 0.01
@@ -381,8 +383,8 @@ def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
     facts = machine(flexfem, "workspace", STAGE, "--amplitude-um", 100, "--output", tmp_path)
     assert facts["amplitude"] == pytest.approx({"x": 0.1, "y": 0.1, "theta": 0.002})
     assert (tmp_path / "mobility6-workspace.png").stat().st_size > 10_000
-    assert json.loads((tmp_path / "mobility6-workspace.json").read_text()) == facts
-    assert json.loads((tmp_path / "mobility6-reach.json").read_text()) == facts["reach"]
+    assert stored(tmp_path / "mobility6-workspace.json") == facts
+    assert stored(tmp_path / "mobility6-reach.json") == facts["reach"]
     assert (tmp_path / "mobility6-reach.png").stat().st_size > 10_000
     held = facts["reach"]["ranges"]["x"]["held"]
     assert held["high"] == pytest.approx(0.0239894, rel=1e-4)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ..conftest import stored
+
 ROOT = Path(__file__).parents[2]
 STAGE, FIXTURE = ROOT / "geometry" / "mobility6.toml", ROOT / "cases" / "fixture.toml"
 SLOPES = """name = "slopes"
@@ -29,7 +31,7 @@ def test_an_experiment_prints_table_ii_and_writes_figure_11(flexfem, slopes, tmp
     asked = ("experiment", STAGE, FIXTURE, "--measured", slopes, "--resolution", 3)
     code, out, err = flexfem(*asked, "--output", tmp_path / "out")
     assert (code, err) == (0, "")
-    found = json.loads((tmp_path / "out/mobility6-experiment.json").read_text())
+    found = stored(tmp_path / "out/mobility6-experiment.json")
     assert found == json.loads(flexfem(*asked, "--json")[1])
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".png", ".pdf"}
     for axis in ("x", "y", "theta"):
@@ -53,7 +55,7 @@ def test_without_measured_slopes_the_papers_deviations_are_explained(flexfem):
 def test_identify_prints_what_it_stores(flexfem, slopes, tmp_path):
     code, out, err = flexfem("identify", STAGE, slopes, "--output", tmp_path / "out")
     assert (code, err) == (0, "")
-    found = json.loads((tmp_path / "out/mobility6-identify.json").read_text())
+    found = stored(tmp_path / "out/mobility6-identify.json")
     assert found == json.loads(flexfem("identify", STAGE, slopes, "--json")[1])
     assert found["finding"] in out and "These data cannot tell them apart." in out
     assert f"offset of all nine necks: {1e3 * found['offset']['value']:.4g} um" in out

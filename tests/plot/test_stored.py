@@ -1,47 +1,94 @@
-"""A stored result whose parts do not belong together is refused where it is read, in one line."""
+"""A stored answer is read as it was stored, by any command: what was edited, or is of another run, is refused."""
 
 from __future__ import annotations
 
 import json
+import random
+import shutil
 
+import numpy as np
 import pytest
 
+from flexfem.page.stored_claims import read_claims
 from flexfem.refused import BadInput
-from flexfem.verify.result_files import read_result
+from flexfem.synthesis.stored import read_design
+from flexfem.verdicts.records import ClaimsReport
+from flexfem.verify.result import write_record
+from flexfem.verify.result_files import read_fields, read_result, write_result
 
-from .conftest import result
+from ..conftest import ROOT
+from ..synthesis.recorded import recorded
+from .conftest import fields, result
+
+ERRORS = {"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}
+READ = {"verification": read_result, "design": read_design, "claims": read_claims}
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "said"),
-    [
-        (["commanded"], [], "commanded: expected commands"),
-        (["commanded"], [0.0, 0.0, 0.0], "commanded: expected commands"),
-        (["commanded"], [0.1], "curves.one: expected 1 values"),
-        (["curves", "two", "theta"], [1.0], "curves.two: expected 3 values"),
-        (["curves", "two", "y", 1], float("nan"), "curves.two.y.1: "),
-        (["curves", "two", "y", 1], 10**400, "no JSON|curves.two.y.1"),
-        (["curves"], {}, "curves: "),
-        (["error_percent"], {}, "error_percent: expected each of the curves"),
-        (["models"], {}, "models: expected each of the curves"),
-        (["uncertainty", "one"], {}, "uncertainty.one: expected x, y, theta"),
-        (["models", "one", "neck_stress"], [[], [], []], "models.one.neck_stress: expected stresses"),
-        (["name"], "a\x00b", "name: "),
-        (["name"], "\u202egnirts", "name: "),
-        (["name"], 10_000 * "n", "name: "),
-        (["two\nlines" + 1000 * "x"], 1, r"two\\nlines"),
-    ],
-)
-def test_a_result_whose_parts_do_not_belong_together_is_refused(tmp_path, place, value, said):
-    path = tmp_path / "fig.json"
-    data = json.loads(result({"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}).model_dump_json())
-    path.write_text(json.dumps(data))
-    assert read_result(path).name == "A case $y$"
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = value
-    path.write_text(json.dumps(data))
-    with pytest.raises(BadInput, match=said) as refused:
-        read_result(path)
-    assert "\n" not in str(refused.value) and len(str(refused.value)) < len(str(path)) + 300
+@pytest.fixture
+def stored(tmp_path):
+    """A file of every kind of answer that is read again."""
+    accepted = json.loads((ROOT / "tests/baselines/claims.json").read_text())["record"]["claims"]
+    return {
+        "verification": write_result(result(ERRORS), {label: fields() for label in ERRORS}, tmp_path),
+        "design": write_record(recorded(), tmp_path / "design.json"),
+        "claims": write_record(ClaimsReport.model_validate(accepted), tmp_path / "claims.json"),
+    }
+
+
+def leaves(data, place=()):
+    """The place of every number, text, truth and nothing."""
+    if not isinstance(data, dict | list):
+        return [place]
+    pairs = data.items() if isinstance(data, dict) else enumerate(data)
+    return [leaf for key, inner in pairs for leaf in leaves(inner, (*place, key))]
+
+
+def edited(value):
+    """Another value of the same kind, as near as can be."""
+    if isinstance(value, bool) or value is None:
+        return not value
+    return f"{value}." if isinstance(value, str) else float(np.nextafter(value, np.inf)) if value % 1 else value + 1
+
+
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize("kind", READ)
+def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem, tmp_path):
+    """Two hundred places of each, by the reader of all commands; one by the commands themselves."""
+    path, page = stored[kind], tmp_path / "page.html"
+    assert flexfem("report", path, "-o", page)[0] == 0
+    page.unlink()
+    text = path.read_text()
+    places = leaves(json.loads(text))
+    for place in random.Random(3).sample(places, min(len(places), 200)):
+        data = inner = json.loads(text)
+        for key in place[:-1]:
+            inner = inner[key]
+        inner[place[-1]] = edited(inner[place[-1]])
+        path.write_text(json.dumps(data))
+        with pytest.raises(BadInput, match=r"json: changed since it was stored, .* flexfem \w+ makes it again$"):
+            READ[kind](path)
+    for command in (["report", path, "-o", page], *([["plot", path, "-o", tmp_path / "none"]] * (kind != "claims"))):
+        code, out, err = flexfem(*command)
+        assert (code, out, err.count("\n")) == (2, "", 1) and f"{path.name}: changed since it was stored" in err
+    assert not page.exists() and not (tmp_path / "none").exists()
+    path.write_text(json.dumps({key: value for key, value in json.loads(text).items() if key != "digest"}))
+    with pytest.raises(BadInput, match="has no digest, as what earlier versions stored"):
+        READ[kind](path)
+    path.write_text(json.dumps(json.loads(text), indent=3, sort_keys=True))  # the same in another order
+    assert READ[kind](path).name
+
+
+def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
+    path = stored["verification"]
+    beside, answer = path.with_suffix(".npz"), read_result(path)
+    assert {*read_fields(path, answer)} == {"one", "two"}
+    moved = {"one": fields(), "two": fields().model_copy(update={"stress": fields().stress + 1.0})}
+    other = write_result(answer, moved, tmp_path / "other").with_suffix(".npz")
+    with np.load(beside) as arrays:
+        held = dict(arrays)
+    held["1.displacement"] = np.nextafter(held["1.displacement"], 1.0)
+    for spoil in (lambda: shutil.copy(other, beside), lambda: np.savez(beside, **held)):
+        spoil()
+        code, out, err = flexfem("plot", path, "-o", tmp_path / "none")
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "fig.npz: not the fields that were stored with" in err and not (tmp_path / "none").exists()

@@ -13,6 +13,7 @@ from flexfem.synthesis.front import best_of, proven
 from flexfem.synthesis.mapping import Mapped, Proof
 from flexfem.synthesis.model import Model
 from flexfem.synthesis.requirements import load_requirements
+from flexfem.synthesis.stored import read_design
 
 from .conftest import HEAD, LINK, NECK, RADIUS, best, require
 from .recorded import FRONT, STAGE, recorded
@@ -36,7 +37,7 @@ def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept
     names = ["wanted-design.json", "wanted-front-1.toml", "wanted-front-2.toml", "wanted-stage.toml"]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert [(folder / name).read_text() for name in names[1:]] == [FRONT[0].stage, FRONT[1].stage, STAGE]
-    assert outcome.Designed.model_validate_json((folder / names[0]).read_text()) == recorded(seed=11)
+    assert read_design(folder / names[0]) == recorded(seed=11)
 
 
 def test_workers_and_a_scheduler_together_are_refused(tmp_path):

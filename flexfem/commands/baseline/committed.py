@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.commands.baseline.moves import Leaf
 from flexfem.fem.mesh import StageMesh, check_mesh
 from flexfem.fem.sectors import build_mesh
+from flexfem.files.digest import digest_of_arrays
 from flexfem.files.writing import read_arrays, write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.bodies import draw_sector, turn
@@ -45,12 +45,8 @@ def committed_mesh(stage: Stage, path: Path) -> StageMesh:
 def mesh_keys(path: Path) -> dict[str, Leaf]:
     """Size and hash of a committed mesh. Raises BadInput when it is missing or damaged."""
     arrays = read_arrays(path, "a committed mesh")
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
     sizes: dict[str, Leaf] = {name: len(arrays[name]) for name in ("nodes", "triangles") if name in arrays}
-    return {**sizes, "sha256": digest.hexdigest()}
+    return {**sizes, "sha256": digest_of_arrays(arrays)}
 
 
 def write_mesh(mesh: StageMesh, path: Path) -> None:
