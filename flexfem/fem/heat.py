@@ -102,9 +102,11 @@ def _reactions(mesh: StageMesh, forces: Array) -> Array:
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
     """Nodes of the clamped edge of each chain's pad."""
+    chain_of = np.full(len(mesh.nodes), -1)
+    for body in range(0, 12, 4):  # pads
+        chain_of[mesh.triangles[mesh.bodies == body]] = body // 4
     ground = np.unique(mesh.edges["ground"])
-    pads = [np.unique(mesh.triangles[mesh.bodies == body]) for body in range(0, 12, 4)]
-    return [np.intersect1d(ground, pad) for pad in pads]
+    return [ground[chain_of[ground] == chain] for chain in range(3)]
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:
