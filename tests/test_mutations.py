@@ -1807,8 +1807,8 @@ MUTATIONS = [
     Mutation(
         "notes of a drawing silent on assumed numbers",
         "notes_of",
-        "len(stage.assumed)",
-        "len(stage.not_stated)",
+        "('ASSUMED', stage.assumed)",
+        "('ASSUMED', ())",
         "test_alike_chains_are_labelled_once_and_assumed_numbers_said",
     ),
     Mutation(

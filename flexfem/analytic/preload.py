@@ -87,7 +87,7 @@ class Serial(NamedTuple):
 
 
 class Pulls(NamedTuple):
-    """A symmetric matrix (k, k) whose upper triangle, with the diagonal, is that of the product of two arrays (m, k)."""
+    """A symmetric matrix (k, k) whose upper triangle, with the diagonal, is that of the product of both (m, k)."""
 
     before: Array
     after: Array
