@@ -128,11 +128,12 @@ def stress_raised(designs: Designs) -> Concentration:
     stress of the whole thickness is meant, and bending and tension may have theirs at different heights. The factor of
     bending is taken for shear, too: a force across the neck bends it beside the centre.
     """
-    K = concentration(designs.neck / designs.radius)
+    ratio = designs.neck / designs.radius
+    K = concentration(ratio)
     if designs.plane == "corrected":
         width = designs.thickness[:, None, None] / designs.neck
         nu = designs.poissons_ratio[:, None, None]
-        factors = thickness_chart().stress_factors(designs.neck / designs.radius, width, nu)
+        factors = thickness_chart().stress_factors(ratio, width, nu)
         return Concentration(K.bending * factors.bending, K.tension * factors.tension, K.shear * factors.bending)
     across = von_mises_along(designs.out_of_plane)[:, None, None]
     return Concentration(*(each * across for each in K))
