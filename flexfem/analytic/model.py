@@ -182,7 +182,7 @@ def _require_like_necks(stage: Stage, formula: str, freedoms: Freedoms, bodies: 
     """Refuse the thinnest neck of a stage that has no answer, where the stage has one with thin necks widened."""
     design = lower(stage)
     chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
-    least = WIDER[(WIDER > np.min(design.neck)) & (WIDER < np.max(design.neck))]
+    least = WIDER[(np.min(design.neck) < WIDER) & (np.max(design.neck) > WIDER)]
     widened = design.repeated(len(least))
     np.maximum(widened.neck, least[:, None, None], out=widened.neck)
     with np.errstate(all="ignore"):
@@ -193,8 +193,8 @@ def _require_like_necks(stage: Stage, formula: str, freedoms: Freedoms, bodies: 
         key, neck = key_of(stage, int(chain) + 1, name, "neck_mm"), stage.hinge(int(chain) + 1, name).neck
         with located(stage):
             raise BadInput(
-                f"{key} = {neck:g}: this neck is so much thinner than others, of up to {np.max(design.neck):g} mm, that "
-                f"the stiffness cannot be computed to working precision, expected >= {answered[0]:g}"
+                f"{key} = {neck:g}: this neck is so much thinner than others, of up to {np.max(design.neck):g} mm, "
+                f"that the stiffness cannot be computed to working precision, expected >= {answered[0]:g}"
             )
 
 

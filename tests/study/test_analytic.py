@@ -138,7 +138,9 @@ def test_a_singular_stage_is_refused(studies: Any) -> None:
         'key = "chain.joint_angles_deg[1]"\nvalues = [0.0]',
     )
     loaded = study(studies, straight, "paros-weisbord", 3, 2)
-    assert set(answer(loaded, 0, 2).reason) == {"chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"}
+    assert set(answer(loaded, 0, 2).reason) == {
+        "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
+    }
 
 
 def test_any_cut_of_the_designs_answers_the_same(studies: Any) -> None:
