@@ -13,6 +13,8 @@ from flexfem.arrays import Array
 from flexfem.refused import BadInput
 
 Key = TypeVar("Key", bound=str)
+LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
+LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 FINEST = 64  # triangles across a neck
 MOST_LAYERS = 16  # in half the thickness
 
@@ -65,6 +67,16 @@ def between(what: str, value: Any, least: float, most: float, why: str = "") -> 
     if not isinstance(value, Real) or isinstance(value, bool) or not least <= float(value) <= most:
         raise BadInput(f"{what} {value!r}, expected a number from {least:g} to {most:g}{why}")
     return float(value)
+
+
+def forces(what: str, values: ArrayLike, most: int | None = None) -> Array:
+    """Loads (..., 3) of at most `LARGEST_FORCE`. Raises BadInput."""
+    return vectors(what, values, most, LARGEST_FORCE)
+
+
+def poses(what: str, values: ArrayLike, most: int | None = None) -> Array:
+    """Displacements (..., 3) of the platform of at most `LARGEST_DISPLACEMENT`. Raises BadInput."""
+    return vectors(what, values, most, LARGEST_DISPLACEMENT)
 
 
 def integer(what: str, value: Any, most: int) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexfem.analytic.chains import range_at_yield
 from flexfem.analytic.model import AnalyticResult, ModelChoice
 from flexfem.analytic.stiffness import apply
-from flexfem.arguments import vectors
+from flexfem.arguments import forces, poses
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import load_case
@@ -46,11 +46,11 @@ class PlatformModel:
 
     def force(self, pose: ArrayLike) -> Array:
         """Load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput for another shape."""
-        return apply(self.stiffness, vectors("pose", pose))
+        return apply(self.stiffness, poses("pose", pose))
 
     def pose(self, force: ArrayLike) -> Array:
         """Pose (..., 3) of the platform under loads (..., 3). Raises BadInput for another shape."""
-        return apply(self.compliance, vectors("force", force))
+        return apply(self.compliance, forces("force", force))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class AnalyticModel(PlatformModel):
         `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `chains.concentration`, which states how far it is from finite
         elements.
         """
-        return self.result.neck_stress(self.chosen.stage, vectors("pose", pose))
+        return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
     @property
     def range_at_yield(self) -> Array:
@@ -106,11 +106,11 @@ class ElementModel(PlatformModel):
 
     def displacement(self, force: ArrayLike) -> Array:
         """Displacement (..., n, 2), mm, of every node under loads (..., 3)."""
-        return np.tensordot(vectors("force", force), self.solved.response.fields, axes=1)
+        return np.tensordot(forces("force", force), self.solved.response.fields, axes=1)
 
     def stress(self, force: ArrayLike) -> Array:
         """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
-        return self._per_load(force, lambda case: case.stress)
+        return self._per_load(forces("force", force), lambda case: case.stress)
 
     def neck_stress(self, pose: ArrayLike) -> Array:
         """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3)."""
@@ -150,7 +150,7 @@ class ElementModel(PlatformModel):
         """
         from flexfem.plot.displacement import plot_displacement
 
-        mesh, load = self.mesh, vectors("force", force, 1)
+        mesh, load = self.mesh, forces("force", force, 1)
         fields = Fields(
             nodes=mesh.nodes,
             triangles=mesh.triangles,
@@ -160,8 +160,7 @@ class ElementModel(PlatformModel):
         )
         return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
 
-    def _per_load(self, force: ArrayLike, read: Callable[[Any], Array]) -> Array:
-        loads = vectors("force", force)
+    def _per_load(self, loads: Array, read: Callable[[Any], Array]) -> Array:
         mesh, answer = self.solved.mesh, self.solved.response
         cases = [read(load_case(self.stage, mesh, answer, load)) for load in loads.reshape(-1, 3)]
         return np.reshape(cases, (*loads.shape[:-1], *np.shape(cases)[1:]))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 PathLike = str | os.PathLike[str]
 REPORTS = Path("reports")
+MOST_WORKERS = 1024
 
 
 class StudyFindings(NamedTuple):
@@ -89,9 +90,13 @@ def pool_for(
     parts: Parts, workers: int | None, scheduler: str | None, say: Callable[[str], object] = lambda text: None
 ) -> Iterator[Pool]:
     """Workers of a cluster, or processes of this machine, no more than there are tasks for. Raises BadInput."""
+    from flexfem.arguments import integer
     from flexfem.study.cluster import DaskPool
     from flexfem.study.pool import LocalPool
 
+    workers = None if workers is None else integer("workers", workers, MOST_WORKERS)
+    if scheduler is not None and not isinstance(scheduler, str):
+        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count

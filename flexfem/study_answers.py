@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def shard_of(text: str) -> Shard:
     """The shard that --shard I/N says, I from 1. Raises BadInput."""
-    found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+    found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
     return Shard(int(found[1]) - 1, int(found[2]))

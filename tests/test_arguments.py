@@ -10,6 +10,7 @@ import flexfem
 
 ROOT = Path(__file__).parents[1]
 FIXTURE = ROOT / "cases" / "fixture.toml"
+STUDY = ROOT / "cases" / "study-reach.toml"
 NAN, INF = float("nan"), float("inf")
 BAD = [
     (lambda s, f: flexfem.under_load(s, force=[NAN, 0, 0], vtu=f), "force: expected finite"),
@@ -108,6 +109,27 @@ BAD = [
     (lambda s, f: flexfem.verification(3), "3, expected the path"),
     (lambda s, f: flexfem.claims(None), "None, expected the path"),
     (lambda s, f: flexfem.run_study(None), "None, expected the path"),
+    *(
+        (lambda s, f, n=n: flexfem.run_study(STUDY, f.parent, n), f"workers {n!r}, expected an integer from 1 to 1024")
+        for n in (0, -1, 2.5, NAN, True, "2")
+    ),
+    (lambda s, f: flexfem.run_study(STUDY, f.parent, scheduler=3), "scheduler 3, expected its address"),
+    (lambda s, f: flexfem.run_study(STUDY, f.parent, shard=1), "--shard 1, expected I/N"),
+    (lambda s, f: flexfem.run_study(STUDY, 3), "3, expected the path"),
+    (lambda s, f: flexfem.analyse(s).force([1e308] * 3), r"pose: expected numbers within ±10000"),
+    (lambda s, f: flexfem.analyse(s).pose([0, 0, 1e308]), r"force: expected numbers within ±1e\+09"),
+    (lambda s, f: flexfem.analyse(s).neck_stress([[0, 2e4, 0]]), "pose: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).force([1e308] * 3), "pose: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).pose([1e308] * 3), "force: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).displacement([1e308] * 3), "force: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).stress([1e308] * 3), "force: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).neck_stress([1e308] * 3), "pose: expected numbers within"),
+    (lambda s, f: flexfem.solve(s, 2).plot([1e308] * 3), "force: expected numbers within"),
+    (lambda s, f: flexfem.cross_check(s, []), r"solver \[\]|\[\]"),
+    (lambda s, f: flexfem.benchmark([[]]), r"\[\]"),
+    (lambda s, f: flexfem.schema_of([]), r"format \[\] is not known"),
+    (lambda s, f: flexfem.report(3, f.with_suffix(".html")), "3, expected the path"),
+    (lambda s, f: flexfem.report(FIXTURE, f.with_suffix(".html"), "life"), "sections 'life', expected a list of"),
     (lambda s, f: flexfem.study.table(3), "3, expected the path"),
 ]
 

@@ -87,7 +87,7 @@ class Serial(NamedTuple):
 
 
 class Pulls(NamedTuple):
-    """A symmetric matrix (k, k) whose upper triangle, with the diagonal, is that of the product of both (m, k)."""
+    """A symmetric matrix (k, k): the upper triangle, diagonal included, is that of the product of two (m, k)."""
 
     before: Array
     after: Array

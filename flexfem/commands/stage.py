@@ -115,8 +115,9 @@ def solve(
     json: Json = False,
 ) -> None:
     """Platform compliance by finite elements in the plane, and what a force or a displacement of the platform does."""
+    from flexfem.arguments import LARGEST_DISPLACEMENT, LARGEST_FORCE
     from flexfem.reports import load as reports
-    from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION
+    from flexfem.reports.given import RESOLUTION
     from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)

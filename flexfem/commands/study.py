@@ -33,7 +33,6 @@ def _begin() -> None:
     os.environ.update(ONE_THREAD)  # as for the workers, before numpy is loaded: threads change last bits
 
 
-MOST_WORKERS = 1024
 StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
@@ -44,7 +43,8 @@ Partial = Annotated[bool, typer.Option("--partial", help="Leave out designs that
 def run(
     study: StudyFile,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes on this machine; default one a processor.")
+        int | None,
+        typer.Option(min=1, max=studies.MOST_WORKERS, help="Processes on this machine; default one a processor."),
     ] = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,

@@ -93,10 +93,7 @@ def report(
     BadInput, ComputationFailed
         As the functions that answer each section; then nothing is written.
     """
-    files = [
-        checked_path(each)
-        for each in ([paths] if isinstance(paths, str | Path) or hasattr(paths, "__fspath__") else paths)
-    ]
+    files = [checked_path(each) for each in (paths if isinstance(paths, list | tuple) else [paths])]
     target = checked_path(output)
     if target.suffix.lower() not in (".html", ".htm"):
         raise BadInput(f"{place_of(target)}: expected a file that ends in .html")
@@ -149,7 +146,9 @@ def command_line(
 
 
 def _check_sections(sections: Sequence[str], amplitude: ArrayLike | None) -> None:
-    unknown = [each for each in sections if each not in SECTIONS]
+    if isinstance(sections, str) or not isinstance(sections, Sequence):
+        raise BadInput(f"sections {sections!r}, expected a list of {', '.join(SECTIONS)}")
+    unknown = [each for each in sections if each not in list(SECTIONS)]
     if unknown:
         raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
     if "life" in sections and amplitude is None:

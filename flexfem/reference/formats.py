@@ -104,6 +104,6 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
 
 def format_of(name: str) -> Format:
     """The format of a name. Raises BadInput, saying which there are."""
-    if name not in FORMATS:
+    if name not in list(FORMATS):
         raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {', '.join(FORMATS)}")
     return FORMATS[name]

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from flexfem.verify.protocol import Solved
 
 RESOLUTION = 8  # quadratic triangles across every neck: the default of `flexfem.solve`
-LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
-LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
 LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage of necks carries a hundredth of it

@@ -17,7 +17,7 @@ from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file
 from flexfem.refused import BadInput
-from flexfem.reports.given import LARGEST_DISPLACEMENT, LARGEST_FORCE, RESOLUTION, PathLike, meshed_solid
+from flexfem.reports.given import RESOLUTION, PathLike, meshed_solid
 from flexfem.stage.feasibility import check_feasible
 from flexfem.stage.schema import Stage
 from flexfem.verify.answers import LoadReport, report_load
@@ -113,6 +113,6 @@ def _load_and_file(
         raise BadInput(f"{vtu}: expected a file name that ends in .vtu")
     if target is not None:
         check_file(target)
-    load = np.zeros(3) if force is None else arguments.vectors("force", force, 1, LARGEST_FORCE)
-    held = None if displacement is None else arguments.vectors("displacement", displacement, 1, LARGEST_DISPLACEMENT)
+    load = np.zeros(3) if force is None else arguments.forces("force", force, 1)
+    held = None if displacement is None else arguments.poses("displacement", displacement, 1)
     return target, load, held

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeAlias, get_args
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from flexfem.files import quantities
 from flexfem.files.json_schema import COUNT, Rule, both, either, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label
@@ -23,7 +24,7 @@ BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke a
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
 Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
-Preload: TypeAlias = Annotated[float, Field(ge=0, le=1e6)]
+Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
 Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
 

@@ -22,9 +22,10 @@ from pydantic import (
     ValidationInfo,
 )
 
-from flexfem.files.json_schema import COUNT, Keywords, keywords
+from flexfem.files import quantities
+from flexfem.files.json_schema import COUNT, keywords
 from flexfem.files.keypath import KeyPath, key_path
-from flexfem.files.refusals import merged, one_line, problem_of, refusal, shown, suggestion
+from flexfem.files.refusals import merged, one_line, problem_of, shown, suggestion
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
 
@@ -60,46 +61,29 @@ def converted(inside: Callable[[float], float], back: Callable[[float], float]) 
     return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
 
 
-def at_least(smallest: float) -> tuple[AfterValidator, Keywords]:
-    """Annotations of a number: refuse what is so small that the unit must be wrong."""
-
-    def checked(value: float) -> float:
-        if value < smallest:
-            raise refusal(f"at least {smallest:g}: less is a unit mistake")
-        return value
-
-    return AfterValidator(checked), keywords(minimum=smallest)
-
-
-Length: TypeAlias = Annotated[float, Field(gt=0, le=1e4), *at_least(1e-6)]  # 1 nm to 10 m
+Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
+Strength: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STRENGTH)]
+Density: TypeAlias = Annotated[float, *quantities.above_zero(quantities.DENSITY)]
 Modulus: TypeAlias = Annotated[
-    float, Field(gt=0, le=2000), *at_least(1e-3), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
+    float, *quantities.above_zero(quantities.MODULUS), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
 ]
 Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
 LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
 LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): glass of no expansion but for what is measured; alloys
 
 
-def not_per_kelvin(least: float, either_sign: bool = False) -> tuple[Any, ...]:
-    """Refuse per kelvin and per cent for micrometres per metre and kelvin: 0, or of `least` size."""
-
-    def checked(value: float) -> float:
-        if 0 < abs(value) < least:
-            raise refusal(f"0, or at least {least:g} um/(m K), aluminium 23.6: less is a unit mistake")
-        return value
-
-    possible: list[dict[str, float]] = [{"const": 0}, {"minimum": least}]
-    return AfterValidator(checked), keywords(anyOf=possible + ([{"maximum": -least}] if either_sign else []))
-
-
+_ALUMINIUM = " um/(m K), aluminium 23.6"  # not per kelvin, nor per cent
 _PER_KELVIN = converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6)
 Expansion: TypeAlias = Annotated[
-    float, Field(ge=0, le=LARGEST_EXPANSION), *not_per_kelvin(LEAST_EXPANSION), *_PER_KELVIN
+    float,
+    Field(ge=0, le=LARGEST_EXPANSION),
+    *quantities.zero_or(LEAST_EXPANSION, unit=_ALUMINIUM),
+    *_PER_KELVIN,
 ]
 FrameExpansion: TypeAlias = Annotated[
     float,
     Field(ge=LOWEST_OF_FRAME, le=LARGEST_EXPANSION),
-    *not_per_kelvin(LEAST_OF_FRAME, either_sign=True),
+    *quantities.zero_or(LEAST_OF_FRAME, signed=True, unit=_ALUMINIUM),
     *_PER_KELVIN,
 ]
 Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]

@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, model_validator
 
 from flexfem import own
+from flexfem.files import quantities
 from flexfem.files.json_schema import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
-from flexfem.stage.inside import INSIDE, Dimensioned, Expansion, Modulus, Poisson
+from flexfem.stage.inside import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 
 NEAREST = 5  # names listed beside one that is not known
 
@@ -33,7 +34,8 @@ SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson
 STRENGTHS = (0.5, 50.0)
 UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
 
-Cycles: TypeAlias = Annotated[float, Field(gt=0, le=1e12), keywords(**COUNT)]
+Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES), keywords(**COUNT)]
+Walker: TypeAlias = Annotated[float, *quantities.above_zero(quantities.WALKER), keywords(**COUNT)]
 
 
 def _falls(exponent: float) -> float:
@@ -67,8 +69,8 @@ class Material(Dimensioned):
     )
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", description="Young's modulus E", examples=[71.7])
     poissons_ratio: Poisson = Field(description="Poisson's ratio", examples=[0.33])
-    density: float = Field(alias="density_kg_m3", gt=0, description="Mass density", examples=[2810.0])
-    yield_strength: float = Field(alias="yield_strength_mpa", gt=0, description="Yield strength", examples=[503.0])
+    density: Density = Field(alias="density_kg_m3", description="Mass density", examples=[2810.0])
+    yield_strength: Strength = Field(alias="yield_strength_mpa", description="Yield strength", examples=[503.0])
     expansion: Expansion | None = Field(
         default=None,
         alias="expansion_um_per_m_k",
@@ -76,10 +78,9 @@ class Material(Dimensioned):
         "of one, follows it",
         examples=[23.6],
     )
-    fatigue_strength_coefficient: float | None = Field(
+    fatigue_strength_coefficient: Strength | None = Field(
         default=None,
         alias="fatigue_strength_coefficient_mpa",
-        gt=0,
         description="sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. "
         "Lives alone ask for it: `flexfem life`, and studies with `[life]`",
         examples=[900.0],
@@ -87,14 +88,11 @@ class Material(Dimensioned):
     fatigue_strength_exponent: Exponent | None = Field(
         default=None, description="b of Basquin's law", examples=[-0.102], json_schema_extra=COUNT
     )
-    walker_exponent: float | None = Field(
+    walker_exponent: Walker | None = Field(
         default=None,
-        gt=0,
-        le=1,
         description="Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, "
         "Watson and Topper",
         examples=[0.5],
-        json_schema_extra=COUNT,
     )
     fatigue_range: tuple[Cycles, Cycles] | None = Field(
         default=None,

@@ -11,21 +11,25 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.files import quantities
 from flexfem.files.json_schema import Keywords
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table, validate
-from flexfem.stage.inside import Dimensioned, at_least, converted
+from flexfem.stage.inside import Dimensioned, converted
 
 CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
 STEEL = (206e3, 0.3)  # of balls whose metal no file states: Young's modulus, MPa, and Poisson's ratio of bearing steel
 
 Stroke: TypeAlias = Annotated[
-    float, Field(gt=0, le=1e4), *at_least(1e-3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+    float, *quantities.above_zero(quantities.STROKE), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
 ]
 Rate: TypeAlias = Annotated[
-    float, Field(gt=0, le=1e6), *at_least(1e-6), *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3)
+    float,
+    *quantities.above_zero(quantities.STACK_STIFFNESS),
+    *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3),
 ]
-Force: TypeAlias = Annotated[float, Field(gt=0, le=1e6), *at_least(1e-6)]
+Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
+Voltage: TypeAlias = Annotated[float, *quantities.above_zero(quantities.VOLTAGE)]
 StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
 
 
@@ -86,7 +90,7 @@ class CataloguedStack(Dimensioned):
 
     name: Label = Field(description="By which stage files name it", examples=["AE0505D16"])
     maker: Label = Field(description="Who makes it", examples=["NEC/Tokin"])
-    voltage: float = Field(alias="voltage_v", gt=0, le=2000, description="The highest", examples=[150.0])
+    voltage: Voltage = Field(alias="voltage_v", description="The highest", examples=[150.0])
     stroke: Stroke = Field(alias="stroke_um", description="Free stroke at that voltage", examples=[17.4])
     tolerance: Stroke = Field(alias="tolerance_um", description="Of the stroke, less than it", examples=[2.0])
     blocking_force: Force = Field(alias="blocking_force_n", description="At that voltage", examples=[935.0])

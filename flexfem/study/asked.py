@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Annotated, TypeAlias
+
 from pydantic import ConfigDict, Field, model_validator
 
+from flexfem.files import quantities
 from flexfem.files.json_schema import COUNT, Rule, beside, either, has, ruled, says
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table
 
-FARTHEST = 1e5  # um, mrad: as of `flexfem life`
+Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
+Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
+Mass: TypeAlias = Annotated[float, *quantities.from_zero(quantities.MASS)]
+Inertia: TypeAlias = Annotated[float, *quantities.from_zero(quantities.INERTIA)]
+Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLITUDE)]
+Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
 
 
 class Drive(Table):
@@ -30,15 +38,13 @@ class Drive(Table):
         "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
         "drawn, 6 ms each",
     )
-    stroke_um: float | None = Field(
+    stroke_um: Stroke | None = Field(
         default=None,
-        gt=0,
-        le=1e6,
         description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
         examples=[17.4],
     )
-    lever_arm_mm: float | None = Field(
-        default=None, gt=0, le=1e4, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
+    lever_arm_mm: Length | None = Field(
+        default=None, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
     )
 
     @model_validator(mode="after")
@@ -62,12 +68,8 @@ class Drive(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg: float = Field(
-        default=0.0, ge=0, le=1e4, description="Mass on the platform at its centre", examples=[0.2]
-    )
-    payload_kg_mm2: float = Field(
-        default=0.0, ge=0, le=1e10, description="Its moment of inertia about that", examples=[40.0]
-    )
+    payload_kg: Mass = Field(default=0.0, description="Mass on the platform at its centre", examples=[0.2])
+    payload_kg_mm2: Inertia = Field(default=0.0, description="Its moment of inertia about that", examples=[40.0])
 
 
 class Drifting(Table):
@@ -86,23 +88,15 @@ class Lasting(Table):
 
     model_config = ConfigDict(json_schema_extra=ruled(either(*map(_not_zero, _AMPLITUDES))))
 
-    amplitude_x_um: float = Field(
-        default=0.0,
-        ge=-FARTHEST,
-        le=FARTHEST,
-        description="Of the pose in x; one of the three or more",
-        examples=[20.0],
+    amplitude_x_um: Amplitude = Field(
+        default=0.0, description="Of the pose in x; one of the three or more", examples=[20.0]
     )
-    amplitude_y_um: float = Field(
-        default=0.0, ge=-FARTHEST, le=FARTHEST, description="Of the pose in y", examples=[20.0]
-    )
-    amplitude_theta_mrad: float = Field(
-        default=0.0, ge=-FARTHEST, le=FARTHEST, description="Of the pose in theta", examples=[0.5]
-    )
+    amplitude_y_um: Amplitude = Field(default=0.0, description="Of the pose in y", examples=[20.0])
+    amplitude_theta_mrad: Amplitude = Field(default=0.0, description="Of the pose in theta", examples=[0.5])
     ratio: float = Field(
         default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
     )
-    cycles: float = Field(default=1e6, gt=0, le=1e12, description="The wanted life", json_schema_extra=COUNT)
+    cycles: Cycles = Field(default=1e6, description="The wanted life", json_schema_extra=COUNT)
     notch_sensitivity: float = Field(
         default=1.0,
         ge=0,

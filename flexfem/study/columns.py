@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import ConfigDict, Field, model_validator
 
+from flexfem.files import quantities
 from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
@@ -36,7 +37,8 @@ def _key_schema(patterns: bool) -> Rule:
     return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
 
 
-Number: TypeAlias = Annotated[float, keywords(**OF_THE_KEY)]
+Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
+Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
 KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
 KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
 
@@ -112,9 +114,7 @@ class Factor(Table):
         "outside is a row `refused` with its reason",
     )
     mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
-    sd: Annotated[float, Field(gt=0), keywords(**OF_THE_KEY)] | None = Field(
-        default=None, description="Standard deviation", examples=[0.005]
-    )
+    sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
     lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
     upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
 

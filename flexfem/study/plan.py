@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.files import quantities
 from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown
@@ -61,10 +62,8 @@ class Study(Sourced):
         description="Whether every design is drawn to see that no bodies overlap; by default `closed_form` with "
         "`analytic`, and what is meshed is always drawn",
     )
-    time_limit: float = Field(
+    time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(
         default=60.0,
-        gt=0,
-        le=86_400,
         alias="time_limit_s",
         description="For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s "
         "longer is killed and replaced, on this machine or of Dask. Counted from when the worker has loaded the "

@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
+from flexfem.files import quantities
 from flexfem.files.digest import digest
 from flexfem.files.json_schema import either, ruled, says, when, without
 from flexfem.files.provenance import Sourced
@@ -33,6 +34,7 @@ from flexfem.synthesis.scatter import NeckScatter
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
 from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
+Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 MASS = ("mass_kg",)
 DENSITY = "material.density_kg_m3"
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
@@ -61,10 +63,8 @@ class Requirements(Sourced):
     mobility: Mobility | None = Field(default=21, description="Of the analytic model")
     links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
     seed: int = Field(ge=0, lt=2**63, description="What the search draws from", examples=[2003])
-    accuracy_percent: float = Field(
+    accuracy_percent: Accuracy = Field(
         default=0.1,
-        gt=0,
-        le=100,
         description="Within which the corrected analytic model and finite elements are to agree at the optimum",
     )
     resolution: int = Field(

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
-from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, keywords, ruled, when, without
+from flexfem.files import quantities
+from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, ruled, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
-from flexfem.study.columns import MANY, Factor, Number
+from flexfem.study.columns import MANY, Factor, Number, Step
 from flexfem.study.tables import Expression
 
 MOST_POINTS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
 FARTHEST = 1e30  # of an end, in its unit; and one over the least
+Scatter: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TOLERANCE)]
 FEWEST = 72  # stages: of fewer, all are below their 95 % value with a probability of 2.5 % or more
 LEAST_CHECKED = 8  # stages: fewer do not show how model and finite elements differ from stage to stage
 QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
@@ -51,7 +53,7 @@ class Free(Factor):
         description="Instead of `from` and `to`: a list, of which it is one",
         examples=[[1.5, 2.0, 3.0]],
     )
-    step: Annotated[float, Field(gt=0), keywords(**OF_THE_KEY)] | None = Field(
+    step: Step | None = Field(
         default=None,
         description="It is `from` and a whole number of these, up to `to`; left out it is continuous",
         examples=[0.005],
@@ -166,7 +168,7 @@ class Objective(Table):
 class Tolerance(Table):
     """Scatter of the nine necks about their widths, each by itself: the largest coupling of 95 % of stages is asked."""
 
-    neck_um: float = Field(gt=0, le=1000, description="Standard deviation of every neck", examples=[5.0])
+    neck_um: Scatter = Field(description="Standard deviation of every neck", examples=[5.0])
     stages: int = Field(
         default=4000, ge=FEWEST, le=20_000,
         description="How many the search draws, the same for every design; what is stated is of 100,000 others",

@@ -94,7 +94,7 @@ def cross_check(stage: Stage, resolution: int = RESOLUTION, solver: str = "ngsol
 
     Raises BadInput for an unknown solver, for one that is not installed and for a stage not plane, ComputationFailed.
     """
-    if solver not in SOLVERS:
+    if solver not in list(SOLVERS):
         raise BadInput(f"solver {solver!r}, expected one of {', '.join(SOLVERS)}")
     require, compare = SOLVERS[solver]
     require()

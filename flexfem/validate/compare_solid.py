@@ -37,7 +37,7 @@ def cross_check_solid(stage: Stage, resolution: int = RESOLUTION, solver: str = 
     NGSolve's prisms are our wedges; CalculiX's are the part of ours that `solids.ours_by_fifteen` takes. Natural
     frequencies are those of both halves, motion in the plane and antisymmetric motion out of it.
     """
-    if solver not in SOLVERS:
+    if solver not in list(SOLVERS):
         raise BadInput(f"solver {solver!r}, expected one of {', '.join(SOLVERS)}")
     SOLVERS[solver][0]()
     check_feasible(stage)

@@ -88,7 +88,7 @@ def run_benchmarks(
     """
     findings, seconds = [], {}
     for name in BENCHMARKS if names is None else names:
-        if name not in BENCHMARKS:
+        if name not in list(BENCHMARKS):
             raise BadInput(f"benchmark {name!r} is not known, expected one of: {', '.join(BENCHMARKS)}")
         if progress is not None:
             progress(name)

@@ -20,6 +20,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.columns import FACTOR_RULES, WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
+from flexfem.verify.case import CommandMrad, CommandUm
 
 Side: TypeAlias = Literal["three", "six"]
 SIDES: tuple[Side, ...] = ("three", "six")
@@ -154,8 +155,8 @@ class Claims(Sourced):
     kind: ClassVar[str] = "claims file"
 
     name: Label = Field(description="Of the page of verdicts", examples=["Claims of the paper"])
-    amplitude_um: float = Field(gt=0, le=1e6, description="Largest command in x and y", examples=[50.0])
-    amplitude_mrad: float = Field(gt=0, le=1e3, description="Largest command in theta", examples=[1.0])
+    amplitude_um: CommandUm = Field(description="Largest command in x and y", examples=[50.0])
+    amplitude_mrad: CommandMrad = Field(description="Largest command in theta", examples=[1.0])
     stages: StagePair = Field(description="The two stages, by files relative to this one")
     ensemble: Ensemble | None = Field(
         default=None,

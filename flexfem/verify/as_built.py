@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from flexfem.analytic.links import body_compliance
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
+from flexfem.files import quantities
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
 from flexfem.files.toml import Table, read_text, read_toml, validate
@@ -31,8 +32,9 @@ QUANTILES = (0.025, 0.975)
 PLAUSIBLE = (0.5, 2.0)  # a measured neck over the drawn one; beyond it the unit or the hinge is more likely wrong
 WIDEST = 0.2  # standard deviation over the neck
 
-Neck: TypeAlias = Annotated[float, Field(gt=0, le=1e7), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)]
-Deviation: TypeAlias = Annotated[float, Field(ge=0, le=1e7), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)]
+_MICROMETRES = converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *_MICROMETRES]
+Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *_MICROMETRES]
 
 
 class MeasuredNeck(Table):

@@ -14,6 +14,7 @@ from flexfem.analytic.formulas import formula, formulas
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
+from flexfem.files import quantities
 from flexfem.files.json_schema import Keywords, both, either, has, ruled, says, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
@@ -37,6 +38,8 @@ def known_formula(name: str) -> str:
     return name
 
 
+CommandUm: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
+CommandMrad: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_MRAD)]
 Mobility: TypeAlias = Literal[3, 6, 12, 21]
 FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
 OF_MODEL = "Of the analytic model; by default the stage's own"
@@ -89,11 +92,11 @@ class Case(Sourced):
 
     name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
     direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])
-    amplitude_um: float | None = Field(
-        default=None, gt=0, le=1e6, description="Commands in x or y run from minus to plus this", examples=[50.0]
+    amplitude_um: CommandUm | None = Field(
+        default=None, description="Commands in x or y run from minus to plus this", examples=[50.0]
     )
-    amplitude_mrad: float | None = Field(
-        default=None, gt=0, le=1e3, description="Commands in theta run from minus to plus this", examples=[1.0]
+    amplitude_mrad: CommandMrad | None = Field(
+        default=None, description="Commands in theta run from minus to plus this", examples=[1.0]
     )
     points: int = Field(ge=3, le=10_001, description="How many commands", examples=[21])
     analysis: Analysis = Field(

@@ -113,7 +113,7 @@ def experiment(
     model : mobility, formula, elastic links of the first column.
     solved : finite elements, the metal; None takes calibrated hinges and elastic links.
 
-    Raises BadInput, ComputationFailed as `model.analyse`.
+    Raises BadInput, ComputationFailed as `model.analyse`, and ComputationFailed where readings tell no slope.
     """
     found = analyse(stage, *model)
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
@@ -178,6 +178,13 @@ def _pushed(fixture: Fixture, of: Pushes, C: Array, readings: Readings, k: int) 
     for what, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all below half a step of the sensor
             raise ComputationFailed(f"the {what} read in {DIRECTIONS[k]} does not change with the stroke")
+    lowest = found.slope if np.isnan(found.low) else found.low
+    if not lowest > 0:
+        ends = "" if np.isnan(found.low) else f" ({found.low:.3g} to {found.high:.3g})"
+        raise ComputationFailed(
+            f"the slope read in {DIRECTIONS[k]}, {found.slope:.3g}{ends}, cannot be told from zero: expected a stiffer "
+            "pole and bar, less noise of lvdt and sensor, or more increments and repeats"
+        )
     all_of_it = read_compliance(of, C)[k]
     parts = {"pole": pole_share(of)[k] / all_of_it, "bar": bar_share(of)[k] / all_of_it}
     return Pushed(

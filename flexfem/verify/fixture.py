@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
+from flexfem.files import quantities
 from flexfem.files.json_schema import both, has, ruled, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
@@ -21,8 +22,10 @@ from flexfem.verify.measured import MEASURED, MeasuredSlopes, Spring, Torsion
 
 POINTS = 100_000  # readings of one direction, repeats included
 
-Reading: TypeAlias = Annotated[float, Field(ge=0, le=1e3), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)]
-Newton: TypeAlias = Annotated[float, Field(ge=0, le=1e3)]
+Reading: TypeAlias = Annotated[
+    float, *quantities.from_zero(quantities.READING), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+]
+Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
 
 
 _DRAWN_POLE = ("diameter_mm", "height_mm", "youngs_modulus_gpa", "poissons_ratio")

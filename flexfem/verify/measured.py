@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
+from flexfem.files import quantities
 from flexfem.files.json_schema import Rule, beside, either, has, ruled
 from flexfem.files.refusals import refusal
-from flexfem.stage.inside import Dimensioned, at_least
+from flexfem.stage.inside import Dimensioned
 
-Spring: TypeAlias = Annotated[float, Field(gt=0, le=1e9), *at_least(1e-6)]
-Torsion: TypeAlias = Annotated[float, Field(gt=0, le=1e12), *at_least(1e-3)]
+Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
+Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]
 MEASURED = (
     "Measured slopes, one or more, each with its standard deviation where that is known. They are compared with the "
     "reciprocal of the compliance: a push leaves the other directions free"

@@ -19,7 +19,7 @@ from flexfem.analytic.model import AnalyticResult, analyse, best_model, in_range
 from flexfem.arrays import Array
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.stage.cache import once
-from flexfem.stage.designs import lower
+from flexfem.stage.designs import envelope, lower
 from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.stage.tables import Plane
 from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, Direction
@@ -60,6 +60,7 @@ YIELD_MARGIN: dict[Plane, float] = {"plane_stress": 0.01, "plane_strain": 0.01, 
 STRESS_BELOW = 1.0  # per cent at resolution 4, falling with its square: 0.6 to 1.02 on both and three random stages
 YIELD_STRAIN = (1e-5, 0.2)  # of all solids that hinges are made of, soft metals to rubbers
 DENSITIES = (10.0, 23_000.0)  # kg/m^3, foam to osmium
+ACROSS = (1.0, 5000.0)  # mm: the smallest stages that are cut from sheet; longer than plates come
 SLENDER = 100.0  # times as wide as thick: such a link is foil, and more likely a thickness in another unit
 
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper sets out to explain errors of 5 to 10 per cent
@@ -176,7 +177,7 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
 
 def of_numbers(stage: Stage) -> Warnings:
     """Numbers of a stage file that are possible, but more likely in another unit."""
-    metal, chain = stage.material, stage.chain
+    metal, chain, across = stage.material, stage.chain, float(envelope(lower(stage))[0])
     strain = metal.yield_strength / metal.youngs_modulus
     doubts = {
         f"material.yield_strength_mpa = {metal.yield_strength:g} is {strain:.2g} of Young's modulus": (
@@ -188,6 +189,7 @@ def of_numbers(stage: Stage) -> Warnings:
         f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
             chain.link_width <= SLENDER * stage.thickness
         ),
+        f"the stage is {across:.3g} {LENGTH} across": ACROSS[0] <= across <= ACROSS[1],
         "chain.joint_angles_deg are all within two pi": max(map(abs, chain.joint_angles)) > np.deg2rad(2 * np.pi),
     }
     return [f"{said}: is the unit right?" for said, plausible in doubts.items() if not plausible]

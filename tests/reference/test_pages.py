@@ -39,7 +39,7 @@ def test_a_page_says_unit_limits_default_example_and_meaning():
     ]  # fmt: skip
     assert cells(case, "resolution")[3:5] == ["integer, from 4 up to 64", "`8`"]
     assert cells(actuator, "tilt_deg")[2:4] == ["°", "number, from -80 up to 80"]
-    assert cells(actuator, "preload_n")[2:] == ["N", "number, from 0 up to 1e6", "`0.0`", "`50.0`"]
+    assert cells(actuator, "preload_n")[2:] == ["N", "number, 0, or from 1e-6 up to 1e6", "`0.0`", "`50.0`"]
     assert cells(stage, "expansion_um_per_m_k")[2:4] == ["µm/(m K)", "number, 0, or from 0.001 up to 300"]
     assert "`[hinges.base]`, `[hinges.elbow]`, `[hinges.platform]`" in stage and "[[actuator]]" not in stage
     assert (
@@ -119,7 +119,7 @@ def test_the_page_of_commands_has_every_command_with_its_options(tmp_path):
 
 def test_the_command_says_keys_to_people_and_schemas_to_machines(flexfem, tmp_path):
     code, out, err = flexfem("schema", "fixture")
-    assert (code, err) == (0, "") and "  noise_n * N: number, from 0 up to 1000\n" in out and "[pole]" in out
+    assert (code, err) == (0, "") and "  noise_n * N: number, 0, or from 1e-9 up to 1000\n" in out and "[pole]" in out
     code, out, err = flexfem("schema", "stage", "--json")
     assert (code, err) == (0, "") and '"exclusiveMaximum": 0.5' in out
     assert flexfem("schema")[1].startswith("stage: One TOML file a stage.")

@@ -731,8 +731,8 @@ def stage(text: str, path: Path) -> Stage:
     return load_stage(path)
 
 
-def number(low: float, high: float, exclude_min: bool = False) -> st.SearchStrategy[float]:
-    return st.floats(low, high, exclude_min=exclude_min) | st.integers(math.ceil(low) + 1, math.floor(min(high, 1e9)))
+def number(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high) | st.integers(math.ceil(low) + 1, math.floor(min(high, 1e9)))
 
 
 LENGTH = number(1e-6, 1e4)
@@ -750,8 +750,8 @@ STAGES: st.SearchStrategy[dict[str, Any]] = st.fixed_dictionaries(
                 "name": LABEL,
                 "youngs_modulus_gpa": number(1e-3, 2000),
                 "poissons_ratio": st.floats(0, 0.5, exclude_max=True),
-                "density_kg_m3": number(0, 1e300, exclude_min=True),
-                "yield_strength_mpa": number(0, 1e300, exclude_min=True),
+                "density_kg_m3": number(0.1, 1e5),
+                "yield_strength_mpa": number(1e-3, 1e5),
             }
         ),
         "chain": st.fixed_dictionaries(

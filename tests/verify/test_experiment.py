@@ -12,7 +12,7 @@ from flexfem.refused import ComputationFailed
 from flexfem.verify.experiment import experiment, simulated
 from flexfem.verify.fixture import Pole, read_fixture
 from flexfem.verify.measured import MeasuredSlopes
-from flexfem.verify.pushes import pole_compliance, pushes_of, read_compliance
+from flexfem.verify.pushes import pole_compliance, pushes_of, read_compliance, stage_share
 from flexfem.verify.series import spring_in_series
 
 ROOT = Path(__file__).parents[2]
@@ -164,3 +164,16 @@ def test_what_the_run_cannot_say_is_said(stage):
     for sensor, what, step in (("lvdt", "displacement", 0.9), ("sensor", "load", 900.0)):  # mm, N
         with pytest.raises(ComputationFailed, match=f"the {what} read in x does not change with the stroke"):
             experiment(stage, changed(**{sensor: {"noise": 0.0, "resolution": step}}))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pole_like_a_hair_leaves_no_slope_to_read_and_the_stage_behind_it_as_stiff_as_it_is(stage):
+    """0.001 mm thick, 1.5e-12 N/mm: the noise of 0.02 N buries its force, and without noise its slope is read."""
+    with pytest.raises(ComputationFailed, match=r"slope read in x, -?\d.*cannot be told from zero: expected a stiffer"):
+        experiment(stage, changed(pole={"diameter": 0.001}))
+    quiet = {"noise": 0.0, "resolution": 0.0}
+    found = experiment(stage, changed(pole={"diameter": 0.001}, lvdt=quiet, sensor=quiet, bar={"angle": 0.7}))
+    assert found.pushed["x"].slope == pytest.approx(found.alone["x"].pole, rel=1e-9)
+    assert found.pushed["x"].slope == pytest.approx(1.517e-12, rel=1e-3)
+    C = flexfem.analyse(stage, links=True, formula="calibrated").compliance
+    np.testing.assert_allclose(stage_share(pushes_of(changed(pole={"diameter": 0.001})), C), np.diag(C), rtol=1e-12)

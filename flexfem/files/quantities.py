@@ -1,0 +1,82 @@
+"""Between which ends a number of a file is plausible, by what it measures: one table for every kind of file.
+
+Less than the least or more than the most is a mistake of the unit or of the keyboard, and would overflow or vanish in
+what is computed. What is merely unusual is inside, and some of it is warned of: see `verify.warning`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from pydantic import AfterValidator, Field
+
+from flexfem.files.json_schema import Keywords, keywords
+from flexfem.files.refusals import refusal
+
+
+class Ends(NamedTuple):
+    """The least size other than zero, and the largest, in the unit of the file."""
+
+    least: float
+    most: float
+
+
+LENGTH = Ends(1e-6, 1e4)  # mm: 1 nm to 10 m
+NECK = Ends(1e-3, 1e7)  # um: the same lengths
+MODULUS = Ends(1e-3, 2000)  # GPa: rubber, and twice diamond
+STRENGTH = Ends(1e-3, 1e5)  # MPa: gels to graphene
+DENSITY = Ends(0.1, 1e5)  # kg/m^3: aerogels, and four times osmium
+WALKER = Ends(0.01, 1)
+CYCLES = Ends(0.1, 1e12)  # less than the quarter of a cycle that breaks a specimen; a thousand years at 30 Hz
+STROKE = Ends(1e-3, 1e4)  # um
+VOLTAGE = Ends(1, 2000)  # V
+FORCE = Ends(1e-6, 1e6)  # N
+STACK_STIFFNESS = Ends(1e-6, 1e6)  # N/um
+SPRING = Ends(1e-6, 1e9)  # N/mm
+TORSION = Ends(1e-3, 1e12)  # N mm/rad
+COMMAND_UM, COMMAND_MRAD = Ends(1e-6, 1e6), Ends(1e-6, 1e3)  # far below an atom; no stage is larger
+AMPLITUDE = Ends(1e-6, 1e5)  # um, mrad, of a life
+READING = Ends(1e-9, 1e3)  # um, N: far below any sensor
+TOLERANCE = Ends(1e-6, 1000)  # um
+MASS, INERTIA = Ends(1e-12, 1e4), Ends(1e-12, 1e10)  # kg, kg mm^2: no stage of necks carries a hundredth of it
+PER_CENT = Ends(1e-6, 100)
+TIME = Ends(1e-3, 86_400)  # s
+OF_ANY_KEY = Ends(1e-12, 1e12)  # in the unit of the key: beyond all that a key can be
+
+
+def above_zero(ends: Ends) -> tuple[Any, ...]:
+    """Annotations of a number that is positive."""
+    return Field(gt=0, le=ends.most), *at_least(ends.least)
+
+
+def from_zero(ends: Ends) -> tuple[Any, ...]:
+    """Annotations of a number that is positive or zero."""
+    return Field(ge=0, le=ends.most), *zero_or(ends.least)
+
+
+def either_sign(ends: Ends) -> tuple[Any, ...]:
+    """Annotations of a number of either sign, or zero."""
+    return Field(ge=-ends.most, le=ends.most), *zero_or(ends.least, signed=True)
+
+
+def at_least(smallest: float) -> tuple[AfterValidator, Keywords]:
+    """Annotations of a number: refuse what is so small that the unit must be wrong."""
+
+    def checked(value: float) -> float:
+        if value < smallest:
+            raise refusal(f"at least {smallest:g}: less is a unit mistake")
+        return value
+
+    return AfterValidator(checked), keywords(minimum=smallest)
+
+
+def zero_or(least: float, signed: bool = False, unit: str = "") -> tuple[AfterValidator, Keywords]:
+    """Annotations of a number: refuse what is not zero and smaller than `least`; `unit` goes on about it."""
+
+    def checked(value: float) -> float:
+        if 0 < abs(value) < least:
+            raise refusal(f"0, or at least {least:g}{unit}: less is a unit mistake")
+        return value
+
+    possible: list[dict[str, float]] = [{"const": 0}, {"minimum": least}]
+    return AfterValidator(checked), keywords(anyOf=possible + ([{"maximum": -least}] if signed else []))
