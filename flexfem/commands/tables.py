@@ -133,7 +133,13 @@ def print_solid(of: SolidReport) -> None:
 
 
 def _print_load_case(out: Console, of: LoadReport | SolidReport) -> None:
-    for name, found, units in (("force", of.force, FORCES), ("displacement", of.displacement, POSES)):
+    import numpy as np
+
+    from flexfem.arrays import ROUND_OFF
+
+    most = np.sqrt(np.diag(of.compliance) * (of.force @ of.displacement))  # that so much work can move
+    moved = np.where(np.abs(of.displacement) <= ROUND_OFF * most, 0.0, of.displacement)
+    for name, found, units in (("force", of.force, FORCES), ("displacement", moved, POSES)):
         values = "  ".join(f"{value: .6e}" for value in found)
         out.print(f"{name:<12} {values}  {', '.join(unit.plain for unit in units)}")
     out.print(f"largest von Mises stress at the necks, {STRESS}, chain by chain (base, elbow, platform):")
@@ -152,8 +158,10 @@ def _both(units: Sequence[Unit]) -> str:
 
 
 def _print_matrix(out: Console, title: str, matrix: Array) -> None:
+    from flexfem.arrays import without_round_off
+
     out.print(f"{title} (x, y, theta)")
-    for row in matrix:
+    for row in without_round_off(matrix):
         out.print("  " + "  ".join(f"{value: .9e}" for value in row))
 
 

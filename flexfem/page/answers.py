@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, without_round_off
 from flexfem.page.drawn import sentence, shown_figure
 from flexfem.page.section import PageSection, notes, table
 from flexfem.plot.accuracy import budget_figure
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SYMBOLS = ("X", "Y", "θ")
 AT = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
-ZERO = 1e-9  # of the diagonal: round-off of what vanishes by symmetry
 
 
 def analytic_section(found: StiffnessReport, summary: Summary) -> PageSection:
@@ -53,14 +52,9 @@ def _others(summary: Summary, found: StiffnessReport) -> list[str]:
 
 def matrix_table(caption: str, letter: str, matrix: Array, units: list[list[Unit]]) -> Markup:
     """A matrix (3, 3) as a table of its entries, what is round-off as 0."""
-    sizes = np.sqrt(np.abs(np.diag(matrix)))
-    tiny = np.abs(matrix) <= ZERO * np.outer(sizes, sizes)
+    shown = without_round_off(matrix)
     rows = [
-        [
-            f"{letter} {SYMBOLS[i]}{SYMBOLS[j]}",
-            "0" if tiny[i, j] else significant(float(matrix[i, j]), 5),
-            str(units[i][j]),
-        ]
+        [f"{letter} {SYMBOLS[i]}{SYMBOLS[j]}", significant(float(shown[i, j]), 5), str(units[i][j])]
         for i in range(3)
         for j in range(i, 3)
     ]

@@ -18,7 +18,7 @@ from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
 from flexfem.synthesis.many import front_of_many, require_pymoo
-from flexfem.synthesis.mapping import Mapped, Proof, mapped
+from flexfem.synthesis.mapping import Mapped, Proof, mapped, round_off
 from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.prices import Prices, prices, sensitivities
 from flexfem.synthesis.relaxed import alternatives
@@ -159,6 +159,7 @@ def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> di
         "sampling": float(of.sampling[place]) if sampled else None,
         "uncorrected": float(of.uncorrected[place]),
         "checked_by": by,
+        "round_off": float(round_off(found.model, of)[place]),
     }
 
 

@@ -25,6 +25,7 @@ class Stated(Record):
     value : of finite elements where they answer it, with their `band` by meshes; else of the analytic model, None.
     uncorrected : of the analytic model by itself.   checked_by : which of them `value` is.
     sampling : of a coupling under tolerance, the part of the band that is not by meshes; None else.
+    round_off : up to which size a value is round-off of what symmetry makes zero.
     """
 
     name: str
@@ -34,6 +35,11 @@ class Stated(Record):
     sampling: float | None = None
     uncorrected: float
     checked_by: Checked
+    round_off: float = 0.0
+
+    def shown(self, value: float) -> float:
+        """A value of it to be printed: 0 where it is round-off."""
+        return 0.0 if abs(value) <= self.round_off else value
 
     @property
     def unit(self) -> Unit:

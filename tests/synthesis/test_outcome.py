@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.commands.design import print_design
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
@@ -63,6 +64,21 @@ def best_of_metal(load, *asked):
     """What is found of the metal that is softer, with one dimension free."""
     loaded = load(NECK, *asked)
     return outcome.designed(loaded, Softer(loaded, Counter()))
+
+
+def test_what_symmetry_makes_zero_is_shown_as_zero_and_kept_in_the_record(load, capsys):
+    """A coupling, and an expression of a stiffness across, of alike chains; not the sum with a stiffness along."""
+    asked = {"coupling_xy": 0.1, "abs(2 * kxy_n_per_mm)": 1.0, "kxx_n_per_mm + kxy_n_per_mm": 90.0}
+    found = best_of_metal(load, RANGE, require("kxx_n_per_mm", 60), *(require(q, None, m) for q, m in asked.items()))
+    coupling, across, along = found.requirements[1:]
+    assert 0 < across.value < 1e-10 and across.shown(across.value) == across.shown(across.uncorrected) == 0
+    assert coupling.shown(coupling.value) == 0 and along.shown(along.value) == along.value == pytest.approx(
+        60, rel=0.01
+    )
+    assert coupling.shown(3e-12) == 3e-12 and across.shown(5e-10) == 5e-10
+    print_design(found)
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("abs(2"))
+    assert line.split()[6:8] == ["0", "±"]
 
 
 def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
