@@ -38,6 +38,11 @@ def inverse(A: Array) -> Array:
         return A_inverse
 
 
+def alone(stiffness: Array) -> Array:
+    """Stiffness (n,) along each direction with the others free, `1 / C_ii`; with the others held it is `K_ii`."""
+    return np.asarray(1 / np.diag(np.linalg.inv(stiffness)))
+
+
 def without_round_off(matrix: Array) -> Array:
     """A matrix (n, n) to be printed: entries that are round-off beside the diagonal, `ROUND_OFF` of it, as 0."""
     size = np.sqrt(np.abs(np.diag(matrix)))
