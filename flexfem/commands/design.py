@@ -86,6 +86,8 @@ def print_design(of: Designed) -> None:
     if of.requirements:
         head = ("requirement", "wanted", "value", "margin (%)", "", "1 % more costs the objective", "checked by")
         out.print(table(head, (_row(each) for each in of.requirements)))
+    for text in of.tightening:
+        out.print(text)
     asked = of.decisive
     followed = [(name, *(_followed(row[each.name]) for each in asked)) for name, row in of.sensitivities.items()]
     out.print(table(("change (%) for 1 % more of", *(each.label for each in asked)), followed))

@@ -48,7 +48,7 @@ def _found(of: Designed, number: int) -> PageSection:
     parts = [
         facts([("requirements", of.file), ("base stage", of.base), ("result", f"it {state}")]),
         notes(of.warnings),
-        notes([coupling.said for coupling in of.scattered], "note"),
+        notes([*(coupling.said for coupling in of.scattered), *of.tightening], "note"),
         shown_figure(f"design-{number}-figure", lambda: design_figure(of), said),
         table(head, rows, caption="Dimensions of the design"),
         table(["objective", "value", "better", *RESTS], map(_goal, of.objectives), caption="Objectives"),

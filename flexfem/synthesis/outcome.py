@@ -174,6 +174,8 @@ def _goals(found: Mapped, last: Proof) -> list[Goal]:
 def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
     model, kept = found.model.changed(guard=None), list[Requirement]()
     low, high = model.ends
+    guard = np.zeros(len(low)) if found.model.guard is None else found.model.guard
+    tight = np.minimum(guard, model.room / model.scales)
     for k, each in enumerate(model.loaded.requirements.require):
         about = _quantity(found, last, model.objectives + k, each.quantity, each.said)
         value, band, size = about["value"], about["band"] or 0.0, float(model.scales[k])
@@ -192,6 +194,7 @@ def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
                 active=costs.active[k],
                 price_percent=finite(float(costs.price[k])),
                 relax_to=value if verdict == "missed" else None,
+                tightened_percent=100 * float(tight[k]),
             )
         )
     return kept

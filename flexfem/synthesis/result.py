@@ -67,7 +67,7 @@ class Requirement(Stated):
     """A requirement.
 
     margin : how far the value is inside the nearer end, in its unit; margin_percent, band_percent over the `size` of
-        the requirement, its larger end.
+        the requirement, its larger end; tightened_percent of it, by how much the search kept it inside its ends.
     active : whether it stops the objective, at the optimum without steps.
     price_percent : by how much of itself the objective gets worse for 1 % more; None where it is not active, or where
         nothing beside the optimum keeps that.
@@ -84,6 +84,7 @@ class Requirement(Stated):
     active: bool
     price_percent: float | None
     relax_to: float | None
+    tightened_percent: float = 0.0
 
     @property
     def wanted(self) -> list[str]:
@@ -217,6 +218,23 @@ class Designed(Record):
                 raise refusal("a margin of each requirement", "front", index)
             _stage_of(each.stage, "front", index, "stage")
         return self
+
+    @property
+    def tightening(self) -> list[str]:
+        """By how much the search tightened requirements and what that costs, in a sentence; none where it did not."""
+        tight = [each for each in self.requirements if each.tightened_percent > 0]
+        if not tight:
+            return []
+        by = ", ".join(f"{each.label} by {each.tightened_percent:.2g} %" for each in tight)
+        room = f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ"
+        said = f"the search tightened requirements by their bands and by up to {room}: {by}"
+        priced = [each for each in tight if each.price_percent is not None]
+        if not priced:
+            return [said]
+        goal, cost = self.objectives[0], sum((each.price_percent or 0.0) * each.tightened_percent for each in priced)
+        worse = f"{cost:.2g} %, {abs(cost / 100 * goal.value):.2g} {goal.unit.plain}".rstrip()
+        band = "" if not goal.band else f", its band being ± {goal.band:.2g}"
+        return [f"{said}; by their prices that costs {goal.label} about {worse}{band}"]
 
     @property
     def decisive(self) -> list[Stated]:

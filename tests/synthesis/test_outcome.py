@@ -81,6 +81,27 @@ def test_what_symmetry_makes_zero_is_shown_as_zero_and_kept_in_the_record(load, 
     assert line.split()[6:8] == ["0", "±"]
 
 
+def test_what_the_accuracy_costs_is_said_and_is_what_a_wider_one_loses(load, capsys):
+    """Room of 0.1 and of 0.5 % of 60 N/mm beside a band of 0.14 %: the range falls by the price of the difference."""
+    asked = (NECK, require("kxx_n_per_mm", 60), RANGE)
+    near, far = (
+        outcome.designed(loaded, Softer(loaded, Counter()))
+        for loaded in (load(*asked, head=f"{HEAD}accuracy_percent = {percent}\n") for percent in (0.1, 0.5))
+    )
+    (one,), (other,) = near.requirements, far.requirements
+    assert (one.verdict, other.verdict) == ("met", "met")
+    assert other.tightened_percent - one.tightened_percent == pytest.approx(0.4, rel=1e-6)
+    assert [one.value, other.value] == pytest.approx([60 * (1 + e.tightened_percent / 100) for e in (one, other)])
+    values = [each.objectives[0].value for each in (near, far)]
+    assert 100 * (values[0] / values[1] - 1) == pytest.approx(0.4 * one.price_percent, rel=0.01)
+    (said,) = near.tightening
+    cost = one.price_percent * one.tightened_percent
+    assert "accuracy_percent, 0.1 %, by which" in said and "kxx_n_per_mm by 0.24 %" in said
+    assert f"costs range_x_um about {cost:.2g} %, {cost * values[0] / 100:.2g} um, its band being ± 1.5" in said
+    print_design(near)
+    assert said in capsys.readouterr().out.splitlines()
+
+
 def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
     """Bands of 0.1 % and an accuracy of 0.1 % need more room than 0.15 %; both ends are of different requirements."""
     alone = best_of_metal(load, require("kxx_n_per_mm", 60), RANGE)
