@@ -13,6 +13,7 @@ AnyArray: TypeAlias = NDArray[Any]
 
 
 TIE = 1e-9  # relative: values nearer than this to the highest are as high; of chains that are alike they are to 1e-12
+ROUND_OFF = 1e-12  # of what a number is small against: less is printed as 0; records keep it
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
 
@@ -35,6 +36,17 @@ def inverse(A: Array) -> Array:
         inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
         A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
         return A_inverse
+
+
+def alone(stiffness: Array) -> Array:
+    """Stiffness (n,) along each direction with the others free, `1 / C_ii`; with the others held it is `K_ii`."""
+    return np.asarray(1 / np.diag(np.linalg.inv(stiffness)))
+
+
+def without_round_off(matrix: Array) -> Array:
+    """A matrix (n, n) to be printed: entries that are round-off beside the diagonal, `ROUND_OFF` of it, as 0."""
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    return np.where(np.abs(matrix) <= ROUND_OFF * np.outer(size, size), 0.0, matrix)
 
 
 def first_highest(values: Array) -> tuple[int, ...]:

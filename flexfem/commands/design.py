@@ -86,6 +86,8 @@ def print_design(of: Designed) -> None:
     if of.requirements:
         head = ("requirement", "wanted", "value", "margin (%)", "", "1 % more costs the objective", "checked by")
         out.print(table(head, (_row(each) for each in of.requirements)))
+    for text in of.tightening:
+        out.print(text)
     asked = of.decisive
     followed = [(name, *(_followed(row[each.name]) for each in asked)) for name, row in of.sensitivities.items()]
     out.print(table(("change (%) for 1 % more of", *(each.label for each in asked)), followed))
@@ -114,7 +116,8 @@ def print_design(of: Designed) -> None:
 def _of_front(of: Designed) -> Iterator[tuple[str, ...]]:
     for number, one in enumerate(of.front, 1):
         made = (f"{value:.6g}" for value in one.design.values())
-        yield (str(number), *made, *(f"{x:.6g}" for x in one.values), *(f"{x:.3g}" for x in one.margins_percent))
+        values = (f"{goal.shown(x):.6g}" for goal, x in zip(of.objectives, one.values, strict=True))
+        yield (str(number), *made, *values, *(f"{x:.3g}" for x in one.margins_percent))
 
 
 def _end(of: Designed, name: str) -> str:
@@ -128,11 +131,11 @@ def _followed(value: float | None) -> str:
 def _value(of: Stated) -> str:
     band = "" if of.band is None else f" ± {of.band:.2g}"
     sampling = "" if of.sampling is None else f", of that {of.sampling:.2g} by sampling"
-    return f"{of.value:.6g}{band} {of.unit.plain}".rstrip() + sampling
+    return f"{of.shown(of.value):.6g}{band} {of.unit.plain}".rstrip() + sampling
 
 
 def _rests(of: Stated) -> str:
-    return f"{of.checked_by}; the model by itself {of.uncorrected:.6g}"
+    return f"{of.checked_by}; the model by itself {of.shown(of.uncorrected):.6g}"
 
 
 def _row(of: Requirement) -> tuple[str, ...]:

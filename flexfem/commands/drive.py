@@ -66,7 +66,7 @@ def print_command(of: Command) -> None:
     head = ("stack", *(cell for name in criteria for cell in (f"{name}: {MICROMETRE.plain}", FORCES[0].plain)))
     out.print(table(head, _stack_rows(of)))
     out.print(table(("", *criteria), _criterion_rows(of)))
-    out.print(table(("stiffness with the drive", *DIRECTIONS, "against engaged (%)"), _stiffness_rows(of)))
+    out.print(table(("stiffness, other directions held", *DIRECTIONS, "against engaged (%)"), _stiffness_rows(of)))
     if of.open_loop:
         round_off = 1e-12 * max(map(abs, of.pose))
         head = ("error of the metal by model", *DIRECTIONS)
@@ -107,10 +107,18 @@ def _criterion_rows(of: Command) -> Iterator[list[str]]:
 
 
 def _stiffness_rows(of: Command) -> Iterator[list[str]]:
-    """Stiffness of the platform without stacks, with them, and with their preloads, by what the pushes go with."""
+    """Stiffness of the platform without stacks, with them, and with their preloads, by what the pushes go with.
+
+    K_ii, and last 1 / C_ii, which is what one measures who pushes in one direction alone.
+    """
     named: dict[str, list[float] | None] = {"disengaged": of.disengaged, "engaged": of.engaged}
     ways = {"pushed": "preloaded, pushes normal to the pushed body", "carrier": "preloaded, pushes kept by the carrier"}
-    for name, found in (named | {ways[way]: found for way, found in of.preloaded.items()}).items():
+    named |= {ways[way]: found for way, found in of.preloaded.items()}
+    named |= {
+        "other directions free, disengaged": of.disengaged_free,
+        "other directions free, engaged": of.engaged_free,
+    }
+    for name, found in named.items():
         cells = [""] * 3
         if found is not None:
             cells = [f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True)]

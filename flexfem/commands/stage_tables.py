@@ -65,7 +65,14 @@ def print_summary(of: Summary) -> None:
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"
     out.print(f"{of.name}: mobility {of.mobility}, {strength}")
-    columns = ("stiffness", "safe range", "force there", "stress per displacement", "first to yield")
+    columns = (
+        "stiffness, others held",
+        "safe range",
+        "force there",
+        "stress per displacement",
+        "first to yield",
+        "stiffness, others free",
+    )
     for source in dict.fromkeys(of.material.values()):
         out.print(f"{', '.join(key for key, text in of.material.items() if text == source)}: {source}")
     for side in (of.analytic, of.elements):
@@ -77,6 +84,7 @@ def print_summary(of: Summary) -> None:
         out.print(f"thickness: three-dimensional hinges change the stiffness in {PLANES[of.plane]} by {effect}")
     if of.accuracy:
         out.print(of.accuracy)
+    out.print("stiffness: K_ii with the other directions held, 1 / C_ii with them free")
     out.print("safe range: the other directions held, until the first neck yields; force: along the displacement there")
     if of.drive is not None:
         head = ("the drive reaches", "others at zero", "others free", "stopped, at zero, by limits of")
@@ -106,6 +114,7 @@ def _limits(side: ModelSummary) -> Iterator[list[str]]:
             f"{getattr(limit.force, direction) * load.factor:.4g} {load.plain}",
             f"{limit.stress * per.factor:.4g} {per.plain}",
             f"{limit.hinge} hinge, chain {limit.chain}",
+            f"{side.free[axis]:.5g} {stiff.plain}",
         ]
 
 

@@ -129,8 +129,14 @@ def print_solid(of: SolidReport) -> None:
 
 
 def _print_load_case(out: Console, of: LoadReport | SolidReport) -> None:
-    for name, found, units in (("force", of.force, FORCES), ("displacement", of.displacement, POSES)):
-        values = "  ".join(f"{value: .6e}" for value in found)
+    import numpy as np
+
+    from flexfem.arrays import ROUND_OFF
+
+    most = np.sqrt(np.diag(of.compliance) * (of.force @ of.displacement))  # that so much work can move
+    moved = np.where(np.abs(of.displacement) <= ROUND_OFF * most, 0.0, of.displacement)
+    for name, found, units in (("force", of.force, FORCES), ("displacement", moved, POSES)):
+        values = "  ".join(f"{value: .6e}" if value else f"{'0':>13}" for value in found)
         out.print(f"{name:<12} {values}  {', '.join(unit.plain for unit in units)}")
     out.print(f"largest von Mises stress at the necks, {STRESS}, chain by chain (base, elbow, platform):")
     for chain, row in enumerate(of.neck_stress, start=1):
@@ -148,9 +154,11 @@ def _both(units: Sequence[Unit]) -> str:
 
 
 def _print_matrix(out: Console, title: str, matrix: Array) -> None:
+    from flexfem.arrays import without_round_off
+
     out.print(f"{title} (x, y, theta)")
-    for row in matrix:
-        out.print("  " + "  ".join(f"{value: .9e}" for value in row))
+    for row in without_round_off(matrix):
+        out.print("  " + "  ".join(f"{value: .9e}" if value else f"{'0':>16}" for value in row))
 
 
 def print_ending(out: Console, of: Any) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, alone, without_round_off
 from flexfem.page.drawn import sentence, shown_figure
 from flexfem.page.section import PageSection, notes, table
 from flexfem.plot.accuracy import budget_figure
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SYMBOLS = ("X", "Y", "θ")
 AT = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
-ZERO = 1e-9  # of the diagonal: round-off of what vanishes by symmetry
 
 
 def analytic_section(found: StiffnessReport, summary: Summary) -> PageSection:
@@ -40,7 +39,13 @@ def analytic_section(found: StiffnessReport, summary: Summary) -> PageSection:
         matrix_table("Stiffness of the platform, (18)", "K", found.stiffness, STIFFNESS),
         matrix_table("Compliance of the platform", "C", found.compliance, COMPLIANCE),
     )
-    parts = opening + matrices + Markup("<h3>Range until the first neck yields</h3>") + ranges_table(summary.analytic)
+    parts = (
+        opening
+        + matrices
+        + alone_table(found.stiffness)
+        + Markup("<h3>Range until the first neck yields</h3>")
+        + ranges_table(summary.analytic)
+    )
     parts += Markup(
         '<p class="soft">One direction at a time, the others held; force along the displacement. {}</p>'
     ).format(sentence(summary.accuracy))
@@ -53,18 +58,23 @@ def _others(summary: Summary, found: StiffnessReport) -> list[str]:
 
 def matrix_table(caption: str, letter: str, matrix: Array, units: list[list[Unit]]) -> Markup:
     """A matrix (3, 3) as a table of its entries, what is round-off as 0."""
-    sizes = np.sqrt(np.abs(np.diag(matrix)))
-    tiny = np.abs(matrix) <= ZERO * np.outer(sizes, sizes)
+    shown = without_round_off(matrix)
     rows = [
-        [
-            f"{letter} {SYMBOLS[i]}{SYMBOLS[j]}",
-            "0" if tiny[i, j] else significant(float(matrix[i, j]), 5),
-            str(units[i][j]),
-        ]
+        [f"{letter} {SYMBOLS[i]}{SYMBOLS[j]}", significant(float(shown[i, j]), 5), str(units[i][j])]
         for i in range(3)
         for j in range(i, 3)
     ]
     return table(["entry", "value", "unit"], rows, sortable=False, caption=caption)
+
+
+def alone_table(stiffness: Array) -> Markup:
+    """Stiffness along each direction, with the others held and with them free."""
+    rows = [
+        [SYMBOLS[k], *(f"{significant(value, 5)}{SPACE}{STIFFNESS[k][k]}" for value in both)]
+        for k, both in enumerate(zip(np.diag(stiffness).tolist(), alone(stiffness).tolist(), strict=True))
+    ]
+    head = ["direction", "stiffness, the others held: K_ii", "the others free: 1 / C_ii"]
+    return table(head, rows, sortable=False, caption="Stiffness along one direction")
 
 
 def ranges_table(side: ModelSummary) -> Markup:
@@ -95,7 +105,7 @@ def elements_section(model: ElementModel, side: ModelSummary, errors: Errors, an
     ).format(f"{solved.triangles:,}", model.resolution, f"{solved.response.unknowns:,}")
     rows = []
     for k, name in enumerate(SYMBOLS):
-        stiff = float(np.linalg.inv(model.compliance)[k, k])
+        stiff, free = float(np.linalg.inv(model.compliance)[k, k]), 1 / float(compliance[k])
         error = banded(float(errors.percent[k, k]), float(errors.band[k, k]))
         unit = STIFFNESS[k][k]
         own = f"{significant(float(analytic[k, k]), 5)} {unit}"
@@ -104,11 +114,13 @@ def elements_section(model: ElementModel, side: ModelSummary, errors: Errors, an
                 f"K {name}{name}",
                 own,
                 f"{significant(stiff, 5)} ± {significant(stiff * float(spread[k]), 2)} {unit}",
+                f"{significant(free, 5)} ± {significant(free * float(spread[k]), 2)} {unit}",
                 error,
             ]
         )
-    head = ["stiffness", "analytic", "finite elements", "error of the displacement under the analytic force"]
-    parts = opening + table(head, rows, sortable=False, numbers=3)
+    head = ["stiffness, the others held", "analytic", "finite elements", "the same, the others free: 1 / C_ii"]
+    head.append("error of the displacement under the analytic force")
+    parts = opening + table(head, rows, sortable=False, numbers=4)
     coupled = float(np.max(np.abs(errors.percent - np.diag(np.diag(errors.percent)))))
     parts += Markup("<p>Largest error across the commanded direction: {}.</p>").format(percent(coupled))
     parts += Markup("<h3>Range until the first neck yields</h3>") + ranges_table(side)

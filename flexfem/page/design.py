@@ -48,7 +48,7 @@ def _found(of: Designed, number: int) -> PageSection:
     parts = [
         facts([("requirements", of.file), ("base stage", of.base), ("result", f"it {state}")]),
         notes(of.warnings),
-        notes([coupling.said for coupling in of.scattered], "note"),
+        notes([*(coupling.said for coupling in of.scattered), *of.tightening], "note"),
         shown_figure(f"design-{number}-figure", lambda: design_figure(of), said),
         table(head, rows, caption="Dimensions of the design"),
         table(["objective", "value", "better", *RESTS], map(_goal, of.objectives), caption="Objectives"),
@@ -61,12 +61,12 @@ RESTS = ("checked by", "model by itself")
 
 
 def _goal(of: Goal) -> list[Content]:
-    return [of.label, _value(of), of.better, of.checked_by, significant(of.uncorrected, 6)]
+    return [of.label, _value(of), of.better, of.checked_by, significant(of.shown(of.uncorrected), 6)]
 
 
 def _value(of: Stated) -> str:
     band = "" if not of.band else f"{SPACE}±{SPACE}{significant(of.band, 2)}"
-    return f"{significant(of.value, 6)}{band}{SPACE}{of.unit}".rstrip()
+    return f"{significant(of.shown(of.value), 6)}{band}{SPACE}{of.unit}".rstrip()
 
 
 def _requirements(of: Designed, number: int) -> PageSection | None:
@@ -100,8 +100,8 @@ def _asked(of: Requirement) -> list[Content]:
     if of.price_percent is not None:
         price = Cell(significant(of.price_percent, 3), of.price_percent)
     verdict = Markup("<strong>{}</strong>").format(of.verdict)
-    wanted = " and ".join(of.wanted)
-    return [of.label, wanted, _value(of), verdict, margin, price, of.checked_by, significant(of.uncorrected, 6)]
+    wanted, uncorrected = " and ".join(of.wanted), significant(of.shown(of.uncorrected), 6)
+    return [of.label, wanted, _value(of), verdict, margin, price, of.checked_by, uncorrected]
 
 
 def _sensitivity(of: Designed, number: int) -> PageSection:
@@ -133,7 +133,8 @@ def _front(of: Designed, number: int) -> PageSection | None:
     head = ["design", *of.front[0].design, *goals, *(f"{goal}, corrected model" for goal in goals), "requirements"]
     rows: list[list[Content]] = []
     for place, one in enumerate(of.front, 1):
-        numbers = [*one.values, *one.predicted]
+        shown = [goal.shown for goal in of.objectives] * 2
+        numbers = [show(value) for show, value in zip(shown, [*one.values, *one.predicted], strict=True)]
         made = (Cell(f"{value:g}", value) for value in one.design.values())
         kept = "met" if one.met else Markup("<strong>not met</strong>")
         rows.append([str(place), *made, *(Cell(significant(value, 5), value) for value in numbers), kept])

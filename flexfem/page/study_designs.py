@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array, Index
 from flexfem.plot.text import significant
@@ -15,6 +16,7 @@ from flexfem.refused import BadInput
 from flexfem.stage.contour import part_of
 from flexfem.stage.outline import Segment
 from flexfem.study.designs import stage_of
+from flexfem.study.statistics import round_off_in
 
 if TYPE_CHECKING:
     from flexfem.plot.study_labels import Quantity
@@ -74,9 +76,15 @@ def columns_shown(source: Source) -> ShownColumns:
 
 
 def values_at(source: Source, names: Sequence[str], rows: Index) -> Array:
-    """Numbers (rows, names) of the study's table, in units of its columns; one column is read after the other."""
-    found = [np.asarray(source.table.columns[name][rows], dtype=np.float64) for name in names]
+    """Numbers (rows, names) of the study's table, in units of its columns, one after the other, round-off as 0."""
+    found = [cleared(source, name, source.table.columns[name][rows]) for name in names]
     return np.column_stack(found) if found else np.empty((len(rows), 0))
+
+
+def cleared(source: Source, name: str, values: ArrayLike) -> Array:
+    """Numbers (...) of a column to be printed, round-off as 0."""
+    found = np.asarray(values, dtype=np.float64)
+    return np.where(np.abs(found) <= round_off_in(source.table, name), 0.0, found)
 
 
 def drawn_designs(source: Source, rows: Iterable[int]) -> list[DrawnDesign]:

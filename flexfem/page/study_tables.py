@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from flexfem.page.section import Cell, table
-from flexfem.page.study_designs import values_at, written
+from flexfem.page.study_designs import cleared, values_at, written
 from flexfem.plot.study_labels import Quantity, factor
 from flexfem.plot.text import SPACE
 
@@ -46,10 +46,13 @@ def front_table(source: Source, figure: Figure, points: PointedDesigns) -> Marku
 
 def extremes_table(source: Source, figure: Figure, found: Extremes) -> Markup:
     """Where the value of a map is least and most."""
-    names = (figure.value, figure.x, figure.y)
-    headers = ("", *(heading(source.quantity(name or "")) for name in names))
+    names = (figure.value or "", figure.x or "", figure.y or "")
+    headers = ("", *(heading(source.quantity(name)) for name in names))
     ends: Sequence[tuple[str, tuple[float, float, float]]] = (("least", found.least), ("most", found.most))
-    rows: list[tuple[str | Cell, ...]] = [(word, *map(number, end)) for word, end in ends]
+    rows: list[tuple[str | Cell, ...]] = [
+        (word, *(number(float(cleared(source, name, one))) for name, one in zip(names, end, strict=True)))
+        for word, end in ends
+    ]
     return table(headers, rows, sortable=False, caption="Ends of the map", numbers=3)
 
 
@@ -58,19 +61,21 @@ def marks_table(source: Source, found: Marks) -> Markup:
     several = list(found.percentiles.values())
     percents = [f"{one.percent:g}{SPACE}%" for one in several[0]]
     rows = [
-        (source.quantity(name).name, source.quantity(name).unit, *map(_percentile, marks), _nominal(source, name))
+        (called.name, called.unit, *(_percentile(source, name, one) for one in marks), _nominal(source, name))
         for name, marks in found.percentiles.items()
+        for called in [source.quantity(name)]
     ]
     headers = ("value", "unit", *percents, "base stage")
     return table(headers, rows, caption="Percentiles with 95 % confidence intervals", numbers=len(percents) + 1)
 
 
-def _percentile(one: Percentile) -> Cell:
-    return Cell(f"{written(one.value)} ({written(one.low)} to {written(one.high)})", float(one.value))
+def _percentile(source: Source, name: str, one: Percentile) -> Cell:
+    value, low, high = map(written, cleared(source, name, [one.value, one.low, one.high]).tolist())
+    return Cell(f"{value} ({low} to {high})", float(one.value))
 
 
 def _nominal(source: Source, name: str) -> Cell | str:
-    return number(source.nominal[name]) if name in source.nominal else "not known"
+    return number(float(cleared(source, name, source.nominal[name]))) if name in source.nominal else "not known"
 
 
 def shares_table(source: Source, found: Shares) -> Markup:

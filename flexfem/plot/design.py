@@ -61,7 +61,7 @@ def design_figure(found: Designed) -> Figure:
 def _said(of: Stated) -> str:
     band = "" if of.band is None else f" ± {significant(of.band, 2)}"
     by = ", exact" if of.checked_by == "exact" else f" by {of.checked_by}"
-    return f"{significant(of.value, 5)}{band} {of.unit}".rstrip() + by
+    return f"{significant(of.shown(of.value), 5)}{band} {of.unit}".rstrip() + by
 
 
 def outline_in(found: Designed) -> Outline:

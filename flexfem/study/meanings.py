@@ -9,7 +9,7 @@ from flexfem.study import outputs
 
 MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType(
     {
-        outputs.STIFFNESSES: "stiffness of the platform",
+        outputs.STIFFNESSES: "stiffness of the platform, `K_ij`: along one direction with the other two held",
         outputs.COUPLINGS: "`K_ij / sqrt(K_ii K_jj)`",
         outputs.STRESSES: "highest von Mises stress at a neck per displacement of the platform in that direction, "
         "the others held; `fe`: up to 1 % low at resolution 4, by the square of it less at a finer one, which "
@@ -28,7 +28,8 @@ MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType(
         "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
         "`flexfem workspace` has it (`held`), without load: the lesser of both ways, so zero where single stacks go "
         "one way only; `fe`: with what necks carry by the finite elements",
-        outputs.ENGAGED: "with `[drive]` `actuators`: stiffness with the stacks holding their strokes; links "
+        outputs.ENGAGED: "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the "
+        "other two directions held; links "
         "that are rigid make it 50 % too large on the reference stages, elastic ones agree with `fe` within 0.3 %",
         outputs.FREQUENCIES: "with `[frequencies]`: the three lowest natural frequencies in the plane, drives "
         "disengaged; `analytic`: platform and links as rigid bodies (with `links` on elastic links) on the model's "

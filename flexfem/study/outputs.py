@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import compress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import ROUND_OFF, AnyArray, Array
 from flexfem.files.refusals import one_line
 from flexfem.units import unit_of
 
@@ -39,6 +39,7 @@ CROSS = {  # stiffnesses between two directions, and those along them
     "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),
     "kyt_n": ("kyy_n_per_mm", "ktt_n_mm_per_rad"),
 }
+PARTS = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # others that may vanish, and their wholes
 COMMON = (*STIFFNESSES, *COUPLINGS, *STRESSES, *RANGES, *ENVELOPE)
 _ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
@@ -88,6 +89,19 @@ def values_of(answers: Answers, rotation: float | None) -> Array:
         asked.append(answers.drift.gradient * _factors(GRADIENTS))
     asked += [each for each in answers.errors or () if each is not None]
     return np.concatenate(asked, axis=1)
+
+
+def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Up to which size numbers of the columns that symmetry can make zero are round-off, by name, (n,) each or one.
+
+    columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y is beside the rotation's at 1 mm, too.
+    """
+    sizes = {name: np.sqrt(np.abs(columns[one] * columns[other])) for name, (one, other) in CROSS.items()}
+    sizes |= {name: np.asarray(size) for name, size in PARTS.items()}
+    if DRIFTS[0] in columns:
+        x, y, turn = (np.abs(columns[name]) for name in DRIFTS)
+        sizes |= dict.fromkeys(DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * turn))  # um per urad at 1 mm
+    return {name: ROUND_OFF * size for name, size in sizes.items()}
 
 
 def _factors(columns: tuple[str, ...]) -> Array:

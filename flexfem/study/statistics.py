@@ -10,7 +10,7 @@ from scipy.stats import binom, norm
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import BadInput
-from flexfem.study.outputs import CROSS
+from flexfem.study.outputs import CROSS, DRIFTS, PARTS, STIFFNESSES, round_off_of
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy
@@ -201,6 +201,15 @@ def _residual(column: Array, answers: Array) -> tuple[Array, int]:
     spread = np.bincount(group, x * x)
     slope = np.bincount(group, x * y) / np.where(spread > 0, spread, 1.0)
     return y - slope[group] * x, 2 * len(counts)
+
+
+def round_off_in(table: StudyTable, value: str) -> float:
+    """Up to which size numbers of a column are round-off of what symmetry makes zero, beside medians of the others."""
+    if value not in {*CROSS, *PARTS, *DRIFTS[:2]} or not table.ok.any():
+        return 0.0
+    beside = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in table.columns]
+    medians = {n: np.median(np.abs(v), keepdims=True) for n, v in zip(beside, table.answered(*beside), strict=True)}
+    return float(round_off_of(medians)[value].max())
 
 
 def scale_of(table: StudyTable, value: str) -> float:

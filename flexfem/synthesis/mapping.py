@@ -11,7 +11,7 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
-from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
 from flexfem.study.versions import versions_of
 from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
@@ -171,6 +171,13 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
 
 def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
     return np.asarray(model.quantities({name: np.array([value]) for name, value in columns.items()}, 1)[0])
+
+
+def round_off(model: Model, of: Proof) -> Array:
+    """By how much quantities (q,) move with the round-off of columns that symmetry can make zero."""
+    noise = round_off_of({name: np.array([value]) for name, value in of.columns.items()})
+    moved = {name: of.columns[name] + float(size.max()) for name, size in noise.items() if name in of.columns}
+    return np.abs(_quantities(model, of.columns | moved) - of.elements)
 
 
 def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:

@@ -18,7 +18,7 @@ from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
 from flexfem.synthesis.many import front_of_many, require_pymoo
-from flexfem.synthesis.mapping import Mapped, Proof, mapped
+from flexfem.synthesis.mapping import Mapped, Proof, mapped, round_off
 from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.prices import Prices, prices, sensitivities
 from flexfem.synthesis.relaxed import alternatives
@@ -159,6 +159,7 @@ def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> di
         "sampling": float(of.sampling[place]) if sampled else None,
         "uncorrected": float(of.uncorrected[place]),
         "checked_by": by,
+        "round_off": float(round_off(found.model, of)[place]),
     }
 
 
@@ -173,6 +174,8 @@ def _goals(found: Mapped, last: Proof) -> list[Goal]:
 def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
     model, kept = found.model.changed(guard=None), list[Requirement]()
     low, high = model.ends
+    guard = np.zeros(len(low)) if found.model.guard is None else found.model.guard
+    tight = np.minimum(guard, model.room / model.scales)
     for k, each in enumerate(model.loaded.requirements.require):
         about = _quantity(found, last, model.objectives + k, each.quantity, each.said)
         value, band, size = about["value"], about["band"] or 0.0, float(model.scales[k])
@@ -191,6 +194,7 @@ def _kept(found: Mapped, last: Proof, costs: Prices) -> list[Requirement]:
                 active=costs.active[k],
                 price_percent=finite(float(costs.price[k])),
                 relax_to=value if verdict == "missed" else None,
+                tightened_percent=100 * float(tight[k]),
             )
         )
     return kept

@@ -22,6 +22,7 @@ class Stated(Record):
     value : of finite elements where they answer it, with their `band` by meshes; else of the analytic model, None.
     uncorrected : of the analytic model by itself.   checked_by : which of them `value` is.
     sampling : of a coupling under tolerance, the part of the band that is not by meshes; None else.
+    round_off : up to which size a value is round-off of what symmetry makes zero.
     """
 
     name: str
@@ -31,6 +32,11 @@ class Stated(Record):
     sampling: float | None = None
     uncorrected: float
     checked_by: Checked
+    round_off: float = 0.0
+
+    def shown(self, value: float) -> float:
+        """A value of it to be printed: 0 where it is round-off."""
+        return 0.0 if abs(value) <= self.round_off else value
 
     @property
     def unit(self) -> Unit:
@@ -58,7 +64,7 @@ class Requirement(Stated):
     """A requirement.
 
     margin : how far the value is inside the nearer end, in its unit; margin_percent, band_percent over the `size` of
-        the requirement, its larger end.
+        the requirement, its larger end; tightened_percent of it, by how much the search kept it inside its ends.
     active : whether it stops the objective, at the optimum without steps.
     price_percent : by how much of itself the objective gets worse for 1 % more; None where it is not active, or where
         nothing beside the optimum keeps that.
@@ -75,6 +81,7 @@ class Requirement(Stated):
     active: bool
     price_percent: float | None
     relax_to: float | None
+    tightened_percent: float = 0.0
 
     @property
     def wanted(self) -> list[str]:
@@ -190,6 +197,23 @@ class Designed(Record):
     not_stated: list[str]
     warnings: list[str]
     versions: dict[str, str]
+
+    @property
+    def tightening(self) -> list[str]:
+        """By how much the search tightened requirements and what that costs, in a sentence; none where it did not."""
+        tight = [each for each in self.requirements if each.tightened_percent > 0]
+        if not tight:
+            return []
+        by = ", ".join(f"{each.label} by {each.tightened_percent:.2g} %" for each in tight)
+        room = f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ"
+        said = f"the search tightened requirements by their bands and by up to {room}: {by}"
+        priced = [each for each in tight if each.price_percent is not None]
+        if not priced:
+            return [said]
+        goal, cost = self.objectives[0], sum((each.price_percent or 0.0) * each.tightened_percent for each in priced)
+        worse = f"{cost:.2g} %, {abs(cost / 100 * goal.value):.2g} {goal.unit.plain}".rstrip()
+        band = "" if not goal.band else f", its band being ± {goal.band:.2g}"
+        return [f"{said}; by their prices that costs {goal.label} about {worse}{band}"]
 
     @property
     def decisive(self) -> list[Stated]:

@@ -75,7 +75,8 @@ class Command(OfStage):
     """What `flexfem command` answers; pose and load as asked, N, mm, rad.
 
     places : of the stacks (n), with their limits.
-    stiffness : (3,) of the platform, the diagonal, `engaged` with the stacks holding their strokes, else `disengaged`.
+    engaged, disengaged : (3,), stiffness of the platform, with the stacks holding their strokes and without them, each
+        direction with the others held, K_ii; `engaged_free`, `disengaged_free` with the others free, 1 / C_ii.
     preloaded : (3,), the same, engaged, with the second-order terms of the preloads alone in (16), by what a push goes
         with: see `analytic.preload`; None where the preloads leave no stable stage.
     resolution : of the finite elements, None without them.
@@ -93,6 +94,8 @@ class Command(OfStage):
     places: list[StackPlace]
     engaged: list[float]
     disengaged: list[float]
+    engaged_free: list[float]
+    disengaged_free: list[float]
     preloaded: dict[Follows, list[float] | None]
     criteria: dict[Criterion, Strokes]
     resolution: int | None
@@ -145,6 +148,8 @@ def command(
         places=stack_places(stage),
         engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
+        engaged_free=(1 / np.diag(first.of.engaged)).tolist(),
+        disengaged_free=(1 / np.diag(first.of.C[:3, :3])).tolist(),
         preloaded=at_rest,
         criteria=criteria,
         resolution=resolution,

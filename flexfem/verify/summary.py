@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.model import ModelChoice, analyse, best_model
-from flexfem.arrays import Array, first_highest
+from flexfem.arrays import Array, alone, first_highest
 from flexfem.fem.response import load_case
 from flexfem.refused import ComputationFailed
 from flexfem.stage.schema import HINGE_NAMES, Stage
@@ -46,10 +46,11 @@ class SafeRange(Record):
 
 
 class ModelSummary(Record):
-    """One model's stiffness and limits by direction."""
+    """One model's stiffness, its limits by direction, and `free`, (3,), stiffness with the other directions free."""
 
     model: str
     stiffness: Matrix
+    free: list[float]
     limits: dict[Direction, SafeRange]
 
 
@@ -163,4 +164,5 @@ def _side(name: str, stage: Stage, limits: Limits) -> ModelSummary:
             hinge=HINGE_NAMES[position],
             stress=float(np.max(stress)),
         )
-    return ModelSummary(model=name, stiffness=limits.stiffness.tolist(), limits=found)
+    K = limits.stiffness
+    return ModelSummary(model=name, stiffness=K.tolist(), free=alone(K).tolist(), limits=found)

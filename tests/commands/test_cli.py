@@ -12,6 +12,7 @@ import meshio
 import numpy as np
 import pytest
 
+from flexfem.arrays import without_round_off
 from flexfem.validate import registry
 from flexfem.validate.records import Finding
 from flexfem.verify import protocol
@@ -33,6 +34,26 @@ def machine(flexfem, *arguments):
     code, out, _ = flexfem(*arguments, "--json")
     assert code == 0
     return json.loads(out)
+
+
+def test_what_symmetry_makes_zero_is_printed_as_zero_and_kept_in_json(flexfem):
+    """Off the diagonals of K and C of the alike chains, and Y and theta under a force in X."""
+    for command in (("stiffness", STAGE), ("solve", STAGE, "--resolution", 2, "--force", 3, 0, 0)):
+        raw = np.array(machine(flexfem, *command)["stiffness"])
+        lines = [line.split() for line in flexfem(*command)[1].splitlines()]
+        heads = [k for k, line in enumerate(lines) if line[-3:] == ["(x,", "y,", "theta)"]]
+        for head in heads:
+            shown = np.array(lines[head + 1 : head + 4], dtype=float)
+            np.testing.assert_array_equal(shown != 0, np.eye(3, dtype=bool))
+        assert len(heads) == 2 and np.count_nonzero(raw - np.diag(np.diag(raw))) >= 4
+    (moved,) = (line for line in lines if line[0] == "displacement")
+    assert float(moved[1]) > 0 and [float(each) for each in moved[2:4]] == [0, 0]
+
+
+def test_no_more_than_round_off_is_printed_as_zero():
+    K = np.array([[4.0, 5e-11, 1e-7], [3e-12, 9.0, 2e-8], [1e-8, -4e-8, 1e8]])  # sizes 6, 2e4 and 3e4
+    kept = [[4.0, 5e-11, 1e-7], [0.0, 9.0, 0.0], [0.0, -4e-8, 1e8]]
+    np.testing.assert_array_equal(without_round_off(K), kept)
 
 
 def test_stiffness_and_compliance_are_inverse_and_in_the_stated_order(flexfem):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import flexfem as package
 from flexfem.commands.drive import print_command
 from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import people
+from flexfem.page.answers import alone_table
 
 POSE = ("0.003", "-0.001", "5e-5")
 
@@ -69,6 +71,30 @@ def test_the_stiffness_is_that_without_stacks_with_them_and_with_their_preloads(
         assert all(f"{value:.5g} N" in line for value in K)
     (line,) = (line for line in out.splitlines() if line.startswith("preloaded, pushes normal"))
     assert "+0.048, +0.048, +0.053" in line and f"{found['preloaded']['pushed'][2]:.5g} N mm/rad" in line
+
+
+def test_stiffness_with_the_other_directions_held_is_told_from_that_with_them_free(flexfem, project):
+    """Of unlike chains, by the compliance of another command: a push one way alone meets 10 to 27 % less."""
+    wide = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 1.1\n\n[provenance]'
+    path = project.edit("geometry/mobility6.toml", ("[provenance]", wide))
+    asked = ("command", path, "--pose", *POSE, "--analytic")
+    found, side = (json.loads(flexfem(*of, "--json")[1]) for of in (asked, ("summary", path)))
+    analytic = json.loads(flexfem("stiffness", path, "--formula", "calibrated", "--links", "--json")[1])
+    free, held = 1 / np.diag(np.array(analytic["compliance"])), found["disengaged"]
+    np.testing.assert_allclose(free / np.array(held), [0.900, 0.728, 0.761], atol=5e-4)
+    np.testing.assert_allclose([found["disengaged_free"], side["analytic"]["free"]], [free, free], rtol=1e-9)
+    np.testing.assert_allclose(np.diag(side["analytic"]["stiffness"]), held, rtol=1e-9)
+    assert all(0.99 < one / all_held < 1 for one, all_held in zip(found["engaged_free"], found["engaged"], strict=True))
+    lines = flexfem(*asked)[1].splitlines()
+    (at,) = (k for k, line in enumerate(lines) if line.startswith("stiffness, other directions held"))
+    for start, K in (("disengaged", held), ("other directions free, disengaged", free)):
+        (line,) = (line for line in lines[at:] if line.startswith(start))
+        assert all(f"{value:.5g} N" in line for value in K)
+    out = flexfem("summary", path)[1]
+    assert "stiffness, others held" in out and f"{held[1]:.5g} N/mm" in out
+    assert "others free" in out and f"{free[1]:.5g} N/mm" in out
+    shown = re.sub("<[^>]+>", " ", alone_table(np.array([[2.0, 0.0, 1.0], [0.0, 5.0, 3.0], [1.0, 3.0, 4.0]]))).split()
+    assert shown[shown.index("Y") + 1 :][:4:2] == ["5.0000", "2.4286"]  # 5 - 3^2 / (4 - 1^2 / 2)
 
 
 def test_preloads_that_no_equilibrium_stands_are_said(flexfem, project):

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from flexfem.page import design
 from flexfem.page.design import design_parts
 
-from ..synthesis.recorded import recorded
+from ..synthesis.recorded import REQUIREMENTS, recorded
 
 SIGNS = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}\N{MICRO SIGN}", " -u")
 
@@ -51,6 +51,8 @@ def test_dimensions_and_objectives_stand_below_their_headings(section):
                  "it does not meet all requirements", "of the 500 searched 0.0121"):  # fmt: skip
         assert said in text
     assert "it meets all requirements" in section(recorded(feasible=True), "Recorded")[1]
+    tight = [REQUIREMENTS[0].model_copy(update={"tightened_percent": 0.41}), *REQUIREMENTS[1:]]
+    assert "stiffness by 0.41 %; by their prices" in section(recorded(requirements=tight), "Recorded")[1]
 
 
 def test_requirements_have_their_margins_prices_and_relaxations(section):

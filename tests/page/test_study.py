@@ -15,6 +15,7 @@ from flexfem.page.study import study_parts
 from flexfem.page.study_asked import range_of
 from flexfem.page.study_designs import outline_paths, path_of
 from flexfem.page.study_points import of_front, of_map
+from flexfem.page.study_tables import marks_table
 from flexfem.plot.study import named
 from flexfem.plot.study_chart import chart_figure
 from flexfem.plot.study_records import Source, map_of
@@ -22,9 +23,10 @@ from flexfem.stage.contour import part_of
 from flexfem.stage.outline import Segment
 from flexfem.stage.schema import load_stage
 from flexfem.study.columns import Factor, columns_of
-from flexfem.study.findings import findings
+from flexfem.study.findings import Marks, findings
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.probes import own_values
+from flexfem.study.statistics import Percentile
 
 from ..study.answered import STAGE, answered, head, study
 
@@ -149,6 +151,20 @@ def test_the_numbers_of_a_design_are_those_of_the_table(tmp_path):
     row = re.search(r'<th scope="row" data-key="11">11</th>(.*?)</tr>', html, re.S)
     assert row is not None
     assert re.findall(r">([^<>]+)</td>", row[1]) == ["69.136", "123.46", "3.5000", "0.80000"]
+
+
+def test_what_symmetry_makes_zero_is_zero_on_the_page(tmp_path):
+    """Stiffnesses of 100 and 400 N/mm: 1.9e-10 is round-off of what couples them, 2.1e-10 is not."""
+    across = np.array([1.9e-10, -2.1e-10, *[-8.88e-15] * 10])
+    ks = {"kxx_n_per_mm": 100 + 1e-3 * np.arange(12)[::-1], "kyy_n_per_mm": np.full(12, 400.0), "kxy_n_per_mm": across}
+    source = source_of(study(tmp_path, GRID + FRONT), range_x_um=np.arange(12.0), **ks)
+    data = data_of(page_of(source))
+    place = [one["name"] for one in data["columns"]].index("stiffness XY")
+    shown = [data["designs"][str(design)]["v"][place] for design in range(12)]
+    assert shown == ["0", "\N{MINUS SIGN}2.1000×10⁻¹⁰", *["0"] * 10]
+    marks = Marks({name: [Percentile(50.0, 1e-15, -2.1e-10, 1e-10)] for name in ("kxy_n_per_mm", "range_x_um")})
+    cells = re.findall(r">([^<>]+ to [^<>]+)<", marks_table(source, marks))
+    assert cells == ["0 (\N{MINUS SIGN}2.1000×10⁻¹⁰ to 0)", "1.0000×10⁻¹⁵ (\N{MINUS SIGN}2.1000×10⁻¹⁰ to 1.0000×10⁻¹⁰)"]
 
 
 def test_designs_of_a_map_are_where_its_axes_have_their_ticks(tmp_path):

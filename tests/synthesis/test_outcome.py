@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.commands.design import print_design
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
@@ -63,6 +64,42 @@ def best_of_metal(load, *asked):
     """What is found of the metal that is softer, with one dimension free."""
     loaded = load(NECK, *asked)
     return outcome.designed(loaded, Softer(loaded, Counter()))
+
+
+def test_what_symmetry_makes_zero_is_shown_as_zero_and_kept_in_the_record(load, capsys):
+    """A coupling, and an expression of a stiffness across, of alike chains; not the sum with a stiffness along."""
+    asked = {"coupling_xy": 0.1, "abs(2 * kxy_n_per_mm)": 1.0, "kxx_n_per_mm + kxy_n_per_mm": 90.0}
+    found = best_of_metal(load, RANGE, require("kxx_n_per_mm", 60), *(require(q, None, m) for q, m in asked.items()))
+    coupling, across, along = found.requirements[1:]
+    assert 0 < across.value < 1e-10 and across.shown(across.value) == across.shown(across.uncorrected) == 0
+    assert coupling.shown(coupling.value) == 0 and along.shown(along.value) == along.value == pytest.approx(
+        60, rel=0.01
+    )
+    assert coupling.shown(3e-12) == 3e-12 and across.shown(5e-10) == 5e-10
+    print_design(found)
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("abs(2"))
+    assert line.split()[6:8] == ["0", "±"]
+
+
+def test_what_the_accuracy_costs_is_said_and_is_what_a_wider_one_loses(load, capsys):
+    """Room of 0.1 and of 0.5 % of 60 N/mm beside a band of 0.14 %: the range falls by the price of the difference."""
+    asked = (NECK, require("kxx_n_per_mm", 60), RANGE)
+    near, far = (
+        outcome.designed(loaded, Softer(loaded, Counter()))
+        for loaded in (load(*asked, head=f"{HEAD}accuracy_percent = {percent}\n") for percent in (0.1, 0.5))
+    )
+    (one,), (other,) = near.requirements, far.requirements
+    assert (one.verdict, other.verdict) == ("met", "met")
+    assert other.tightened_percent - one.tightened_percent == pytest.approx(0.4, rel=1e-6)
+    assert [one.value, other.value] == pytest.approx([60 * (1 + e.tightened_percent / 100) for e in (one, other)])
+    values = [each.objectives[0].value for each in (near, far)]
+    assert 100 * (values[0] / values[1] - 1) == pytest.approx(0.4 * one.price_percent, rel=0.01)
+    (said,) = near.tightening
+    cost = one.price_percent * one.tightened_percent
+    assert "accuracy_percent, 0.1 %, by which" in said and "kxx_n_per_mm by 0.24 %" in said
+    assert f"costs range_x_um about {cost:.2g} %, {cost * values[0] / 100:.2g} um, its band being ± 1.5" in said
+    print_design(near)
+    assert said in capsys.readouterr().out.splitlines()
 
 
 def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
