@@ -79,9 +79,9 @@ def test_stiffness_with_the_other_directions_held_is_told_from_that_with_them_fr
     path = project.edit("geometry/mobility6.toml", ("[provenance]", wide))
     asked = ("command", path, "--pose", *POSE, "--analytic")
     found, side = (json.loads(flexfem(*of, "--json")[1]) for of in (asked, ("summary", path)))
-    analytic = json.loads(flexfem("stiffness", path, "--formula", "calibrated", "--links", "--json")[1])
+    analytic = json.loads(flexfem("stiffness", path, "--json")[1])
     free, held = 1 / np.diag(np.array(analytic["compliance"])), found["disengaged"]
-    np.testing.assert_allclose(free / np.array(held), [0.900, 0.728, 0.761], atol=5e-4)
+    np.testing.assert_allclose(free / np.array(held), [0.902, 0.7333, 0.7656], atol=5e-4)
     np.testing.assert_allclose([found["disengaged_free"], side["analytic"]["free"]], [free, free], rtol=1e-9)
     np.testing.assert_allclose(np.diag(side["analytic"]["stiffness"]), held, rtol=1e-9)
     assert all(0.99 < one / all_held < 1 for one, all_held in zip(found["engaged_free"], found["engaged"], strict=True))
