@@ -16,7 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import text_to_path
+from matplotlib.transforms import Bbox
 
 from flexfem.arrays import Array
 from flexfem.plot.text import doubt_note
@@ -43,6 +45,7 @@ STYLE: Any = {
 }
 NOTE_COLOUR = "#B00000"
 INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
+PLACES = 9  # decimals of places in parts of a figure: round-off is far below them, and pixels far above
 MARGIN = 0.3  # in, left and right of the header
 RESOLUTION = {"png": 150, "pdf": 200}  # dots per inch, in a PDF of the rasterised meshes only
 _SAID: ContextVar[list[str] | None] = ContextVar("said", default=None)
@@ -81,6 +84,24 @@ def headless() -> Iterator[list[str]]:
         yield lines
     finally:
         _SAID.reset(token)
+
+
+class SteadyLayout(ConstrainedLayoutEngine):
+    """Constrained layout with the places of axes rounded: its solver adds in the order of addresses in memory."""
+
+    def execute(self, fig: Any) -> Any:
+        """As of any layout engine."""
+        found = super().execute(fig)
+        for axes in fig.axes:  # those of its subfigures, too
+            axes._set_position(Bbox(_steady(axes.get_position(original=True))))
+        for part in fig.subfigs:
+            part.bbox_relative.set_points(_steady(part.bbox_relative))
+        return found
+
+
+def _steady(box: Any) -> Array:
+    """Corners (2, 2) of a box, in parts of a figure."""
+    return np.asarray(np.round(box.get_points(), PLACES))
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -179,7 +200,7 @@ def below_header(size: tuple[float, float], title: str, lines: Sequence[str], do
     figure = new_figure(width, height + used)
     header(figure, title, lines, *doubts)
     rect = (0.0, 0.0, 1.0, height / (height + used))
-    figure.set_layout_engine("constrained", rect=rect, w_pad=0.18, h_pad=0.1)
+    figure.set_layout_engine(SteadyLayout(rect=rect, w_pad=0.18, h_pad=0.1))
     return figure
 
 
