@@ -119,7 +119,7 @@ def report_stiffness(stage: Stage, result: AnalyticResult, elements: BandedStres
         neck_stress=result.stress,
         stress_accuracy=warning.stress_accuracy(result.formula, result.links),
         elements=elements,
-        warnings=[*warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
+        warnings=warning.of_result(stage, result),
     )
 
 
@@ -131,7 +131,7 @@ def report_mesh(stage: Stage, mesh: StageMesh, resolution: int, written: str) ->
         resolution=resolution,
         nodes=len(mesh.nodes),
         triangles=len(mesh.triangles),
-        warnings=[],
+        warnings=warning.of_numbers(stage),
     )
 
 
@@ -153,5 +153,5 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
         reaction=case.reaction,
         energy=case.energy,
         neck_stress=case.neck_stress,
-        warnings=[*doubts, *warning.of_motion(stage, case.pose, where)],
+        warnings=[*warning.of_numbers(stage), *doubts, *warning.of_motion(stage, case.pose, where)],
     )

@@ -206,7 +206,7 @@ def as_built(
         high=high.tolist(),
         draws=DRAWS,
         unanswered=DRAWS - len(answered),
-        warnings=[*warning.of_formula(made, formula), *warning.of_model(made, found)],
+        warnings=warning.of_result(made, found),
     )
 
 
