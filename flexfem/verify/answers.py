@@ -125,7 +125,7 @@ def report_stiffness(
         neck_stress=result.stress,
         stress_accuracy=warning.stress_accuracy(result.formula, result.links, result.plane),
         elements=elements,
-        warnings=[*warnings, *warning.of_formula(stage, result.formula), *warning.of_model(stage, result)],
+        warnings=[*warnings, *warning.of_result(stage, result)],
     )
 
 
@@ -137,7 +137,7 @@ def report_mesh(stage: Stage, mesh: StageMesh, resolution: int, written: str) ->
         resolution=resolution,
         nodes=len(mesh.nodes),
         triangles=len(mesh.triangles),
-        warnings=[],
+        warnings=warning.of_numbers(stage),
     )
 
 
@@ -159,5 +159,10 @@ def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolutio
         reaction=case.reaction,
         energy=case.energy,
         neck_stress=case.neck_stress,
-        warnings=[*warning.of_thickness(stage), *doubts, *warning.of_motion(stage, case.pose, where)],
+        warnings=[
+            *warning.of_numbers(stage),
+            *warning.of_thickness(stage),
+            *doubts,
+            *warning.of_motion(stage, case.pose, where),
+        ],
     )

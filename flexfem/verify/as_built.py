@@ -206,7 +206,7 @@ def as_built(chosen: ModelChoice, necks: Necks, warnings: Sequence[str] = ()) ->
         high=high.tolist(),
         draws=DRAWS,
         unanswered=DRAWS - len(answered),
-        warnings=[*warnings, *warning.of_formula(made, formula), *warning.of_model(made, found)],
+        warnings=[*warnings, *warning.of_result(made, found)],
     )
 
 

@@ -54,7 +54,7 @@ def converge(stage: Stage, resolutions: Sequence[int], solve: Solve = solve_stag
     return MeshStudy(
         **about(stage),
         stage=stage.name,
-        warnings=warning.of_convergence(uncertainty),
+        warnings=[*warning.of_numbers(stage), *warning.of_convergence(uncertainty)],
         resolutions=list(resolutions),
         triangles=[each.triangles for each in solved],
         unknowns=[each.response.unknowns for each in solved],

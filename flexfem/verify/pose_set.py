@@ -93,7 +93,7 @@ def section(of: Driven, drive: StageDrive, limits: LinearLimits, load: Array) ->
     edges = []
     for face, normal, by in zip(found.faces, found.normals, found.by, strict=True):
         along = np.array([-normal[1], normal[0]])
-        start, end = sorted(face, key=lambda k: float(corners[k] @ along))
+        start, *_, end = sorted(face, key=lambda k: float(corners[k] @ along))
         edges.append(PoseEdge(start=tuple(corners[start]), end=tuple(corners[end]), by=list(by)))
     return sorted(edges, key=lambda edge: float(np.arctan2(edge.end[1] - edge.start[1], edge.end[0] - edge.start[0])))
 

@@ -93,7 +93,7 @@ def command_warnings(
     stage: Stage, model: AnalyticResult, solved: Solved, forces: Array, where: str
 ) -> warning.Warnings:
     """Warnings on a model, and on the highest neck stress under the forces (3, 3) of three commands, row by row."""
-    found = [*warning.of_formula(stage, model.formula), *warning.of_model(stage, model)]
+    found = warning.of_result(stage, model)
     for direction, force in zip(DIRECTIONS, forces, strict=True):
         highest = float(np.max(load_case(stage, solved.mesh, solved.response, force).neck_stress))
         found += warning.of_yield(highest, stage.material.yield_strength, f"{where} in {direction}")
@@ -214,7 +214,7 @@ def _compared(loaded: LoadedCase, curve: Curve, analytic: AnalyticResult, solved
 
 def _warnings(case: Case, curve: Curve, stage: Stage, analytic: AnalyticResult, of: CurveAnswer) -> warning.Warnings:
     """Warnings on one curve: its model, and what it does at full command."""
-    of_curve = [*warning.of_formula(stage, analytic.formula), *warning.of_model(stage, analytic), *of.warnings]
+    of_curve = [*warning.of_result(stage, analytic), *of.warnings]
     where = f"curve {curve.label!r}, full command"
     found = warning.of_yield(float(np.max(of.full.neck_stress)), stage.material.yield_strength, where)
     if case.analysis == "linear":

@@ -79,5 +79,10 @@ def report_solid(stage: Stage, response: SolidResponse, load: Array, resolution:
         energy=float(load @ response.energy @ load / 2),
         neck_stress=necks.highest[0],
         neck_height=necks.height[0],
-        warnings=[*doubts, *warning.of_motion(stage, pose, "under this load"), *held_faces(stage)],
+        warnings=[
+            *warning.of_numbers(stage),
+            *doubts,
+            *warning.of_motion(stage, pose, "under this load"),
+            *held_faces(stage),
+        ],
     )

@@ -75,13 +75,16 @@ SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
 
 def of_stage(stage: Stage) -> Warnings:
     """Warnings on a stage's own analytic model by the default formula, also that it has no answer at all."""
-    found = of_numbers(stage)
     try:
-        model = analyse(stage)
+        return of_result(stage, analyse(stage))
     except (BadInput, ComputationFailed) as error:
         reason = error.reason if isinstance(error, BadInput) else error
-        return [*found, f"the analytic model has no answer: {reason}"]
-    return [*found, *of_formula(stage, model.formula), *of_model(stage, model)]
+        return [*of_numbers(stage), f"the analytic model has no answer: {reason}"]
+
+
+def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
+    """Warnings on a stage's numbers and on one analytic model of it."""
+    return [*of_numbers(stage), *of_formula(stage, model.formula), *of_model(stage, model)]
 
 
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:

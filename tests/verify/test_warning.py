@@ -168,6 +168,23 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
     assert warning.of_stage(load_stage(SIX)) == []
 
 
+@pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e+03")])
+def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(scale, said):
+    """A pad's corner is at 54 + 4 + 9 and 32 + 4.5 mm from the centre of the reference stage: 152.6 mm across."""
+    stage = load_stage(SIX)
+    chain, platform, radii = stage.chain, stage.platform, {"base": 4.0, "elbow": 1.5, "platform": 1.5}
+    other = stage.replace(
+        thickness=scale * stage.thickness,
+        chain={"link_lengths": scale * np.array(chain.link_lengths), "link_width": scale * chain.link_width},
+        platform={"radius": scale * platform.radius, "hub_radius": scale * platform.hub_radius},
+        radius={name: scale * radius for name, radius in radii.items()},
+        neck=scale * 0.5,
+        actuator=[],
+    )
+    found = [f"the stage is {said} mm across: is the unit right?"] if said else []
+    assert warning.of_numbers(other) == found and warning.of_stage(other) == found
+
+
 @pytest.mark.parametrize(
     ("stress", "moved", "said"), [(503.7, 0.1, 1), (1.0, 2.5, 1), (503.7, 2.5, 2), (502.0, 2.3, 0)]
 )
