@@ -181,7 +181,7 @@ def as_built(chosen: ModelChoice, necks: Necks, warnings: Sequence[str] = ()) ->
 
     Raises BadInput, also when a stage with these necks cannot be made, ComputationFailed.
     """
-    stage, formula = chosen.stage, chosen.formula
+    stage = chosen.stage
     measured, sd = necks.array("neck"), necks.array("sd")
     changes = {
         (chain, name): {"neck": measured[chain - 1, k]} for chain in CHAINS for k, name in enumerate(HINGE_NAMES)

@@ -121,10 +121,12 @@ def test_finite_elements_are_those_of_the_record_in_every_direction(unlike, tabl
     found = table(answers.elements_section(model, side, errors, own).html)
     for k, (axis, units) in enumerate(FREEDOMS.items()):
         stiff, share = model.stiffness[k, k], model.band[k, k] / model.compliance[k, k]
-        first, second, error = found[f"K {axis}{axis}"]
+        first, second, third, error = found[f"K {axis}{axis}"]
         unit = "N mm/rad" if axis == "θ" else "N/mm"
         assert told(first) == (near(own[k, k]), unit)
         assert told(second) == (near(stiff, stiff * share, rel=0.05), unit) and told(second)[0][:1] == near(stiff)
+        free = 1 / model.compliance[k, k]
+        assert told(third) == (near(free, free * share, rel=0.05), unit) and told(third)[0][:1] == near(free)
         assert told(error) == (near(errors.percent[k, k], errors.band[k, k], rel=0.05), "%")
         limit, name = list(side.limits.values())[k], ("x", "y", "theta")[k]
         values = 1e3 * limit.range_at_yield, getattr(limit.force, name), 1e-3 * limit.stress

@@ -73,8 +73,8 @@ STIFFNESS = StiffnessReport(
 )
 LOADED = LoadReport(
     *("", "S", "", "plane_stress", 8, 321, 654, MATRIX, INVERSE),
-    force=[1.5, -2.5, 35.0],
-    displacement=[0.025, -0.035, 4.5e-3],
+    force=np.array([1.5, -2.5, 35.0]),
+    displacement=np.array([0.025, -0.035, 4.5e-3]),
     reaction=[-1.5, 2.5, -35.0],
     energy=1.0,
     neck_stress=[[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.5, 8.5, 9.5]],
