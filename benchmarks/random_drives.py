@@ -21,7 +21,7 @@ from flexfem.stage.contacts import middle_at, tangent_at
 from flexfem.stage.drives import drive_of
 from flexfem.stage.schema import Stage
 from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import commanding, driven_metal
+from flexfem.verify.driven_models import commanding, driven_metal, engaged_stiffness, push_spread
 
 CARRIERS = ("frame", "link 2")
 
@@ -63,7 +63,8 @@ def with_drive(stage: Stage, rng: np.random.Generator, preload: float = 0.0) -> 
 
 
 def deviations(stage: Stage, resolution: int) -> Array:
-    """Per cent (3,): of C, per root of its diagonals; of the pose by strokes for a pose; of C of the platform alone."""
+    """Per cent (5,): of C, per root of its diagonals; of the pose by strokes for a pose; of C of the platform alone; of
+    the engaged stiffness; and how much that moves with how pushes spread, by the model."""
     model, metal = commanding(stage, None, CALIBRATED, True), driven_metal(stage, resolution)
     C, F = model.of.C, metal.of.C
     size = np.sqrt(np.diag(F))
@@ -73,7 +74,9 @@ def deviations(stage: Stage, resolution: int) -> Array:
     for pose in np.diag(1e-3 / scale):
         x = commands_for(model.of, drive, pose, np.zeros(3), lever, "least energy")
         missed.append(np.abs((moved(metal.of, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
-    return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3])])
+    engaged = engaged_stiffness(metal.of)
+    of_engaged = [engaged_stiffness(model.of) / engaged - 1, push_spread(stage, model) / engaged]
+    return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3]), *np.max(np.abs(of_engaged), axis=1)])
 
 
 def main() -> None:
@@ -87,7 +90,8 @@ def main() -> None:
         stages.append(with_drive(stage, rng))
         found.append(deviations(stages[-1], arguments.resolution))
         print(f"{len(found):3}  {found[-1].round(3)}", flush=True)
-    print("per cent: compliance of platform and stacks, pose by strokes, compliance of the platform alone")
+    print("per cent: compliance of platform and stacks, pose by strokes, compliance of the platform alone, engaged")
+    print("stiffness, and how much that moves with how pushes spread")
     print("median", np.median(found, axis=0).round(3))
     print("worst ", np.max(found, axis=0).round(3))
     worst = int(np.argmax(np.max(found, axis=1)))

@@ -131,7 +131,8 @@ def _followed(value: float | None) -> str:
 def _value(of: Stated) -> str:
     band = "" if of.band is None else f" ± {of.band:.2g}"
     sampling = "" if of.sampling is None else f", of that {of.sampling:.2g} by sampling"
-    return f"{of.shown(of.value):.6g}{band} {of.unit.plain}".rstrip() + sampling
+    spread = "" if of.push_spread is None else f", ± {of.push_spread:.2g} by the spread of the pushes"
+    return f"{of.shown(of.value):.6g}{band} {of.unit.plain}".rstrip() + sampling + spread
 
 
 def _rests(of: Stated) -> str:

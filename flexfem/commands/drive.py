@@ -67,6 +67,11 @@ def print_command(of: Command) -> None:
     out.print(table(head, _stack_rows(of)))
     out.print(table(("", *criteria), _criterion_rows(of)))
     out.print(table(("stiffness, other directions held", *DIRECTIONS, "against engaged (%)"), _stiffness_rows(of)))
+    out.print(f"each stack pushes by {', or by '.join(of.contacts)}")
+    if of.push_spread is not None:
+        out.print(
+            "spread of the pushes: over half and twice the 1.5 link widths that are assumed, as far as links reach"
+        )
     if of.open_loop:
         round_off = 1e-12 * max(map(abs, of.pose))
         head = ("error of the metal by model", *DIRECTIONS)
@@ -123,6 +128,10 @@ def _stiffness_rows(of: Command) -> Iterator[list[str]]:
         if found is not None:
             cells = [f"{value:.5g} {unit.plain}" for value, unit in zip(found, STIFFNESSES, strict=True)]
         yield [name, *cells, _changes(found, of.engaged)]
+        if name == "engaged" and of.push_spread is not None:
+            moved = [f"± {by:.3g} {unit.plain}" for by, unit in zip(of.push_spread, STIFFNESSES, strict=True)]
+            share = (f"{100 * by / K:.2g}" for by, K in zip(of.push_spread, of.engaged, strict=True))
+            yield ["±, by the spread of the pushes", *moved, f"± {', '.join(share)}"]
 
 
 def _prefixed(pose: Sequence[float]) -> str:

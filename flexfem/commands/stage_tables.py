@@ -48,7 +48,7 @@ def _actuator(one: PlacedActuator) -> str:
     return (
         f"drive {one.name}{own}: {kind} {one.stack or 'of its own'} on {one.between[0]} pushing {one.between[1]}, "
         f"{one.stroke * MICROMETRE.factor:g} {MICROMETRE.plain}, {one.blocking_force:.4g} N, {k:.4g} {RATE.plain}, "
-        f"{with_contact:.4g} with its contact, preload {one.preload:g} N"
+        f"{with_contact:.4g} with {one.contact}, preload {one.preload:g} N"
     )
 
 

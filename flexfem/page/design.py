@@ -66,7 +66,9 @@ def _goal(of: Goal) -> list[Content]:
 
 def _value(of: Stated) -> str:
     band = "" if not of.band else f"{SPACE}±{SPACE}{significant(of.band, 2)}"
-    return f"{significant(of.shown(of.value), 6)}{band}{SPACE}{of.unit}".rstrip()
+    text = f"{significant(of.shown(of.value), 6)}{band}{SPACE}{of.unit}".rstrip()
+    spread = of.push_spread
+    return text if spread is None else f"{text}, ±{SPACE}{significant(spread, 2)} by the spread of the pushes"
 
 
 def _requirements(of: Designed, number: int) -> PageSection | None:

@@ -117,7 +117,7 @@ def drive_table(found: StageReport) -> Markup:
     if found.drive is None:
         return Markup("")
     head = ["actuator", "chains", "on, pushing", "stack", f"stroke ({MICROMETRE})", "blocking force (N)"]
-    head += [f"stiffness ({RATE})", f"with contact ({RATE})", "preload (N)"]
+    head += [f"stiffness ({RATE})", f"with contact ({RATE})", "preload (N)", "contact"]
     rows = [list(_actuator(each)) for each in found.drive.actuators]
     return table(head, rows, caption="The actuators", numbers=5)
 
@@ -127,4 +127,4 @@ def _actuator(one: PlacedActuator) -> Iterator[str]:
     yield from (one.name, ", ".join(map(str, one.chains)), ", ".join(one.between), f"{kind}, {one.stack or 'its own'}")
     yield from (f"{one.stroke * MICROMETRE.factor:g}", f"{one.blocking_force:.4g}")
     yield from (f"{k * RATE.factor:.4g}" for k in (one.stiffness, one.stiffness_with_contact))
-    yield f"{one.preload:g}"
+    yield from (f"{one.preload:g}", one.contact)

@@ -60,6 +60,8 @@ def design_figure(found: Designed) -> Figure:
 
 def _said(of: Stated) -> str:
     band = "" if of.band is None else f" ± {significant(of.band, 2)}"
+    if of.push_spread is not None:
+        band += f" (mesh) ± {significant(of.push_spread, 2)} (spread of the pushes)"
     by = ", exact" if of.checked_by == "exact" else f" by {of.checked_by}"
     return f"{significant(of.shown(of.value), 5)}{band} {of.unit}".rstrip() + by
 

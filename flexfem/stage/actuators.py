@@ -29,7 +29,7 @@ Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
 
 _OWN = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
-_BALL = ("ball_youngs_modulus_gpa", "ball_poissons_ratio")
+_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
 
 
 def _pushes(body: str) -> Rule:
@@ -134,6 +134,13 @@ class Actuator(Dimensioned):
         description="Of a ball between stack and body, by Hertz at the preload on the stage's metal",
         examples=[2.0],
     )
+    ball_loose: bool | None = Field(
+        default=None,
+        description="Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in "
+        "series, that of the end reported as assumed. By default it is fixed to the stack, as the dome of its tip: one "
+        "contact, which is reported as assumed where it is not stated",
+        examples=[True],
+    )
     ball_youngs_modulus: Modulus | None = Field(
         default=None,
         alias="ball_youngs_modulus_gpa",
@@ -208,7 +215,7 @@ class Actuator(Dimensioned):
 
     @model_validator(mode="after")
     def _one_contact(self) -> Actuator:
-        ball = {"ball_youngs_modulus_gpa": self.ball_youngs_modulus, "ball_poissons_ratio": self.ball_poissons_ratio}
+        ball = dict(zip(_BALL, (self.ball_loose, self.ball_youngs_modulus, self.ball_poissons_ratio), strict=True))
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key, value in ball.items():
@@ -251,7 +258,23 @@ class Actuator(Dimensioned):
         """Whether its ball is of a metal that the file does not state."""
         return self.ball_radius is not None and None in (self.ball_youngs_modulus, self.ball_poissons_ratio)
 
+    @property
+    def assumed_of_ball(self) -> list[str]:
+        """What of its ball, if it has one, is assumed because the file does not state it."""
+        held = {None: ["fixed to the stack"], True: ["steel end of the stack"], False: list[str]()}[self.ball_loose]
+        return ["steel"] * self.steel_assumed + (held if self.ball_radius is not None else [])
+
+    @property
+    def contact(self) -> str:
+        """What it touches the pushed body with, in words."""
+        if self.ball_radius is None:
+            return "a rigid contact" if self.contact_stiffness is None else "its contact of stated stiffness"
+        if self.ball_loose:
+            return "its loose ball, two contacts"
+        return f"its ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
+
     def stiffness_with(self, metal: Material) -> float:
         """Stiffness, N/mm, of stack and contact in series, the contact on this metal."""
         numbers = Numbers(*map(np.asarray, self.numbers))
-        return float(series_stiffness(numbers, self.rating.stiffness, metal.youngs_modulus, metal.poissons_ratio))
+        flat = metal.youngs_modulus, metal.poissons_ratio
+        return float(series_stiffness(numbers, self.rating.stiffness, *flat, loose=bool(self.ball_loose)))

@@ -19,7 +19,8 @@ from flexfem.stage.content import StageContent
 from flexfem.stage.designs import chain_rotation
 from flexfem.stage.outline import Segment
 
-SPREAD = 0.75  # half a station per link width: pushes spread evenly over one width have the same deviation
+SPREAD = 0.75  # half a station per link width, assumed: pushes spread evenly over one width have the same deviation
+PLAUSIBLE = (0.5, 2.0)  # times that length over which pushes may be spread instead
 EDGE = 0.505  # of its width a strip reaches to either side: triangles cut arcs a little outside
 LINKS = (1, 2)  # of `BODY_NAMES`, those that are strips
 
@@ -148,6 +149,11 @@ def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array]:
     return moment / by_moment, pull / by_force, shear / by_force
 
 
+def spread_over(of: Station, times: float) -> Station:
+    """The station with so many times its length about the same middle, as far as the strip reaches."""
+    return of._replace(half=float(min(times * of.half, of.middle, of.starts[-1] - of.middle)))
+
+
 def share_beyond(of: Station, s: Array) -> Array:
     """Share (n,) of a push that is beyond `s` (n,), mm along the path."""
     xi = np.clip((s - of.middle) / of.half, -1.0, 1.0)
@@ -206,6 +212,13 @@ class Stack(NamedTuple):
         wrench = np.array([t.real, t.imag, (np.conj(self.point) * t).imag])
         pushed, carrier = self.pushes
         return self._replace(pushes=(pushed._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
+
+    def spread_over(self, times: float) -> Stack:
+        """The stack with its pushes on links spread over so many times the length that is assumed."""
+        first, second = (
+            push._replace(station=push.station and spread_over(push.station, times)) for push in self.pushes
+        )
+        return self._replace(pushes=(first, second))
 
     def placed(self, push: Push) -> Array:
         """Wrench (..., 3) of one of its pushes in the frame of the stage."""

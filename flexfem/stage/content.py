@@ -153,15 +153,14 @@ def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
 def drive_content(stage: StageContent) -> list[Any]:
     """What of the drive is part of a hash, of every chain, or of one where all are alike: no names.
 
-    Friction that is not stated is left out, as in hashes older than that key.
+    Friction that is not stated, and balls that are not loose, are left out, as in hashes older than those keys.
     """
-    chains = [
-        [
-            [one.model_dump(exclude={"name", "stack"} | ({"friction"} if one.friction is None else set())), one.rating]
-            for one in chain
-        ]
-        for chain in actuators_of(stage)
-    ]
+
+    def said(one: Actuator) -> dict[str, Any]:
+        newer = {"friction": one.friction is None, "ball_loose": not one.ball_loose}
+        return one.model_dump(exclude={"name", "stack", *(key for key, left_out in newer.items() if left_out)})
+
+    chains = [[[said(one), one.rating] for one in chain] for chain in actuators_of(stage)]
     return chains[0] if all(chain == chains[0] for chain in chains) else chains
 
 

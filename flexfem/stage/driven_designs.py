@@ -148,7 +148,8 @@ def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: N
     blocking = _blocking(of)
     rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
     metal = designs.youngs_modulus[:, None, None], designs.poissons_ratio[:, None, None]
-    series = series_stiffness(of, rate, *metal)
+    loose = np.array([[bool(one.ball_loose) for one in row] for row in chains])
+    series = series_stiffness(of, rate, *metal, loose)
     stacks, owners, signs, names = list[Stack](), list[tuple[int, int, int]](), list[float](), list[str]()
     lowest, highest = list[Array](), list[Array]()
     for chain, row in enumerate(chains):

@@ -199,13 +199,13 @@ link, expected < chain.link_width_mm = 9
     @property
     def drive_doubts(self) -> Doubts:
         """What is assumed and what is not stated, the drive included; a ball of no stated metal is of assumed steel."""
-        steel = [
-            f"{key_path(('actuator', k), self)}.ball (steel)"
+        ball = [
+            f"{key_path(('actuator', k), self)}.ball ({what})"
             for k, chains in enumerate(zip(*actuators_of(self), strict=True))
-            if any(one.steel_assumed for one in chains)
+            for what in dict.fromkeys(what for one in chains for what in one.assumed_of_ball)
         ]
         sources = self.sources
-        return Doubts([*super().assumed, *steel], [key for key in super().numbers if sources[key] is None])
+        return Doubts([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
 
 
 def load_stage(path: Path) -> Stage:

@@ -18,7 +18,7 @@ from flexfem.files.toml import Label, Table, validate
 from flexfem.stage.inside import Dimensioned, converted
 
 CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
-STEEL = (206e3, 0.3)  # of balls whose metal no file states: Young's modulus, MPa, and Poisson's ratio of bearing steel
+STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
 
 Stroke: TypeAlias = Annotated[
     float, *quantities.above_zero(quantities.STROKE), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
@@ -62,15 +62,19 @@ class Numbers(NamedTuple):
 GEOMETRY = Numbers._fields[:5]  # where the contact is
 
 
-def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike) -> Array:
-    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) and their contacts in series, on a metal (E, nu)."""
+def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike, loose: ArrayLike = False) -> Array:
+    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) and their contacts in series, on a metal (E, nu).
+
+    loose : (...), bool, balls that dent a steel end of the stack as well.
+    """
     given = np.where(np.isnan(of.contact_stiffness), np.inf, of.contact_stiffness)
     ball = tuple(
         np.where(np.isnan(own), steel, own)
         for own, steel in zip((of.ball_youngs_modulus, of.ball_poissons_ratio), STEEL, strict=True)
     )
     contact = np.where(np.isnan(of.ball_radius), given, hertz(of.ball_radius, of.preload, ball, (E, nu)))
-    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact))
+    behind = np.where(loose, 1 / hertz(of.ball_radius, of.preload, ball, STEEL), 0.0)
+    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact + behind))
 
 
 def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:

@@ -149,15 +149,15 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
     own = {name: float(column[0]) for name, column in columns.items()}
     found = meshed.columns[-1] | ({} if scattered is None else scattered.columns[-1])
     corrections = {name: correction_of(own[name], value) for name, value in found.items() if name in own}
-    elastic = _quantities(model, own | found)
-    by_mesh = np.array([_quantities(model, own | each) for each in meshed.columns])
+    elastic = quantities_of(model, own | found)
+    by_mesh = np.array([quantities_of(model, own | each) for each in meshed.columns])
     bands = _bands(model, meshed.resolutions, by_mesh)
     sampling = np.zeros(len(elastic))
     if scattered is not None:
         if scattered.fits:
-            of_meshes = np.array([_quantities(model, own | found | each) for each in scattered.columns])
+            of_meshes = np.array([quantities_of(model, own | found | each) for each in scattered.columns])
             bands = np.maximum(bands, [_band(SCATTER, each) for each in of_meshes.T])
-        ends = [_quantities(model, own | found | each) for each in scattered.ends]
+        ends = [quantities_of(model, own | found | each) for each in scattered.ends]
         sampling = np.max(np.abs(np.array(ends) - elastic), axis=0)
     predicted = model.found(values[None]).quantities[0]
     size = np.maximum(np.abs(elastic), np.concatenate([np.zeros(model.objectives), model.scales]))
@@ -166,10 +166,11 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = la
     zero[model.objectives :] = False
     gap = float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0)))
     about = corrections, own | found, model.shifts, sampling, scattered
-    return Proof(values, predicted, _quantities(model, own), elastic, bands + sampling, gap, *about)
+    return Proof(values, predicted, quantities_of(model, own), elastic, bands + sampling, gap, *about)
 
 
-def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
+def quantities_of(model: Model, columns: Mapping[str, float]) -> Array:
+    """Quantities (q,) of one design by its columns."""
     return np.asarray(model.quantities({name: np.array([value]) for name, value in columns.items()}, 1)[0])
 
 
@@ -177,7 +178,7 @@ def round_off(model: Model, of: Proof) -> Array:
     """By how much quantities (q,) move with the round-off of columns that symmetry can make zero."""
     noise = round_off_of({name: np.array([value]) for name, value in of.columns.items()})
     moved = {name: of.columns[name] + float(size.max()) for name, size in noise.items() if name in of.columns}
-    return np.abs(_quantities(model, of.columns | moved) - of.elements)
+    return np.abs(quantities_of(model, of.columns | moved) - of.elements)
 
 
 def _bands(model: Model, resolutions: tuple[int, ...], values: Array) -> Array:

@@ -18,7 +18,7 @@ from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven
 from flexfem.synthesis.many import front_of_many, require_pymoo
-from flexfem.synthesis.mapping import Mapped, Proof, mapped, round_off
+from flexfem.synthesis.mapping import Mapped, Proof, mapped, quantities_of, round_off
 from flexfem.synthesis.model import WORST, Model
 from flexfem.synthesis.prices import Prices, prices, sensitivities
 from flexfem.synthesis.relaxed import alternatives
@@ -39,6 +39,7 @@ from flexfem.synthesis.result import (
 from flexfem.synthesis.scatter import OTHERS
 from flexfem.synthesis.scattered import ScatteredStages
 from flexfem.synthesis.search import Say
+from flexfem.verify.driven_models import best_model, commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions
 
 PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
@@ -159,8 +160,18 @@ def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> di
         "sampling": float(of.sampling[place]) if sampled else None,
         "uncorrected": float(of.uncorrected[place]),
         "checked_by": by,
+        "push_spread": _push_spread(found, of, place) if asked & {*ENGAGED} else None,
         "round_off": float(round_off(found.model, of)[place]),
     }
+
+
+def _push_spread(found: Mapped, of: Proof, place: int) -> float:
+    """By how much a quantity moves with engaged stiffness where the pushes of stacks spread otherwise."""
+    stage = stage_of(found.model.loaded.study, of.values)
+    model = commanding(stage, *best_model(stage, []))
+    part = push_spread(stage, model) / engaged_stiffness(model.of)
+    ends = [of.columns | {n: of.columns[n] * (1 + s * p) for n, p in zip(ENGAGED, part, strict=True)} for s in (-1, 1)]
+    return max(abs(float(quantities_of(found.model, end)[place] - of.elements[place])) for end in ends)
 
 
 def _goals(found: Mapped, last: Proof) -> list[Goal]:

@@ -22,6 +22,8 @@ class Stated(Record):
     value : of finite elements where they answer it, with their `band` by meshes; else of the analytic model, None.
     uncorrected : of the analytic model by itself.   checked_by : which of them `value` is.
     sampling : of a coupling under tolerance, the part of the band that is not by meshes; None else.
+    push_spread : of engaged stiffness, by how much it moves with the length over which pushes spread, see
+        `Command.push_spread`; None else.
     round_off : up to which size a value is round-off of what symmetry makes zero.
     """
 
@@ -33,6 +35,7 @@ class Stated(Record):
     uncorrected: float
     checked_by: Checked
     round_off: float = 0.0
+    push_spread: float | None = None
 
     def shown(self, value: float) -> float:
         """A value of it to be printed: 0 where it is round-off."""
@@ -206,7 +209,7 @@ class Designed(Record):
             return []
         by = ", ".join(f"{each.label} by {each.tightened_percent:.2g} %" for each in tight)
         room = f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ"
-        said = f"the search tightened requirements by their bands and by up to {room}: {by}"
+        said = f"the search tightened requirements by their bands, and with continuous dimensions by {room}: {by}"
         priced = [each for each in tight if each.price_percent is not None]
         if not priced:
             return [said]

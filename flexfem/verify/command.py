@@ -11,6 +11,7 @@ from flexfem.analytic.preload import Serial
 from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
 from flexfem.stage.contacts import Follows
+from flexfem.stage.content import actuators_of
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
 from flexfem.units import MICROMETRE
@@ -33,6 +34,8 @@ from flexfem.verify.driven_models import (
     commanding,
     driven_metal,
     element_stresses,
+    engaged_stiffness,
+    push_spread,
     rotations,
     stresses,
 )
@@ -74,9 +77,11 @@ class Strokes(Record):
 class Command(OfStage):
     """What `flexfem command` answers; pose and load as asked, N, mm, rad.
 
-    places : of the stacks (n), with their limits.
+    places : of the stacks (n), with their limits.   contacts : what they touch the pushed bodies with, each kind once.
     engaged, disengaged : (3,), stiffness of the platform, with the stacks holding their strokes and without them, each
         direction with the others held, K_ii; `engaged_free`, `disengaged_free` with the others free, 1 / C_ii.
+    push_spread : (3,), by how much `engaged` moves, at most, where pushes spread over half and twice the length that is
+        assumed, `contacts.SPREAD`; None where the links of the model are rigid.
     preloaded : (3,), the same, engaged, with the second-order terms of the preloads alone in (16), by what a push goes
         with: see `analytic.preload`; None where the preloads leave no stable stage.
     resolution : of the finite elements, None without them.
@@ -92,10 +97,12 @@ class Command(OfStage):
     actuators: list[str]
     stacks: list[str]
     places: list[StackPlace]
+    contacts: list[str]
     engaged: list[float]
     disengaged: list[float]
     engaged_free: list[float]
     disengaged_free: list[float]
+    push_spread: list[float] | None
     preloaded: dict[Follows, list[float] | None]
     criteria: dict[Criterion, Strokes]
     resolution: int | None
@@ -146,10 +153,12 @@ def command(
         actuators=list(drive.names),
         stacks=stack_names(drive),
         places=stack_places(stage),
-        engaged=np.diag(np.linalg.inv(first.of.engaged)).tolist(),
+        contacts=list(dict.fromkeys(one.contact for chain in actuators_of(stage) for one in chain)),
+        engaged=engaged_stiffness(first.of).tolist(),
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
         engaged_free=(1 / np.diag(first.of.engaged)).tolist(),
         disengaged_free=(1 / np.diag(first.of.C[:3, :3])).tolist(),
+        push_spread=push_spread(stage, first).tolist() if first.result.links else None,
         preloaded=at_rest,
         criteria=criteria,
         resolution=resolution,

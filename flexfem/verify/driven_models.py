@@ -14,7 +14,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.contacts import Stack
+from flexfem.stage.contacts import PLAUSIBLE, Stack
 from flexfem.stage.designs import lower, stage_frames
 from flexfem.stage.drives import StageDrive, drive_of
 from flexfem.stage.schema import Stage
@@ -53,6 +53,21 @@ def commanding(stage: Stage, mobility: int | None, formula: str, links: bool) ->
     result = analyse(stage, mobility, formula, links)
     model = driven_model(stage, result)
     return Commanding(stage, result.name, result, model, driven(model.compliance, drive_of(stage)))
+
+
+def push_spread(stage: Stage, of: Commanding) -> Array:
+    """How much (3,) the engaged stiffness K_ii moves, at most, with pushes spread over half and twice the length that
+    is assumed, as far as links reach; zero by rigid links, which do not tell.
+    """
+    drive = drive_of(stage)
+    spread = (tuple(stack.spread_over(times) for stack in drive.stacks) for times in PLAUSIBLE)
+    found = [engaged_stiffness(driven(driven_model(stage, of.result, each).compliance, drive)) for each in spread]
+    return np.asarray(np.max(np.abs(np.array(found) - engaged_stiffness(of.of)), axis=0))
+
+
+def engaged_stiffness(of: Driven) -> Array:
+    """Stiffness (3,) of the platform with the stacks holding their strokes, each direction with the others held."""
+    return np.asarray(np.diag(np.linalg.inv(of.engaged)))
 
 
 def driven_metal(stage: Stage, resolution: int) -> DrivenMetal:

@@ -31,7 +31,7 @@ class PlacedActuator(NamedTuple):
     """An actuator, and what each of its stacks can do.
 
     chains : 1 to 3, those where it is the same.   contacts_mm, directions_deg : x, y, in the frame of chain 1.
-    stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
+    contact : in words.   stroke : mm.   stiffness, stiffness_with_contact : N/mm.   blocking_force, preload : N.
     """
 
     name: str
@@ -45,6 +45,7 @@ class PlacedActuator(NamedTuple):
     blocking_force: float
     stiffness_with_contact: float
     preload: float
+    contact: str
 
 
 class DriveReport(NamedTuple):
@@ -134,6 +135,7 @@ def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
         **one.rating._asdict(),
         stiffness_with_contact=one.stiffness_with(stage.material),
         preload=one.preload,
+        contact=one.contact,
     )
 
 

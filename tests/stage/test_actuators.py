@@ -78,6 +78,24 @@ def test_stack_and_contact_are_in_series(stage):
     assert Actuator(**ANY).stiffness_with(stage.material) == pytest.approx(53.736e3, rel=1e-4)
 
 
+@pytest.mark.parametrize(("loose", "stiffness"), [(None, 10.36e3), (False, 10.36e3), (True, 6.79e3)])
+def test_a_loose_ball_has_two_contacts_in_series_and_what_is_assumed_of_it_is_said(stage, loose, stiffness):
+    """53.74 N/um of the stack, 12.84 on aluminium, and 19.74 on a steel end: (6 R E*^2 F)^(1/3), E* = 113.2 GPa."""
+    drawn = Actuator(**ANY, ball_radius=2.0, preload=50.0, ball_loose=loose)
+    behind = (6 * 2.0 * (206e3 / (2 * (1 - 0.3**2))) ** 2 * 50.0) ** (1 / 3)
+    exact = 1 / (1 / 53.736e3 + 1 / 12.835e3 + (1 / behind if loose else 0.0))
+    assert drawn.stiffness_with(stage.material) == pytest.approx(exact, rel=1e-4) == pytest.approx(stiffness, rel=1e-3)
+    driven = stage.replace(actuator=[drawn])
+    assert drive_of(driven).stiffness == pytest.approx([exact] * 6, rel=1e-4)
+    unsaid = stage.replace(actuator=[drawn.model_copy(update={"ball_loose": None})])
+    assert (driven.drive_hash == unsaid.drive_hash) == (not loose)
+    said = {None: ["steel", "fixed to the stack"], False: ["steel"], True: ["steel", "steel end of the stack"]}[loose]
+    of_balls = [key for key in driven.drive_doubts.assumed if "ball (" in key]
+    assert of_balls == [f"actuator.base.ball ({each})" for each in said]
+    words = {None: "one contact, assumed", False: "fixed to the stack, one contact", True: "loose ball, two contacts"}
+    assert drawn.contact.endswith(words[loose])
+
+
 STACK = 'stack = "AE0505D16"                       # 17.4'
 LINK = 'hinge = "base"\narm_mm = 10.0 '
 SIDE = 'side = "left"'
@@ -114,6 +132,8 @@ BAD = [  # edits of the first actuator, what is said, what is named
         "contact_stiffness",
     ),
     ([("ball_radius_mm = 2.0", "ball_poissons_ratio = 0.3")], "ball_radius_mm with it", "ball_poissons_ratio"),
+    ([("ball_radius_mm = 2.0", "ball_loose = false")], "ball_radius_mm with it", "ball_loose"),
+    ([("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\nball_loose = 2")], "ball_loose = 2", "true or false"),
     ([('name = "base"', 'name = "elbow"')], "no other actuator", "actuator[1].name"),
 ]
 

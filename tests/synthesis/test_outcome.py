@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections import Counter
 from itertools import chain
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import flexfem
 from flexfem.commands.design import print_design
 from flexfem.refused import BadInput
+from flexfem.stage.schema import Stage
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
 from flexfem.synthesis.mapping import proof
@@ -100,6 +102,18 @@ def test_what_the_accuracy_costs_is_said_and_is_what_a_wider_one_loses(load, cap
     assert f"costs range_x_um about {cost:.2g} %, {cost * values[0] / 100:.2g} um, its band being ± 1.5" in said
     print_design(near)
     assert said in capsys.readouterr().out.splitlines()
+
+
+def test_beside_the_band_of_engaged_stiffness_is_how_the_spread_of_pushes_moves_it(load, capsys):
+    """As `flexfem command` has it of the designed stage, in whatever unit it is asked; nothing of what is passive."""
+    asked = "[drive]\nactuators = true\n", require("engaged_kxx_n_per_mm / 1000", 1.0), require("kxx_n_per_mm", 20)
+    found = best_of_metal(load, *asked, best("maximise", "kxx_n_per_mm"))
+    engaged, passive = found.requirements
+    own = flexfem.command(Stage.model_validate(tomllib.loads(found.stage)), [1e-3, 0, 0], resolution=None)
+    assert engaged.push_spread == pytest.approx(engaged.value * own.push_spread[0] / own.engaged[0], rel=1e-9)
+    assert 0.01 < engaged.push_spread / engaged.value < 0.04 and passive.push_spread is None
+    print_design(found)
+    assert f", ± {engaged.push_spread:.2g} by the spread of the pushes" in capsys.readouterr().out
 
 
 def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
