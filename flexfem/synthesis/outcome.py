@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
@@ -39,7 +40,7 @@ from flexfem.synthesis.result import (
 from flexfem.synthesis.scatter import OTHERS
 from flexfem.synthesis.scattered import ScatteredStages
 from flexfem.synthesis.search import Say
-from flexfem.verify.driven_models import best_model, commanding, engaged_stiffness, push_spread
+from flexfem.verify.driven_models import commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions
 
 PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
@@ -169,7 +170,7 @@ def _push_spread(found: Mapped, of: Proof, place: int) -> float:
     """By how much a quantity moves with engaged stiffness where the pushes of stacks spread otherwise."""
     stage = stage_of(found.model.loaded.study, of.values)
     model = commanding(stage, *best_model(stage, []))
-    part = push_spread(stage, model) / engaged_stiffness(model.of)
+    part = push_spread(model.stage, model) / engaged_stiffness(model.of)
     ends = [of.columns | {n: of.columns[n] * (1 + s * p) for n, p in zip(ENGAGED, part, strict=True)} for s in (-1, 1)]
     return max(abs(float(quantities_of(found.model, end)[place] - of.elements[place])) for end in ends)
 

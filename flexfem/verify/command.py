@@ -158,7 +158,7 @@ def command(
         disengaged=np.diag(np.linalg.inv(first.of.C[:3, :3])).tolist(),
         engaged_free=(1 / np.diag(first.of.engaged)).tolist(),
         disengaged_free=(1 / np.diag(first.of.C[:3, :3])).tolist(),
-        push_spread=push_spread(stage, first).tolist() if first.result.links else None,
+        push_spread=push_spread(first.stage, first).tolist() if first.result.links else None,
         preloaded=at_rest,
         criteria=criteria,
         resolution=resolution,
