@@ -169,7 +169,7 @@ def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> di
 def _push_spread(found: Mapped, of: Proof, place: int) -> float:
     """By how much a quantity moves with engaged stiffness where the pushes of stacks spread otherwise."""
     stage = stage_of(found.model.loaded.study, of.values)
-    model = commanding(stage, *best_model(stage, []))
+    model = commanding(*best_model(stage, []))
     part = push_spread(model.stage, model) / engaged_stiffness(model.of)
     ends = [of.columns | {n: of.columns[n] * (1 + s * p) for n, p in zip(ENGAGED, part, strict=True)} for s in (-1, 1)]
     return max(abs(float(quantities_of(found.model, end)[place] - of.elements[place])) for end in ends)
