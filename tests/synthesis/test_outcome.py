@@ -307,7 +307,7 @@ def test_what_a_drive_does_is_proven_by_finite_elements(load, tmp_path):
 def test_a_stage_corrected_for_its_thickness_is_proven_in_three_dimensions(load, tmp_path):
     """Stiffness and range of the extruded stage, the first near calibrated thick hinges on elastic links, 0.2 % off.
 
-    The range is 1 / stress, of which a model of rigid links says 10 % too much. Drive, drift, frequency stay a model's.
+    The range is 1 / stress, of which a model of rigid links says 3 % too much here. Drive, drift, frequency stay a model's.
     """
     base = (ROOT / "geometry/mobility6.toml").read_text()
     (tmp_path / "base.toml").write_text(base.replace("thickness_mm", 'model = "corrected"\nthickness_mm', 1))
@@ -325,7 +325,8 @@ def test_a_stage_corrected_for_its_thickness_is_proven_in_three_dimensions(load,
     made.write_text(found.stage)
     model = flexfem.analyse(flexfem.load(made), 21, "calibrated", True).stiffness[0, 0]
     assert stiffness.value == pytest.approx(model, rel=3e-3) and 0 < stiffness.band < 2e-3 * stiffness.value
-    assert stiffness.verdict == "met" and found.objectives[0].value > 1.05 * found.objectives[0].uncorrected
+    above = found.objectives[0].value / found.objectives[0].uncorrected
+    assert stiffness.verdict == "met" and 1.02 < above < 1.05  # 1.10 with the stress of a sheet
 
 
 @pytest.mark.slow

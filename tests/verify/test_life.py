@@ -149,7 +149,8 @@ def test_stiffness_says_the_highest_neck_stress_and_where(unlike, flexfem_comman
 
 @pytest.mark.slow
 def test_both_witnesses_agree_on_unlike_chains_with_a_mean(unlike):
-    """Neck by neck, where it matters; the stress within 2 %, the first neck within its error."""
+    """Neck by neck, where it matters, in one plane; the stress within 2 %, the first neck within its error."""
+    unlike = unlike.replace(model="plane_stress")
     found = flexfem.life(unlike, [0.05, 0.02, -3e-4], mean=[-0.04, 0.05, 6e-4])
     one, other = found.analytic, found.elements
     highest = max(neck.equivalent for neck in other.necks)
