@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexfem.refused import BadInput
-from flexfem.study.content import RETRIED, Counts
+from flexfem.study.content import RETRIED, Counts, under_way
 from flexfem.study.folder import Stale, survey
 from flexfem.study.parts import PART, WHOLE, Parts, Shard, names_in
 from flexfem.study.probes import unseen
@@ -59,6 +59,7 @@ def status_facts(parts: Parts, shard: Shard = WHOLE) -> dict[str, Any]:
         **about,
         "warnings": [*unseen(loaded), *about["warnings"]],
         "open": designs - about["done"],
+        "under_way": under_way(parts, shard),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
         "parts": len(found.done),

@@ -91,6 +91,8 @@ def print_status(facts: dict[str, Any]) -> None:
         if others := list(reasons.values())[SHOWN:]:
             print(f"  {sum(others):,} {status} for {len(others):,} other reasons")
     print(f"{facts['parts']:,} parts in {facts['folder']}")
+    if facts["under_way"]:
+        print(f"{facts['under_way']:,} of the open designs are kept there for parts that are not whole yet")
     for text in facts["damaged"]:
         print(f"{text}; flexfem study run computes it again")
     if facts["foreign"]:

@@ -19,6 +19,7 @@ from flexfem.sources import ONE_THREAD
 
 if TYPE_CHECKING:
     from flexfem.study.parts import Parts, Shard
+    from flexfem.study.run import Progress
 
 app = typer.Typer(
     help="Study many designs: run, see how far it is, collect the table, plot.",
@@ -79,8 +80,14 @@ def _compute(parts: Parts, workers: int | None, scheduler: str | None, part: Sha
     from flexfem.commands.progress import watching
     from flexfem.study.run import run_study
 
-    with _resumable(parts), studies.pool_for(parts, workers, scheduler, _note) as pool, watching() as watch:
-        run_study(parts, pool, shard=part, retry=retry, watch=watch, say=_note)
+    latest: list[Progress] = []
+
+    def seen(step: Progress) -> None:
+        latest[:] = [step]
+        watch(step)
+
+    with _resumable(parts, latest), studies.pool_for(parts, workers, scheduler, _note) as pool, watching() as watch:
+        run_study(parts, pool, shard=part, retry=retry, watch=seen, say=_note)
 
 
 def _lost(parts: Parts, part: Shard) -> list[Path]:
@@ -96,11 +103,13 @@ def _say_lost(lost: list[Path], folder: Path) -> None:
 
 
 @contextmanager
-def _resumable(parts: Parts) -> Iterator[None]:
+def _resumable(parts: Parts, latest: list[Progress]) -> Iterator[None]:
     try:
         yield
     except Stopped as stop:
-        stop.said = f"stopped; what is done is kept in {parts.folder}, the same command goes on"
+        known = latest and latest[0].kept is not None
+        kept = f"{latest[0].kept:,} of {latest[0].designs:,} designs are" if known else "what is done is"
+        stop.said = f"stopped; {kept} kept in {parts.folder}, the same command goes on"
         raise
 
 

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 from flexfem.study.outputs import Rows, row_of
-from flexfem.study.parts import PARQUET, Chunk, Parts, about_of
+from flexfem.study.parts import PARQUET, WHOLE, Chunk, Parts, Shard, about_of, chunk_of, names_in
 from flexfem.study.sampling import sample
 
 COUNTS = b"flexfem.counts"  # of the metadata that count what is in a part
@@ -163,14 +163,15 @@ def journal_path(parts: Parts, chunk: Chunk) -> Path:
     return parts.folder / f".{parts.path(chunk).stem}.rows"
 
 
-def keep_row(parts: Parts, chunk: Chunk, design: int, row: Rows) -> None:
-    """Add a design's row; a folder that takes none is told of when the part is written."""
+def keep_rows(parts: Parts, chunk: Chunk, start: int, rows: Rows) -> None:
+    """Add the rows of the designs from `start` on; a folder that takes none is told of when the part is written."""
     path = journal_path(parts, chunk)
-    content = json.dumps([design, str(row.status[0]), str(row.reason[0]), row.values[0].tolist()])
+    each = enumerate(zip(rows.status, rows.reason, rows.values, strict=True), start)
+    lines = [json.dumps([k, str(status), str(reason), values.tolist()]) for k, (status, reason, values) in each]
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab", buffering=0) as file:
-            file.write(f"\n{_checksum(path, content)} {content}\n".encode())
+            file.write("".join(f"\n{_checksum(path, line)} {line}\n" for line in lines).encode())
 
 
 def kept_rows(parts: Parts, chunk: Chunk) -> dict[int, Rows]:
@@ -186,6 +187,13 @@ def kept_rows(parts: Parts, chunk: Chunk) -> dict[int, Rows]:
             design, status, reason, values = json.loads(content)
             found[design] = row_of(status, reason, values)
     return found
+
+
+def under_way(parts: Parts, shard: Shard = WHOLE) -> int:
+    """How many designs of parts that are not written yet runs have kept."""
+    chunks = [chunk_of(parts, f"{name[1:-5]}.parquet") for name in names_in(parts.folder) if name.endswith(".rows")]
+    mine = [chunk for chunk in chunks if chunk is not None and chunk.number % shard.step == shard.first]
+    return sum(len(kept_rows(parts, chunk)) for chunk in mine if not parts.path(chunk).exists())
 
 
 def forget_rows(parts: Parts, chunk: Chunk) -> None:

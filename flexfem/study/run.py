@@ -6,6 +6,7 @@ whether a part is there before it computes or writes it.
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -16,7 +17,17 @@ import numpy as np
 from flexfem.refused import BadInput
 from flexfem.sources import require_unchanged
 from flexfem.study.answer import answer
-from flexfem.study.content import Counts, Kept, counts_of, counts_of_table, forget_rows, keep_row, read_part, write_part
+from flexfem.study.content import (
+    Counts,
+    Kept,
+    counts_of,
+    counts_of_table,
+    forget_rows,
+    keep_rows,
+    read_part,
+    under_way,
+    write_part,
+)
 from flexfem.study.folder import candidates, claim_folder, require_same_arithmetic, set_apart, survey
 from flexfem.study.outputs import Rows, failed_row
 from flexfem.study.parts import WHOLE, Chunk, Parts, Shard, shuffled, sweep
@@ -24,7 +35,8 @@ from flexfem.study.pool import DEATHS, Answer, Pool, require_workers
 from flexfem.study.tables import EXTENSIBLE
 from flexfem.study.worker import Died
 
-BROADCAST_LIMIT = 600.0  # s, for a whole chunk of analytic designs
+BROADCAST_LIMIT = 600.0  # s, for as many analytic designs as are given out at once
+FIRST, SECONDS = 4, 2.0  # analytic designs given out first; how long those given out later take, which a stop loses
 STARTUP = 10.0  # s, for a worker to load what it needs, on top of that or of the study's limit for a design
 POLL = 0.25  # s
 
@@ -39,11 +51,15 @@ class Task(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """How far a run is: `designs` it is to see to, of which `known` were there before; all it knows of by status."""
+    """How far a run is: `designs` it is to see to, of which `known` were there before; all it knows of by status.
+
+    kept : of a run that has ended, designs in its folder, those of parts under way included.
+    """
 
     designs: int
     known: int
     counts: Counts
+    kept: int | None = None
 
 
 def run_study(
@@ -83,9 +99,12 @@ def run_study(
     if run.known < run.designs:
         require_workers(pool, solve, parts.loaded, lambda: watch(run.progress))
         claim_folder(parts)
-    with ThreadPoolExecutor(1) as writer:
-        while run.step(writer):
-            watch(run.progress)
+    try:
+        with ThreadPoolExecutor(1) as writer:
+            while run.step(writer):
+                watch(run.progress)
+    finally:  # also of a run that is stopped
+        watch(run.progress._replace(kept=run.on_disk()))
     return run.progress
 
 
@@ -95,7 +114,7 @@ class _Run:
     def __init__(
         self, parts: Parts, pool: Pool, solve: Answer, shard: Shard, retry: bool, say: Callable[[str], object]
     ) -> None:
-        self.parts, self.pool, self.solve, self.say = parts, pool, solve, say
+        self.parts, self.pool, self.solve, self.shard, self.say = parts, pool, solve, shard, say
         found = survey(parts, shard, whole=True)
         blocked = {number for number in found.damaged if parts.path(parts.chunk(number)).is_dir()}
         for number, text in found.damaged.items():
@@ -111,11 +130,18 @@ class _Run:
         self.ready: deque[Task] = deque()
         self.pieces: dict[Chunk, dict[int, Rows]] = {}
         self.computing: dict[Future[Any], Task] = {}
+        self.begun: dict[Future[Any], float] = {}
+        self.at_once = FIRST
         self.writing: dict[Future[Any], Chunk] = {}
 
     @property
     def progress(self) -> Progress:
         return Progress(self.designs, self.known, self.counts)
+
+    def on_disk(self) -> int:
+        """Designs that lie in the folder when all writes are done."""
+        written = sum(chunk.stop - chunk.start for chunk in self.writing.values() if self.parts.path(chunk).exists())
+        return self.counts.total() + written + under_way(self.parts, self.shard)
 
     def step(self, writer: ThreadPoolExecutor) -> bool:
         """Give out tasks, wait a little and take in what is done; returns whether there was anything to wait for."""
@@ -123,17 +149,25 @@ class _Run:
             task = self._next(writer)
             if task is None:
                 break
+            began = time.monotonic()
             future = self.pool.submit(self.solve, self.parts.loaded, task.start, task.stop, self._allowed + STARTUP)
-            self.computing[future] = task
-        under_way = [*self.computing, *self.writing]
-        for future in wait(under_way, POLL, FIRST_COMPLETED).done:
+            self.computing[future], self.begun[future] = task, began
+        pending = [*self.computing, *self.writing]
+        for future in wait(pending, POLL, FIRST_COMPLETED).done:
             if future in self.writing:
                 del self.writing[future]
                 self.counts.update(future.result())
             else:
-                self._take(self.computing.pop(future), future, writer)
+                task = self.computing.pop(future)
+                self._learn(task, time.monotonic() - self.begun.pop(future))
+                self._take(task, future, writer)
         self.pool.check()
-        return bool(under_way)
+        return bool(pending)
+
+    def _learn(self, task: Task, seconds: float) -> None:
+        """Give out as many designs at once as take `SECONDS`, after what a task took."""
+        count = task.stop - task.start
+        self.at_once = max(1, min(int(SECONDS * count / max(seconds, 1e-9)), 8 * max(count, FIRST)))
 
     @property
     def _allowed(self) -> float:
@@ -154,7 +188,12 @@ class _Run:
                 self.ready += [Task(chunk, *ends) for ends in self._ranges(missing)]
                 if not missing:
                     self._write_when_whole(chunk, writer)
-        return self.ready.popleft()
+        task = self.ready.popleft()
+        cut = task.start + self.at_once
+        if self._broadcast and cut < task.stop:
+            self.ready.appendleft(task._replace(start=cut))
+            return task._replace(stop=cut)
+        return task
 
     def _ranges(self, designs: list[int]) -> list[tuple[int, int]]:
         """Designs as ranges: as long as they can be for a model that answers many at once, else of one."""
@@ -209,8 +248,8 @@ class _Run:
     def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
         """Put rows to those of their chunk, and write the part when they are all there."""
         self.pieces[task.chunk][task.start] = rows
-        if not self._broadcast:
-            keep_row(self.parts, task.chunk, task.start, rows)
+        if len(rows.status) < task.chunk.stop - task.chunk.start:
+            keep_rows(self.parts, task.chunk, task.start, rows)
         self._write_when_whole(task.chunk, writer)
 
     def _write_when_whole(self, chunk: Chunk, writer: ThreadPoolExecutor) -> None:

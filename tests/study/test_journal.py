@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.study.content import forget_rows, journal_path, keep_row, kept_rows
+from flexfem.study.content import forget_rows, journal_path, keep_rows, kept_rows
 from flexfem.study.outputs import Rows
 from flexfem.study.parts import parts_of
 
@@ -17,7 +17,7 @@ def test_rows_come_back_exactly_and_torn_or_changed_lines_do_not(studies: Any, t
     chunk = parts.chunk(0)
     values = np.array([[1 / 3, np.nan, 1e-300]])
     for design in (0, 1):
-        keep_row(parts, chunk, design, Rows(np.array(["ok"], object), np.array([""], object), values + design))
+        keep_rows(parts, chunk, design, Rows(np.array(["ok"], object), np.array([""], object), values + design))
     path = journal_path(parts, chunk)
     path.write_bytes(path.read_bytes().replace(b"1.3333", b"1.3433") + b"\n0123 [0, ")
     found = kept_rows(parts, chunk)

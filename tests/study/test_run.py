@@ -10,7 +10,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import contextmanager
-from itertools import chain, pairwise
+from itertools import chain
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -150,17 +150,45 @@ def test_what_exists_is_not_computed_again(study, tmp_path):
     asked = []
 
     def counting(loaded, start, stop, inside):
-        asked.append((start, stop))
+        asked.extend(range(start, stop))
+        assert start // 64 == (stop - 1) // 64
         return strange.plain(loaded, start, stop, inside)
 
     run_study(parts, Here(), counting)
-    assert sorted(asked) == [*pairwise(range(0, 300, 64)), (256, 300)]
+    assert sorted(asked) == list(range(300))
     gone = sorted(parts.folder.iterdir())[2]
     gone.unlink()
     asked.clear()
     progress = run_study(parts, Here(), counting)
-    assert asked == [(128, 192)]
+    assert sorted(asked) == list(range(128, 192))
     assert (progress.known, progress.designs, progress.counts.total()) == (236, 300, 300)
+
+
+def test_a_run_that_is_stopped_within_a_part_keeps_its_designs_and_says_how_many(study, tmp_path, monkeypatch):
+    """Designs of 10 ms and tasks of 50 ms: a part of 300 designs is answered in pieces, of which three are lost."""
+    monkeypatch.setattr("flexfem.study.run.SECONDS", 0.05)
+    parts, whole = (parts_of(load_study(study()), tmp_path / name, 300) for name in ("a", "b"))
+    asked, seen = [], []
+
+    def slow(loaded, start, stop, inside):
+        if len(asked) > 60:
+            raise KeyboardInterrupt
+        asked.extend(range(start, stop))
+        time.sleep(0.01 * (stop - start))
+        return strange.plain(loaded, start, stop, inside)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(parts, Here(), slow, watch=seen.append)
+    facts = status_facts(parts)
+    assert 0.5 * len(asked) < seen[-1].kept == facts["under_way"] <= len(asked) < 130
+    assert (seen[-1].designs, facts["open"]) == (300, 300)
+    before, begun = seen[-1].kept, len(asked)
+    asked.clear()
+    monkeypatch.setattr("flexfem.study.run.SECONDS", 5.0)
+    run_study(parts, Here(), lambda *task: asked.extend(range(*task[1:3])) or strange.plain(*task), watch=seen.append)
+    assert len(asked) == 300 - before and begun >= before and seen[-1].kept == 300
+    run_study(whole, Here(), strange.plain)
+    assert table(parts, tmp_path / "a.parquet").equals(table(whole, tmp_path / "b.parquet"))
 
 
 @pytest.mark.slow
