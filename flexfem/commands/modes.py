@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -96,6 +97,7 @@ def _write(found: Vibration, model: DynamicModel, path: Path) -> None:
         write_animation(found, number, path.with_name(f"{path.stem}-{number}.gif"))
     for ending in (".npz", ".mat"):
         model.write(path.with_suffix(ending))
+    print(model.truncation_note, file=sys.stderr)
     write_beside(path.with_name(f"{path.stem}-response.npz"), response_figure(model, found.record))
 
 

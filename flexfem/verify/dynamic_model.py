@@ -17,6 +17,7 @@ from flexfem.fem.modes import Modes, Structure, lowest
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
 from flexfem.stage.drives import StageDrive
+from flexfem.stage.tables import counted
 from flexfem.units import FORCES, LENGTH, POSES
 
 DIRECTIONS = ("x", "y", "theta")
@@ -44,7 +45,7 @@ class StateSpace(NamedTuple):
 
 class CraigBampton(NamedTuple):
     """Reduced stiffness and mass (3 + k, 3 + k) of pose x, y, theta and k modes with the platform held, loads
-    (3 + k, inputs) per input: `M q'' + K q = L u`."""
+    (3 + k, inputs) per input: `M q'' + K q = L u`. Truncated: its frequencies are above those of all freedoms."""
 
     stiffness: Array
     mass: Array
@@ -76,6 +77,23 @@ class DynamicModel(NamedTuple):
         C = np.hstack([self.read, np.zeros((3, k))])
         return StateSpace(A, np.vstack([np.zeros((k, n)), self.drive]), C, self.residual)
 
+    @property
+    def truncation(self) -> Array:
+        """By how many per cent (k,) the lowest frequencies of the Craig-Bampton matrices are above `frequencies`."""
+        from scipy.linalg import eigh
+
+        squares = eigh(self.craig_bampton.stiffness, self.craig_bampton.mass, eigvals_only=True)
+        return np.asarray(100 * (np.sqrt(squares[: len(self.frequencies)]) / self.frequencies - 1))
+
+    @property
+    def truncation_note(self) -> str:
+        """What is to be known of the Craig-Bampton matrices, in a sentence."""
+        above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
+        return (
+            f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
+            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
+        )
+
     def response(self, frequencies: Array) -> Any:
         """Complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
         w, own = np.asarray(frequencies, dtype=float)[:, None], self.frequencies
@@ -97,6 +115,7 @@ class DynamicModel(NamedTuple):
         words = {name: np.array(texts) for name, texts in named.items()}
         reduced = dict(zip(("K_cb", "M_cb", "L_cb"), self.craig_bampton, strict=True))
         found = {"frequencies_rad_per_s": self.frequencies, "damping_ratio": np.array(self.damping)}
+        found |= {"K_cb_above_percent": self.truncation, "K_cb_note": np.array(self.truncation_note)}
         return self.state_space._asdict() | reduced | found | words | {"units": np.array(UNITS)}
 
     def write(self, path: Path) -> None:

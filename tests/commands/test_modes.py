@@ -51,8 +51,9 @@ def test_modes_print_and_write(flexfem, project, tmp_path, monkeypatch):
     monkeypatch.setattr("flexfem.plot.modes.FRAMES", 2)
     path = project.path("geometry/mobility3.toml")
     out_folder = tmp_path / "out"
-    code, out, _ = flexfem("modes", path, "--resolution", 4, "--count", 1, "-o", out_folder, "--drives", "engaged")
+    code, out, err = flexfem("modes", path, "--resolution", 4, "--count", 1, "-o", out_folder, "--drives", "engaged")
     assert code == 0 and "drives engaged" in out and "frequency (Hz)" in out and "their own mass is left out" in out
+    assert "K_cb and M_cb are truncated, 1 mode with the platform held" in err
     names = sorted(each.name for each in out_folder.iterdir())
     assert names == sorted(
         f"mobility3-modes{end}"
