@@ -104,7 +104,7 @@ def test_what_a_curve_says_of_its_two_models(project, solve):
     [
         ("resolution", (4, 64), (3, 65)),
         ("points", (3, 10_001), (2, 10_002)),
-        ("amplitude_um", (1e-6, 1e6), (0.0, 0.99e-6, 1.001e6)),
+        ("amplitude_um", (1e-9, 1e6), (0.0, 0.99e-9, 1.001e6)),
     ],
 )
 def test_limits_of_a_case_are_just_where_they_are_said_to_be(project, key, inside, outside):
