@@ -307,7 +307,7 @@ def test_what_a_drive_does_is_proven_by_finite_elements(load, tmp_path):
 def test_a_stage_corrected_for_its_thickness_is_proven_in_three_dimensions(load, tmp_path):
     """Stiffness and range of the extruded stage, the first near calibrated thick hinges on elastic links, 0.2 % off.
 
-    The range is 1 / stress, of which a model of rigid links says 3 % too much here. Drive, drift, frequency stay a model's.
+    The range is 1 / stress, of which a model of rigid links says 3 % too much. Drive, drift, frequency stay a model's.
     """
     base = (ROOT / "geometry/mobility6.toml").read_text()
     (tmp_path / "base.toml").write_text(base.replace("thickness_mm", 'model = "corrected"\nthickness_mm', 1))
