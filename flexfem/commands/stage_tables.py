@@ -22,7 +22,7 @@ def print_stage(of: StageReport) -> None:
     """Print what `check` found."""
     out = people()
     chains = "alike" if of.chains_alike else "differ"
-    out.print(f"{of.name}: mobility {of.mobility}, chains {chains}, plane model {PLANES[of.model]}")
+    out.print(f"{of.name}: mobility {of.mobility}, chains {chains}, {PLANES[of.model]}")
     x, y, R, t = (f"{name} {LENGTH}" for name in ("x", "y", "R", "t"))
     head = ("chain", "hinge", x, y, f"axis {DEGREE.plain}", R, t, "freedoms")
     out.print(table(head, map(_hinge, of.hinges)))

@@ -109,7 +109,7 @@ def test_how_pushes_spread_over_links_is_beside_the_engaged_stiffness(flexfem, p
     asked = ("command", path, "--pose", *POSE, "--analytic")
     found = json.loads(flexfem(*asked, "--json")[1])
     moved = np.array(found["push_spread"]) / found["engaged"]
-    np.testing.assert_allclose(moved, [0.0279, 0.0279, 0.0256], atol=1e-4)
+    np.testing.assert_allclose(moved, [0.0280, 0.0280, 0.0256], atol=1e-4)
     stage = package.load(path)
     drive, mesh = drive_of(stage), build_mesh(stage, 3)
     half, twice = (tuple(stack.spread_over(times) for stack in drive.stacks) for times in (0.5, 2.0))

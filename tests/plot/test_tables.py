@@ -353,6 +353,7 @@ def test_formulas_have_their_range_of_t_over_r(cells):
 def test_the_counts_of_a_study_are_in_their_places(cells):
     facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
     facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
+    facts |= {"under_way": 5}
     facts |= {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": [], "stress_accuracy": "off"}
     rows = cells(print_status, facts)
     assert rows[0] == ["S: 12,345 designs, 11 open"]
