@@ -113,9 +113,10 @@ def _numbers(source: Source, one: FoundFigure) -> Iterator[Markup]:
             yield marks_table(source, one.shown)
         case Shares():
             yield shares_table(source, one.shown)
-        case Best(power=power, gain=gain):
+        case Best(power=power, gain=gain, front=front):
             assert one.points is not None
-            yield notes(list(_said_of_front(source, one.figure, power, gain)), "note")
+            said = [*_said_of_front(source, one.figure, power, gain), *source.unbeaten(one.figure, front.places)]
+            yield notes(said, "note")
             yield front_table(source, one.figure, one.points)
 
 

@@ -33,6 +33,7 @@ def design_figure(found: Designed) -> Figure:
         "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
         f"Evaluations: {counted}. Seed {found.seed}. Corrected model and finite elements differ by at most "
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
+        *_of_front(found),
         *found.warnings,
     ]
     plane = bool(found.front) and len(found.objectives) == 2
@@ -56,6 +57,13 @@ def design_figure(found: Designed) -> Figure:
     for letter, ax, title in zip("abcd", axes, titles, strict=False):
         ax.set_title(f"({letter}) {title}", loc="left")
     return figure
+
+
+def _of_front(found: Designed) -> list[str]:
+    """Which design of its front it is, and why the model and finite elements part along it."""
+    best = f"The design is the best in {found.objectives[0].label} alone, an end of the front"
+    corrected = "the model is corrected at the design and differs from finite elements along the front."
+    return [f"{best}; {corrected}"] if found.front else []
 
 
 def _said(of: Stated) -> str:

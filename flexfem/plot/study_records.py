@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import Caption, Quantity, caption_of, counted, factor, output, thousands
 from flexfem.plot.study_map import StudyMap
@@ -43,6 +43,7 @@ def record_of(source: Source, figure: Figure, found: Extremes | Marks | Shares |
 
 
 TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
+SAME = 1e-9  # part by which numbers of one design may differ
 WRITTEN = 6  # factors below a drawing; more are left to the table
 
 
@@ -98,6 +99,16 @@ class Source(NamedTuple):
         """Where the base stage is among the designs, None where that is not known."""
         found = tuple(self.nominal.get(name, np.nan) for name in (x, y))
         return (found[0], found[1]) if np.isfinite(found).all() else None
+
+    def unbeaten(self, figure: Figure, front: Index) -> list[str]:
+        """What is to be said where the base stage lies beyond a front, (m,) places among the designs that count."""
+        x, y = figure.x or "", figure.y or ""
+        own, designs = self.base(x, y), np.column_stack(self.table.considered.answered(x, y))[front]
+        sign = [1.0 if better == "larger" else -1.0 for better in (figure.x_better, figure.y_better)]
+        if own is None or np.any(np.all(sign * (designs - own) >= -SAME * np.abs(own), axis=1)):
+            return []
+        kept = "no design of the study that can be drawn and keeps all constraints is as good, and it is none of them."
+        return [f"The base stage lies beyond the front: {kept}"]
 
     def _doubts(self) -> list[str]:
         """What is to be known of some of the answers."""
@@ -179,7 +190,7 @@ def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
     broken = int(np.sum(source.table.infeasible))
     title = f"{quantities[1].name} against {quantities[0].name}"
     return ParetoFront(
-        source.caption(figure, title[0].upper() + title[1:]),
+        source.caption(figure, title[0].upper() + title[1:], *source.unbeaten(figure, found.front.places)),
         *quantities,
         *(figure.x_better, figure.y_better),
         points=points,

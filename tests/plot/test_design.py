@@ -41,9 +41,12 @@ def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
         "neck 0.505; l1 31.5 (units of the stage file).",
         "Evaluations: 53,345 by analytic, 12 by finite elements. Seed 2003. Corrected model and finite elements differ "
         "by at most 0.066 % of a quantity at this design.",
+        "The design is the best in reach alone, an end of the front; the model is corrected at the design and differs "
+        "from finite elements along the front.",
         "life extrapolated",
         "assumed dimensions",
     ]
+    assert "front" not in "".join(words(text) for text in design_figure(recorded(front=[])).texts)
     assert "; every requirement is met." in words(design_figure(recorded(feasible=True)).texts[1])
     drawn, margins, history, front = figure.axes
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
