@@ -12,6 +12,7 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -19,7 +20,6 @@ import typer
 from typer.core import TyperGroup
 
 import flexfem
-from flexfem.refused import BadInput
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -34,12 +34,17 @@ GROUPS = {
 }
 MADE = ("drift",)  # commands that are made from the signature of the function of the same name
 RENAMED: dict[str, str] = {}  # old names of commands, and what they are called now
-FIGURES = (".png", ".pdf")
 OUTPUT = "Folder for what is written."
 
 
 class Commands(TyperGroup):
     """The commands in sections, each built when it is run."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse a name behind the options of completion, which are of the shell in which they are run."""
+        if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
+            ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
+        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """All names in the order of their sections."""
@@ -49,7 +54,7 @@ class Commands(TyperGroup):
     def get_command(self, ctx: Any, name: str) -> Any:
         """The command of a name; one that was renamed answers with its new name."""
         if name in RENAMED:
-            raise BadInput(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
+            ctx.fail(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
         return command(name) if name in MADE else super().get_command(ctx, name)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -65,7 +70,8 @@ class Commands(TyperGroup):
         if name not in MADE:
             return str(self.commands[name].get_short_help_str(400))
         source = (Path(__file__).parent / f"{flexfem.home_of(name).replace('.', '/')}.py").read_text()
-        found = re.search(rf'^def {name}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")', source, re.DOTALL | re.MULTILINE)
+        first = rf'^def {name}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
+        found = re.search(first, source, re.DOTALL | re.MULTILINE)
         return " ".join(found[1].split()) if found else ""
 
 
@@ -108,7 +114,9 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
         elif one.default is inspect.Parameter.empty:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
-            yield _parameter(name, Annotated[annotation, typer.Argument(help=texts[name], metavar=metavar)], one.default)
+            yield _parameter(
+                name, Annotated[annotation, typer.Argument(help=texts[name], metavar=metavar)], one.default
+            )
         else:
             yield _parameter(name, _option(name, hint, texts[name]), one.default)
 
@@ -142,7 +150,7 @@ def _usable(folder: Path | None) -> Path | None:
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
     """What a function gives for the options of its command, and the stem of the files for it."""
-    from flexfem.stage.schema import load_feasible
+    from flexfem.mechanism.stage import load_feasible
 
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
     for parameter in inspect.signature(function).parameters.values():
@@ -160,7 +168,7 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             arguments[parameter.name] = given[parameter.name]
     if "progress" not in hints:
         return function(*positional, **arguments), stem
-    from flexfem.commands.at_work import working
+    from flexfem.terminal import working
 
     with working(name) as say:
         return function(*positional, **arguments, progress=say), stem
@@ -187,30 +195,25 @@ def write(found: Any, path: Path) -> list[Path]:
     from flexfem.files.inputs import require_unread
 
     fields = hasattr(found.fields, "write")
-    endings = (".vtu",) if fields else FIGURES if found.figure else ()
+    endings = (".vtu",) if fields else (".png", ".pdf") if found.figure else ()
     require_unread(*(path.with_suffix(ending) for ending in (".json", *endings)))
     found.write(path)
     if fields:
         return [path, found.fields.write(path)]
-    if not found.figure or not drawable(found):
+    if not found.figure or (found.drawn_from_fields and found.fields is None):
         return [path]
-    from flexfem import plot
     from flexfem.plot.write import write_beside
 
-    return [path, *write_beside(path, plot.figure(found))]
-
-
-def drawable(found: Any) -> bool:
-    """Whether a figure can be drawn: those of fields need finite elements."""
-    return not found.drawn_from_fields or found.fields is not None
+    module, _, draw = found.figure.rpartition(".")
+    return [path, *write_beside(path, getattr(import_module(f"flexfem.plot.{module}"), draw)(found))]
 
 
 def print_result(found: Any) -> None:
     """Print the heading, the tables, how they are read, warnings, and how many numbers are in doubt."""
     from rich.table import Table
 
-    from flexfem.commands.tables import people
-    from flexfem.stage.tables import doubts_said
+    from flexfem.mechanism.stage_file import doubts_said
+    from flexfem.terminal import people
 
     out = people()
     out.print(found.heading())
@@ -231,7 +234,8 @@ def print_result(found: Any) -> None:
 
 def parameters(doc: str | None) -> dict[str, str]:
     """The parameters of a numpydoc docstring with their texts."""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", inspect.cleandoc(doc or ""), re.DOTALL | re.MULTILINE)
+    text = inspect.cleandoc(doc or "")
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
     parts = re.split(r"^\*?(\w+) : [^\n]*$", section[1] if section else "", flags=re.MULTILINE)
     return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 

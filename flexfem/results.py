@@ -145,7 +145,7 @@ class About(NamedTuple):
     lever: float = 1.0
 
 
-class Entry(NamedTuple):
+class Number(NamedTuple):
     """One number of a result: its path, value and band in inside units, and the change that is accepted."""
 
     path: str
@@ -156,7 +156,7 @@ class Entry(NamedTuple):
     accepted_band: float
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """A table as text: its head, its rows, how many columns at the left name the rows, and what it shows."""
 
     head: list[str]
@@ -189,6 +189,7 @@ class Result:
     labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     columns: ClassVar[tuple[str, ...]] = ("direction",)
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
+    drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
@@ -251,7 +252,7 @@ class Result:
         place = tuple(self.axes[a].index(labels[a]) if a in labels else slice(None) for a in over)
         return np.asarray(array[place])
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[Number]:
         """All numbers by path, `quantity.label.label`, blanks of labels as underscores."""
         for name, values in self.values.items():
             quantity, sizes, bands = self.quantities[name], self.sizes(name), self.band(name)
@@ -259,7 +260,7 @@ class Result:
                 value, band = float(values[place]), float(bands[place])
                 accepted = quantity.gate.relative * sizes[place] + quantity.gate.absolute
                 path = ".".join([name, *labels]).replace(" ", "_")
-                yield Entry(path, value, band, quantity.unit_at(place), accepted, quantity.gate.band * abs(band))
+                yield Number(path, value, band, quantity.unit_at(place), accepted, quantity.gate.band * abs(band))
 
     def _places(self, over: Sequence[str]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
         for each in product(*(enumerate(self.axes[axis]) for axis in over)):
@@ -287,7 +288,7 @@ class Result:
         for name, values in self.values.items():
             quantity = self.quantities[name]
             factors = quantity.factors(values.shape)
-            found[name] = {"meaning": quantity.meaning, "unit": quantity.unit, "over": list(quantity.over)}
+            found[name] = {"meaning": quantity.meaning, "unit": _lists(quantity.unit), "over": list(quantity.over)}
             found[name]["values"] = _nested(values * factors)
             if name in self.bands:
                 found[name]["bands"] = _nested(self.bands[name] * factors)
@@ -310,7 +311,8 @@ class Result:
         """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
         data = json.loads(json.dumps(self.to_dict(), allow_nan=False))
         text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
-        return write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+        return path
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -332,7 +334,7 @@ class Result:
         if stated != digest(data):
             raise BadInput(f"{path}: changed since it was stored, its digest is of other content")
         try:
-            return found._from(data)  # type: ignore[return-value]
+            return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
             raise BadInput(f"{path}: not what this version of flexfem stores, make it again") from None
 
@@ -345,13 +347,15 @@ class Result:
                     array = np.array(each[part], dtype=float)  # null becomes nan
                     found[name] = array / cls.quantities[name].factors(array.shape)
         about = About(**{key: data[key] for key in About._fields})
-        return cls(about, **parts, **{key: data[key] for key in ("axes", "settings", "warnings", "notes")})
+        rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
+        return cls(about, parts["values"], parts["bands"], **rest)
 
     @classmethod
     def schema(cls) -> dict[str, Any]:
         """JSON schema of the document."""
-        text, texts = {"type": "string"}, {"type": "array", "items": {"type": "string"}}
-        quantities = {}
+        text: dict[str, Any] = {"type": "string"}
+        texts: dict[str, Any] = {"type": "array", "items": text}
+        quantities: dict[str, Any] = {}
         for name, one in cls.quantities.items():
             values: dict[str, Any] = {"type": ["number", "null"]}
             for _ in one.over:
@@ -359,8 +363,8 @@ class Result:
             properties = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
             properties |= {"values": values, "bands": values}
             required = [key for key in properties if key != "bands"]
-            quantities[name] = {"description": one.meaning, "type": "object", "properties": properties}
-            quantities[name] |= {"required": required, "additionalProperties": False}
+            parts: dict[str, Any] = {"type": "object", "properties": properties, "required": required}
+            quantities[name] = {"description": one.meaning, **parts, "additionalProperties": False}
         properties = {
             "result": {"const": cls.kind()},
             "format": {"const": FORMAT},
@@ -377,17 +381,17 @@ class Result:
         return {"$schema": "http://json-schema.org/draft-07/schema#", **found, "additionalProperties": False}
 
     @classmethod
-    def reference(cls) -> Table:
+    def reference(cls) -> TextTable:
         """The declaration as a table for the documentation."""
         rows = [
             [f"{cls.kind()}.{name}", one.meaning, _units_said(one.unit), ", ".join(one.over) or "one number"]
             for name, one in cls.quantities.items()
         ]
-        return Table(["quantity", "meaning", "unit", "for each"], rows, 1)
+        return TextTable(["quantity", "meaning", "unit", "for each"], rows, 1)
 
     # tables
 
-    def tables(self, plain: bool = True) -> list[Table]:
+    def tables(self, plain: bool = True) -> list[TextTable]:
         """Tables of all quantities: those with the same rows stand side by side.
 
         Parameters
@@ -397,15 +401,15 @@ class Result:
         """
         groups: dict[tuple[str, ...], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
-            if quantity.shown and name in self.values:
+            if quantity.shown and name in self.values and not np.all(np.isnan(self.values[name])):
                 rows = tuple(a for a in quantity.over if a not in self.columns and a not in quantity.largest)
                 groups.setdefault(rows, []).append(quantity)
         return [self._table(rows, quantities, plain) for rows, quantities in groups.items()]
 
-    def _table(self, over: tuple[str, ...], quantities: list[Quantity], plain: bool) -> Table:
+    def _table(self, over: tuple[str, ...], quantities: list[Quantity], plain: bool) -> TextTable:
         if not over and all(not self._spread(one) for one in quantities):  # one number each: a list
             rows = [[one.meaning, self._cell(one, (), (), plain, True)] for one in quantities]
-            return Table(["", ""], rows, 1)
+            return TextTable(["", ""], rows, 1)
         head, rows, last = list(over), [], tuple[str, ...]()
         spreading = [one.meaning for one in quantities if self._spread(one)]
         several = len(spreading) > 1
@@ -428,7 +432,7 @@ class Result:
                 differences = [cell for one in quantities for cell in self._differences(one, over, place)]
                 if any(differences):
                     rows.append([*[""] * (len(over) - 1), "difference (%)", *differences])
-        return Table(head, rows, len(over), spreading[0] if len(spreading) == 1 else "")
+        return TextTable(head, rows, len(over), spreading[0] if len(spreading) == 1 else "")
 
     def _spread(self, quantity: Quantity) -> str:
         """The axis of a quantity whose labels are columns."""
@@ -442,7 +446,7 @@ class Result:
         for k in range(len(self.axes[spread]) if spread else 1):
             known = dict(zip(over, place, strict=True)) | {spread: k}
             ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
-            found.append(max(product(*ranges), key=lambda at: _size(self.values[quantity.name][at])))
+            found.append(max(product(*ranges), key=lambda at: _size(float(self.values[quantity.name][at]))))
         return found
 
     def _cells(self, quantity: Quantity, over: Sequence[str], place: Sequence[int], plain: bool) -> list[str]:
@@ -483,7 +487,9 @@ class Result:
         """What stands below the tables: how to read them."""
         banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
         band = ["±: half-width of the numerical uncertainty, by meshes"] if banded else []
-        notes = [f"{one.meaning}: {one.note}" for name, one in self.quantities.items() if one.note and name in self.values]
+        notes = [
+            f"{one.meaning}: {one.note}" for name, one in self.quantities.items() if one.note and name in self.values
+        ]
         return [*self.reading, *notes, *self.notes, *band]
 
     def to_markdown(self) -> str:
@@ -552,7 +558,7 @@ def versions() -> dict[str, str]:
 
 
 def _size(value: float) -> float:
-    return -1.0 if np.isnan(value) else abs(float(value))
+    return -1.0 if np.isnan(value) else abs(value)
 
 
 def _name(unit: Unit, plain: bool) -> str:

@@ -10,19 +10,16 @@ are free, and displacements out of the plane are those against the frame as it b
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.analytic.chains import von_mises_along
-from flexfem.analytic.heat import WarmBodies, in_plane, require_expansion
-from flexfem.analytic.heat import drift as analytic_drift
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, hinge_compliance
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.warm_pad import edge_motions
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
+from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.heat import CORNER, HeatResponse, edge_maxima, heat_response, largest_within
@@ -34,13 +31,15 @@ from flexfem.fem.sectors import build_mesh, mesh_sectors
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
 from flexfem.fem.solid_heat import WarmHalf, free_solid, warm_half
+from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.strength import von_mises_along
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
-from flexfem.stage.designs import lower, stage_frames
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.origin import located
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.units import EXPANSION
 from flexfem.verify import warning
 from flexfem.verify.corners import corner_bands, pose_bands
@@ -63,8 +62,9 @@ class Drift(Result):
     """What a change of temperature does to a stage."""
 
     title = "change of temperature"
-    labels = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
-    figure = "heat.drift_figure"
+    labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
+    figure = "drift.drift_figure"
+    drawn_from_fields = True
     reading = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, in stage and frame alike",
         "all numbers are proportional to the difference of the two coefficients of expansion",
@@ -130,10 +130,12 @@ class SolidWarmFields(NamedTuple):
             stress = solid_nodal_stress(mesh, sheet_of(self.stage), half.layers, field, every)
             fields[f"displacement, {case}"] = own * free_solid(mesh.nodes, half.layers)[at] + field
             fields[f"von Mises stress, {case}"] = solid_von_mises(stress)
-        return write_solid_vtu(mesh, layers.heights, path.with_suffix(".vtu"), fields)
+        path = path.with_suffix(".vtu")
+        write_solid_vtu(mesh, layers.heights, path, fields)
+        return path
 
 
-class Warm:
+class CaseArrays:
     """The answers of one model, arrays whose first axis is the case: nan where the model has no answer.
 
     pose, pose_band : (cases, 3).   stress : (cases, 3 chains, 3 hinges).   reaction : (cases, 3 chains, 3).
@@ -199,17 +201,18 @@ def drift(
     --------
     >>> import flexfem
     >>> found = flexfem.drift(flexfem.load("geometry/mobility6.toml"), models="analytic")
-    >>> round(1e6 * found.at("pose", case="uniform", direction="theta")[0], 2)  # urad per kelvin
+    >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
     5.5
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, layers, 4, LEAST_SOLID)
     alpha, warnings = expansion_of(stage), _warnings(stage)
-    found: dict[str, Warm] = {}
+    found: dict[str, CaseArrays] = {}
     values: dict[str, Array] = {}
     bands: dict[str, Array] = {}
     fields: WarmFields | SolidWarmFields | None = None
-    name, cases = None, CASES
+    cases: tuple[str, ...] = CASES
+    name = None
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         found[ANALYTIC], name = by_network(chosen, alpha), chosen.name
@@ -257,7 +260,7 @@ def expansion_of(stage: Stage) -> Expansion:
     return Expansion(float(plane), float(frame), across)
 
 
-def by_network(chosen: ModelChoice, alpha: Expansion) -> Warm:
+def by_network(chosen: ModelChoice, alpha: Expansion) -> CaseArrays:
     """The three cases by the pseudo-rigid model."""
     stage, mobility, formula, links = chosen
     design = lower(stage)
@@ -271,10 +274,10 @@ def by_network(chosen: ModelChoice, alpha: Expansion) -> Warm:
     centres, pull = stage_frames(stage).centres, float(design.out_of_plane[0])
     zz = alpha.across * np.concatenate([np.ones((3, 3, 1)), centres], axis=-1)
     stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + zz,)], axis=0)
-    return Warm(pose=pose.T, stress=np.moveaxis(stress, -1, 0), reaction=np.moveaxis(reaction, -1, 0))
+    return CaseArrays(pose=pose.T, stress=np.moveaxis(stress, -1, 0), reaction=np.moveaxis(reaction, -1, 0))
 
 
-def _in_plane(stage: Stage, alpha: Expansion, resolution: int) -> tuple[Warm, WarmFields]:
+def _in_plane(stage: Stage, alpha: Expansion, resolution: int) -> tuple[CaseArrays, WarmFields]:
     """The three cases by plane finite elements on three meshes."""
     plate, lever = plate_of(stage), stage.chain.link_lengths[2]
     steps = np.array(levels(resolution), dtype=float)
@@ -289,7 +292,7 @@ def _in_plane(stage: Stage, alpha: Expansion, resolution: int) -> tuple[Warm, Wa
     for case in range(3):  # the band of the highest of the three edges
         highest = int(np.argmax(edges[-1][case]))
         edges_band[case, highest] = corner_bands(steps, np.array([np.max(each[case]) for each in edges]))
-    warm = Warm(
+    warm = CaseArrays(
         pose=found.pose.T,
         pose_band=pose_bands(steps, np.array(poses), lever).T,
         stress=[neck_maxima(stage, mesh, each) for each in stresses],
@@ -318,7 +321,7 @@ def _von_mises(stage: Stage, alpha: Expansion, mesh: StageMesh, response: HeatRe
 
 def _in_three_dimensions(
     stage: Stage, resolution: int, layers: int, progress: Progress | None
-) -> tuple[Warm, Warm, Array, Array, SolidWarmFields]:
+) -> tuple[CaseArrays, CaseArrays, Array, Array, SolidWarmFields]:
     """The four cases by wedges: in plane stress on the same mesh, in three dimensions, and what a gradient in z tilts.
 
     Notes
@@ -349,8 +352,8 @@ def _in_three_dimensions(
     stress = [solid_neck_stresses(stage, plate, half, loads[[at]]).highest[0] for half, at in places]
     edges = [_clamped(stage, half, beyond * half.fields[at]) for half, at in places]
     order = [at for _, at in PLACES[:3]]
-    warm = Warm(pose=beyond * halves[0].pose.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges)
-    sheet = Warm(pose=heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T)
+    warm = CaseArrays(pose=beyond * halves[0].pose.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges)
+    sheet = CaseArrays(pose=heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T)
     tilt, tilt_band = beyond * halves[1].pose[:, 2], bands[1][:, 2]
     return sheet, warm, tilt, tilt_band, SolidWarmFields(stage, (halves[0], halves[1]))
 

@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple, TypeAlias
 from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose, model_of
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import About
-from flexfem.stage.schema import Stage
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
 
