@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexfem.analytic.model import model_of
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.setup import DEFAULT, Analytic, Models
@@ -93,7 +94,7 @@ def summary(
     warnings, notes = list(found.warnings), list(found.notes)
     if stage.actuator:
         try:
-            of_drive = reach(stage, np.zeros(3), tuple(analytic) if analytic != DEFAULT else None)
+            of_drive = reach(stage, np.zeros(3), model_of(*analytic))
         except ComputationFailed as failure:
             warnings.append(str(failure))
         else:
