@@ -23,7 +23,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("files",),
     ("stage",),
     ("analytic", "fem"),
-    ("cad", "verify", "validate"),
+    ("cad", "verify"),
     ("study",),
     ("verdicts", "synthesis"),
     ("plot", "reference"),
@@ -36,7 +36,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 HEAVY = {
-    "skfem": ("fem", "validate"),
+    "skfem": ("fem",),
     "matplotlib": ("plot",),
     "meshio": ("fem",),
     "ezdxf": ("cad",),

@@ -15,7 +15,7 @@ GROUPS = {
     "Measure": ("experiment", "identify"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
-    "Check and trust": ("benchmark", "cross-check", "regression", "baseline"),
+    "Check and trust": ("regression", "baseline"),
 }
 OTHERS = "Other commands"
 OF_THE_SHELL = ("--install-completion", "--show-completion")

@@ -14,9 +14,10 @@ import flexfem
 from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.layers import layered
 from flexfem.stage.schema import Stage
-from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid
 from flexfem.verify.solid_report import SolidReport
+
+from ..validation.vibration import third
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "geometry" / "mobility6.toml"
