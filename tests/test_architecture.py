@@ -21,7 +21,8 @@ MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 LAYERS = (  # each takes from those before it, and from no other folder of its own layer
     ("arguments", "arrays", "refused", "units", "clock", "own", "sources"),
     ("files",),
-    ("stage",),
+    ("mechanism",),
+    ("hinges",),
     ("analytic", "fem"),
     ("cad", "verify"),
     ("study",),

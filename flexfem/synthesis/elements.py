@@ -12,9 +12,9 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.files.digest import digest
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.keys import keys
-from flexfem.stage.schema import Stage
 from flexfem.study.answer import answer
 from flexfem.study.asked import Drive
 from flexfem.study.columns import Factor, columns_of

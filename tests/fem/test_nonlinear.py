@@ -37,8 +37,8 @@ from flexfem.fem.tangent import (
     tangent,
     tangent_matrices,
 )
+from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import CHAIN_TURN, turned
 
 from ..validation.large import PRINTED, tip
 

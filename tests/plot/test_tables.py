@@ -10,8 +10,8 @@ import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
 from flexfem.commands.progress import print_status
+from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
-from flexfem.stage.schema import load_stage
 from flexfem.verdicts.page import markdown_claims
 from flexfem.verdicts.records import ClaimsReport, Verdict
 from flexfem.verify.alternatives import Alternative, markdown_alternatives

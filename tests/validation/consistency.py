@@ -32,7 +32,7 @@ from flexfem.fem.problem import (
 from flexfem.fem.response import Tied
 from flexfem.fem.solid import Solid, solid
 from flexfem.fem.solid_modes import solid_mass
-from flexfem.stage.outline import Face, Segment
+from flexfem.mechanism.bodies import Face, Segment
 
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle
 

@@ -16,7 +16,6 @@ from functools import cache
 import numpy as np
 from scipy.linalg import eigh
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
 from flexfem.fem.factor import factorise
 from flexfem.fem.layers import mirrored
@@ -27,7 +26,8 @@ from flexfem.fem.problem import meshed
 from flexfem.fem.response import platform_response, tie_hub
 from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.fem.solid import DEGREE, solid
-from flexfem.stage.outline import Face, Segment
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.bodies import Face, Segment
 
 from .problem import Finding, problem
 

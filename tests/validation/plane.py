@@ -22,7 +22,7 @@ from flexfem.fem.problem import (
     solve,
     uniform,
 )
-from flexfem.stage.outline import Face, Segment
+from flexfem.mechanism.bodies import Face, Segment
 
 from .problem import Exact, Finding, extrapolated, on_axes, orders, polar, problem, quarter_ring, rectangle, symmetric
 

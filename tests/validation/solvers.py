@@ -19,8 +19,8 @@ from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
 from flexfem.fem.solid import DEGREE, sheet_of
 from flexfem.fem.solid_modes import solid_modes
 from flexfem.fem.solid_response import solid_response
-from flexfem.stage.inertia import Payload, carried, carried_out_of_plane
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.units import DENSITY, UNITS
 
 from ..conftest import UNLIKE, with_changes

@@ -17,7 +17,7 @@ from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import mapped, nodes_on
 from flexfem.fem.sectors import Sector
 from flexfem.fem.solid_modes import SolidModes, solid_modes, whole_modes
-from flexfem.stage.designs import CHAIN_TURN
+from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.fatigue import fit_basquin, required_law
 from flexfem.arrays import Array
 from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh
@@ -18,7 +17,8 @@ from flexfem.fem.plane_stress import (
     stress_tensor,
 )
 from flexfem.fem.problem import Support, nodes_on, on_chords, shape_values, solve
-from flexfem.stage.materials import materials
+from flexfem.hinges.strength import fit_basquin, required_law
+from flexfem.mechanism.materials import materials
 
 from .problem import Finding, on_axes, polar, problem, quarter_ring
 

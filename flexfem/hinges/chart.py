@@ -29,9 +29,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic import beam
-from flexfem.analytic.beam import SHEAR_CORRECTION
 from flexfem.arrays import Array
+from flexfem.hinges import beam
+from flexfem.hinges.beam import SHEAR_CORRECTION
 from flexfem.sources import read_data
 
 FREEDOMS = ("rotation", "axial", "shear")

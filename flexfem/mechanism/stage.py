@@ -1,32 +1,44 @@
-"""The stage: what a stage file says, validated, in N-mm-MPa-rad; and changed stages, validated again."""
+"""The stage: what a stage file says, validated, in N-mm-MPa-rad; and changed stages, validated again.
+
+A stage file that is not finished: what it says, and what it does not say yet.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
 from functools import partial
 from importlib import import_module
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
 from flexfem.files.digest import canonical, digest
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, key_paths, values_by_key
-from flexfem.files.toml import Path, validate
+from flexfem.files.toml import Path, validate, validate_partly
 from flexfem.files.writing import check_file, toml_text, write_atomically
+from flexfem.mechanism.designs import Elastic, lower
+from flexfem.mechanism.dimensioned import KEPT
+from flexfem.mechanism.drives import check_drive
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.materials import sources_of, with_material_of_file
+from flexfem.mechanism.stage_file import CHAINS as CHAINS
+from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
+from flexfem.mechanism.stage_file import Hinge as Hinge
+from flexfem.mechanism.stage_file import (
+    Origin,
+    StageContent,
+    actuators_of,
+    drive_content,
+    hinges_of,
+    merged_changes,
+    of_drive,
+    of_heat,
+)
 from flexfem.refused import BadInput
-from flexfem.stage.cache import KEPT
-from flexfem.stage.content import Origin, StageContent, actuators_of, drive_content, hinges_of
-from flexfem.stage.designs import Elastic, lower
-from flexfem.stage.drives import check_drive
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.material_files import with_material_of_file
-from flexfem.stage.materials import sources_of
-from flexfem.stage.tables import CHAINS as CHAINS
-from flexfem.stage.tables import HINGE_NAMES as HINGE_NAMES
-from flexfem.stage.tables import Hinge as Hinge
-from flexfem.stage.tables import merged_changes, of_drive, of_heat
+from flexfem.sources import read_data
 
 
 class Stage(StageContent):
@@ -228,3 +240,61 @@ def load_feasible(path: Path) -> Stage:
     check_feasible(stage)
     check_drive(stage)
     return stage
+
+
+DRAWN = ("chain.", "hinges.", "platform.")  # tables of what a drawing shows
+METAL = {  # nothing that is drawn shows it
+    "name": "unnamed",
+    "youngs_modulus_gpa": 70.0,
+    "poissons_ratio": 0.3,
+    "density_kg_m3": 2700.0,
+    "yield_strength_mpa": 300.0,
+}
+
+
+class PartialStage(NamedTuple):
+    """A stage, and the keys that its file does not give: their values in the stage mean nothing."""
+
+    stage: Stage
+    missing: list[str]
+
+    @property
+    def whole(self) -> bool:
+        """Whether all is there that a drawing shows."""
+        return not any(key.startswith(DRAWN) for key in self.missing)
+
+    @property
+    def doubts(self) -> Doubts:
+        """What of the numbers that are given is assumed, and what has no stated source."""
+        assumed, not_stated = (
+            [key for key in keys if key not in self.missing] for keys in (self.stage.assumed, self.stage.not_stated)
+        )
+        return Doubts(assumed, not_stated)
+
+    def given(self, *keys: str) -> bool:
+        """Whether the file gives all of some keys."""
+        return not set(keys) & set(self.missing)
+
+
+def load_partly(path: Path) -> PartialStage:
+    """Read a stage file in which keys may be missing.
+
+    Raises BadInput as `load_stage` for what is wrong in it, and as `check_feasible` where nothing is missing.
+    """
+    spare = dict(_by_path(tomllib.loads(read_data("new-stage.toml")), ""))
+    spare |= {f"material.{key}": value for key, value in METAL.items()} | {"name": "unnamed"}
+    stage, missing = validate_partly(Stage, path, spare, partial(with_material_of_file, path))
+    stage.__dict__["origin"] = Origin(os.fspath(path))
+    found = PartialStage(stage, missing)
+    if found.whole:
+        check_feasible(stage)
+    return found
+
+
+def _by_path(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    """Values of nested tables by key path."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _by_path(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.stage.cache import once
-from flexfem.stage.content import StageContent, actuators_of
-from flexfem.stage.materials import SWT, Material
-from flexfem.stage.stacks import Numbers
-from flexfem.stage.tables import CHAINS, HINGE_NAMES, Plane
+from flexfem.mechanism.actuators import Numbers
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.materials import SWT, Material
+from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Plane, StageContent, actuators_of
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
 SHARED = ("plane", "prismatic")  # fields that all designs have in common
@@ -158,7 +157,7 @@ def elastic(plane: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) 
     Notes
     -----
     Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors on
-    the hinges alone (`analytic/chart.py`): links are about as wide as thick.
+    the hinges alone (`hinges/chart.py`): links are about as wide as thick.
     """
     E, nu = np.broadcast_arrays(np.asarray(youngs_modulus, dtype=float), np.asarray(poissons_ratio, dtype=float))
     return Elastic(E / (1 - nu**2), nu / (1 - nu)) if plane == "plane_strain" else Elastic(E, nu)

@@ -1,9 +1,18 @@
-"""Where stacks push on the bodies of a chain, and over which length of a link a push is spread.
+"""Where forces act on the bodies: contacts of stacks, and couples at the hinges.
+
+Where stacks push on the bodies of a chain, and over which length of a link a push is spread.
 
 A ball dents the metal under it in three dimensions: that is the stiffness of its contact, which the plane stage must
 not hold a second time. Both models therefore load a link, and read its motion, on the cross-sections of one length of
 its strip about the contact, `Station`, with the moment of the true line of action. On the platform they load and read
 the hub, which is rigid; the frame does not move.
+
+Rotations of hinges, as they are read and imposed: between the bodies on either side of a notch.
+
+A hinge turns by the mean rotation of the cross-sections directly beyond its notch, less that of those directly before
+it: on a short station of pad and links, weighted as the stresses of a beam in bending are. A unit couple on the same
+stations, opposite on the two bodies, is conjugate to that rotation: as a stack is to its opening. The platform, which
+is read at its rigid hub, has no station.
 """
 
 from __future__ import annotations
@@ -13,11 +22,10 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.stage.actuators import BODY_NAMES, Body
-from flexfem.stage.bodies import centrelines
-from flexfem.stage.content import StageContent
-from flexfem.stage.designs import chain_rotation
-from flexfem.stage.outline import Segment
+from flexfem.mechanism.actuators import BODY_NAMES, Body
+from flexfem.mechanism.bodies import Segment, centrelines
+from flexfem.mechanism.designs import chain_rotation
+from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent
 
 SPREAD = 0.75  # half a station per link width, assumed: pushes spread evenly over one width have the same deviation
 PLAUSIBLE = (0.5, 2.0)  # times that length over which pushes may be spread instead
@@ -240,3 +248,34 @@ def placed_stack(
         Push(body, q, station(stage, chain + 1, body, point) if body in LINKS else None) for body, q in ends
     )
     return Stack(chain, (first, second), point, ball)
+
+
+BESIDE = 0.05  # half a station per link width; as short as meshes of 4 triangles across a neck resolve
+PLATFORM = len(BODY_NAMES) - 1
+
+
+def hinge_couples(stage: StageContent, positions: tuple[int, ...]) -> tuple[Stack, ...]:
+    """Unit couples, N mm, that turn the hinges at `positions` (0 the base's) of all chains, position by position."""
+    return tuple(_couple(stage, chain, position) for position in positions for chain in CHAINS)
+
+
+def couple_names(positions: tuple[int, ...]) -> tuple[str, ...]:
+    """What the hinges of `hinge_couples` are called, in its order."""
+    return tuple(f"{HINGE_NAMES[position]}, chain {chain}" for position in positions for chain in CHAINS)
+
+
+def _couple(stage: StageContent, chain: int, position: int) -> Stack:
+    """A couple on the body beyond a hinge of a chain (1 to 3), and its opposite on the body before."""
+    unit = np.array([0.0, 0.0, 1.0])
+    beyond = Push(position + 1, unit, _station(stage, chain, position + 1, beyond=True))
+    return Stack(chain - 1, (beyond, Push(position, -unit, _station(stage, chain, position, beyond=False))))
+
+
+def _station(stage: StageContent, chain: int, body: int, beyond: bool) -> Station | None:
+    """Where a pad or link meets the notch before it (`beyond` that), or the one after it."""
+    if body == PLATFORM:
+        return None
+    path = centrelines(stage, chain)[body]
+    length = sum(segment.length for segment in path)
+    half = min(BESIDE * stage.chain.link_width, length / 2)
+    return Station(path, stage.chain.link_width, half if beyond else length - half, half)

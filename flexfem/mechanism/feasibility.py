@@ -11,14 +11,11 @@ import shapely
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
+from flexfem.mechanism.bodies import draw_sector, polygon_points, turn
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of, located
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector, turn
-from flexfem.stage.cache import once
-from flexfem.stage.content import StageContent, key_of
-from flexfem.stage.designs import Designs, lower
-from flexfem.stage.origin import located
-from flexfem.stage.outline import polygon_points
-from flexfem.stage.tables import HINGE_NAMES
 
 Holds = NDArray[np.bool_]
 

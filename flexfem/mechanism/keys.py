@@ -16,13 +16,10 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.keypath import ABOUT, KeyPath, key_path, path_of
 from flexfem.files.refusals import problem_of, suggestion
-from flexfem.stage.actuators import Actuator
-from flexfem.stage.content import actuators_of
-from flexfem.stage.materials import FATIGUE
-from flexfem.stage.overrides import OF_ACTUATORS
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
-from flexfem.stage.stacks import Numbers
-from flexfem.stage.tables import Hinge
+from flexfem.mechanism.actuators import Actuator, Numbers
+from flexfem.mechanism.materials import FATIGUE
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
 
 LASTING = FATIGUE[:3]  # those of `Designs.fatigue`
 EXPANDING = ("material", "frame")  # tables of those of `Designs.expansion`
@@ -70,7 +67,7 @@ class Key(NamedTuple):
         return found
 
     def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
-        """Fields of `stage.designs.Designs` that it sets and where in them; none where no model asks for it.
+        """Fields of `designs.Designs` that it sets and where in them; none where no model asks for it.
 
         A hinge or an actuator with an override of its own does not follow the one it overrides; on the expansions drift
         alone depends, on fatigue constants lives alone, and on the density natural frequencies alone.

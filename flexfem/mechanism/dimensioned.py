@@ -1,14 +1,19 @@
-"""Tables built in Python: by attribute names, in mm, N, MPa and rad, validated at every construction and every copy.
+"""Tables with units, validated at every construction, and results that are kept with them.
+
+Tables built in Python: by attribute names, in mm, N, MPa and rad, validated at every construction and every copy.
 
 `Dimensioned.model_validate` reads a table of a file: keys that end in their unit. Calling the class reads what Python
 says: names without a unit. Both hold the numbers to the same limits and give the same object.
+
+What was computed of a stage is kept with it: one design is drawn several times on its way from check to mesh.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, NamedTuple, Self, TypeAlias
+from functools import wraps
+from typing import Annotated, Any, Concatenate, NamedTuple, ParamSpec, Self, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -164,3 +169,34 @@ def _fields(model: type[BaseModel], path: KeyPath) -> dict[str, str]:
         inner = (annotation, *getattr(annotation, "__args__", ()))
         model = next((each for each in inner if isinstance(each, type) and issubclass(each, BaseModel)), model)
     return {name: field.alias or name for name, field in model.model_fields.items() if name != "provenance"}
+
+
+Of = TypeVar("Of")  # a stage
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
+
+
+def once(compute: Callable[Concatenate[Of, Given], Found]) -> Callable[Concatenate[Of, Given], Found]:
+    """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
+
+    All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
+    """
+
+    @wraps(compute)
+    def keeping(stage: Of, /, *given: Given.args, **named: Given.kwargs) -> Found:
+        kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
+        key = (compute, given, tuple(named.items()))
+        if key not in kept:
+            kept[key] = _read_only(compute(stage, *given, **named))
+        found: Found = kept[key]
+        return found
+
+    return keeping
+
+
+def _read_only(found: Found) -> Found:
+    for part in found if isinstance(found, tuple) else (found,):
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+    return found
