@@ -10,7 +10,8 @@ import typer
 
 from flexfem.commands.console import show
 from flexfem.commands.reach import print_reach
-from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, Ending, print_ending, table
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, Unit
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from flexfem.commands import console, stage_tables, tables
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, Resolution, StageFile, Wanted, check_within
 from flexfem.refused import BadInput
+from flexfem.terminal import working
 
 app = typer.Typer()
 Triple = tuple[float, float, float]

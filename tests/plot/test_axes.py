@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
+from flexfem.verify.drift import DriftFields
 from matplotlib import pyplot
 
 import flexfem
@@ -21,7 +22,6 @@ from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.reports.modes import reduced
 from flexfem.study.statistics import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
-from flexfem.verify.drift import DriftFields
 from flexfem.verify.fixture import Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
 from flexfem.verify.measured import MeasuredSlopes

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flexfem.verify.drift import drift
 
 from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.large import at_pose
@@ -17,7 +18,6 @@ from flexfem.verdicts.claims import Claim
 from flexfem.verdicts.evidence import Evidence, Metal, ModelErrors
 from flexfem.verdicts.measures import MEASURES
 from flexfem.verdicts.verdict import errors_of_model
-from flexfem.verify.drift import drift
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 PERCENT = np.array([[-7.0, 0.4, -0.2], [0.9, 8.0, 0.5], [-1.1, 0.3, 9.0]])  # column j for command j

@@ -1,4 +1,4 @@
-"""Standard streams and signals of a command: nothing printed can command a terminal, nothing unprintable ends it."""
+"""Standard streams, signals and progress of a command: nothing printed can command a terminal or end the command."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any
 
 from flexfem.refused import SourcesChanged
 
+EVERY = 10.0  # s between two lines
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
 IMPORTER = "<frozen importlib._bootstrap>"  # of what Python imports with
 LOOK, PATIENCE = 0.02, 2.0  # s between two looks whether an import is over, and how long it may take
@@ -180,3 +181,65 @@ def reason_of(error: BaseException) -> str:
     frame = deepest(error)
     where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
     return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows all of it"
+
+
+@contextmanager
+def working(description: str, steps: int = 0) -> Iterator[Callable[[str], None]]:
+    """Yield what takes a word whenever one of `steps` is done or begins; with none the time alone is shown.
+
+    On a terminal a bar, or without steps a sign that moves, with the time since the beginning, gone at the end. Else a
+    line for every step, and one whenever `EVERY` seconds have passed without any.
+    """
+    stream = raw(sys.stderr)
+    with _bar(stream, description, steps) if stream.isatty() else _lines(description, steps) as say:
+        yield say
+
+
+@contextmanager
+def _bar(stream: Any, description: str, steps: int) -> Iterator[Callable[[str], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    shown = (BarColumn(),) if steps else (SpinnerColumn(),)
+    columns = (TextColumn("{task.description}", markup=False), *shown, TimeElapsedColumn())
+    with Progress(*columns, console=Console(file=stream), transient=True) as progress:
+        task = progress.add_task(description, total=steps or None)
+
+        def say(text: str) -> None:
+            progress.update(task, advance=1, description=f"{description}: {text}")
+
+        yield say
+
+
+@contextmanager
+def _lines(description: str, steps: int) -> Iterator[Callable[[str], None]]:
+    began, done, ended = time.monotonic(), 0, threading.Event()
+    spoken = threading.Event()
+
+    def say(text: str) -> None:
+        nonlocal done
+        done += 1
+        spoken.set()
+        print(f"{description} {done}/{steps}: {text}" if steps else f"{description}: {text}", file=sys.stderr)
+
+    def remind() -> None:
+        while not ended.wait(EVERY):
+            if not spoken.is_set():
+                print(f"{description}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+            spoken.clear()
+
+    thread = threading.Thread(target=remind, daemon=True)
+    thread.start()
+    try:
+        yield say
+    finally:
+        ended.set()
+        thread.join()
+
+
+def people() -> Any:
+    """A console on standard output; wide when it is no terminal, so that no table is folded in a file."""
+    from rich.console import Console
+
+    terminal = sys.stdout is not None and sys.stdout.isatty()
+    return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
