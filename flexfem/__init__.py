@@ -67,8 +67,6 @@ if TYPE_CHECKING:
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
     from flexfem.reports.stage import mesh as mesh
-    from flexfem.reports.validation import benchmark as benchmark
-    from flexfem.reports.validation import cross_check as cross_check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
     from flexfem.reports.verification import claims as claims
@@ -109,7 +107,6 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "reports.part": ("export", "new_stage", "schema_of", "view"),
     "reports.stage": ("as_built", "check", "mesh"),
-    "reports.validation": ("benchmark", "cross_check"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),

@@ -30,7 +30,7 @@ GROUPS = {
     "Measure": ("experiment", "identify"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
-    "Check and trust": ("benchmark", "cross-check", "regression", "baseline"),
+    "Check and trust": ("regression", "baseline"),
 }
 MADE = ("summary", "stiffness", "drift")  # commands that are made from the signature of the function of the same name
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now

@@ -13,8 +13,9 @@ import flexfem
 from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.layers import layered
 from flexfem.mechanism.stage import Stage
-from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid
+
+from ..validation.vibration import third
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "geometry" / "mobility6.toml"
