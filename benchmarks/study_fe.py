@@ -22,7 +22,8 @@ import numpy as np
 from random_stages import draw
 
 from flexfem.arrays import Array
-from flexfem.fem import cyclic, response, sectors
+from flexfem.fem import mesh as sectors
+from flexfem.fem import response, structure, symmetry
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Override
@@ -96,8 +97,8 @@ def study(resolution: int) -> LoadedStudy:
 def watched(stage: Stage, loaded: LoadedStudy) -> tuple[dict[str, float], Array]:
     """Seconds by part and the outputs of one design."""
     clock = Clock()
-    timed = [(sectors, "mesh_sectors", "mesh"), (cyclic, "condense", "factor"), (response, "factorise", "factor")]
-    timed += [(module, "tied_lower", "assembly") for module in (cyclic, response)]
+    timed = [(sectors, "mesh_sectors", "mesh"), (symmetry, "condense", "factor"), (response, "factorise", "factor")]
+    timed += [(structure, "tied_lower", "assembly")]
     kept = [getattr(module, name) for module, name, _ in timed]
     for module, name, part in timed:
         setattr(module, name, clock.watching(part, getattr(module, name)))

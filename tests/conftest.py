@@ -26,7 +26,7 @@ from typer.main import get_command
 
 import flexfem as flexfem_package
 from flexfem.commands import cli
-from flexfem.fem.solid_modes import solid_modes
+from flexfem.fem.modes import stage_modes
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.verify import solid_modes as verify_solid_modes
 
@@ -170,10 +170,10 @@ def annulus_for_stage(patch: pytest.MonkeyPatch) -> None:
     def of_annulus(columns: int, *others: Any) -> Any:
         sector = third(columns, 3, 0.7)
         mesh = sector.mesh._replace(bodies=np.full(len(sector.mesh.triangles), 3))
-        return solid_modes((sector._replace(mesh=mesh),), *others)
+        return stage_modes((sector._replace(mesh=mesh),), *others)
 
     patch.setattr(verify_solid_modes, "mesh_sectors", lambda _, level: level)
-    patch.setattr(verify_solid_modes, "solid_modes", of_annulus)
+    patch.setattr(verify_solid_modes, "stage_modes", of_annulus)
 
 
 @cache

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import QUADRATURE, Plate, slopes_of, stress_tensor
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import QUADRATURE, Plate, slopes_of, stress_tensor
 from flexfem.fem.tangent import (
     Factorise,
     Factorization,

@@ -17,20 +17,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from flexfem.arrays import Array
-from flexfem.fem.drive import push_forces
+from flexfem.fem.elements import Plate, slopes_of, stress_tensor
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
-from flexfem.fem.tangent import (
-    State,
-    Undeformed,
-    factoriser,
-    green_lagrange,
-    held_by,
-    hub_at,
-    model_of,
-    rest,
-    tangent,
-)
+from flexfem.fem.response import push_forces
+from flexfem.fem.structure import structure
+from flexfem.fem.tangent import State, Undeformed, factoriser, green_lagrange, held_by, hub_at, model_of, rest, tangent
 from flexfem.mechanism.contacts import Follows, Push, Stack, middle_at
 from flexfem.mechanism.designs import chain_rotation
 from flexfem.refused import ComputationFailed
@@ -104,7 +95,7 @@ def _end(model: Undeformed, mesh: StageMesh, chain: int, push: Push) -> _End:
     units = np.array([[1.0, 0.0, -c.imag], [0.0, 1.0, c.real], [0.0, 0.0, 1.0]])
     nodal = np.array([push_forces(mesh, chain, push._replace(wrench=unit)) for unit in units])
     middle = chain_rotation(chain)[:2, :2] @ (c.real, c.imag)
-    return _End(c, model.tied.loads(nodal).T, np.einsum("knd,nd->k", nodal, mesh.nodes - middle))
+    return _End(c, structure(mesh, model.plate).loads(nodal).T, np.einsum("knd,nd->k", nodal, mesh.nodes - middle))
 
 
 def _openings(

@@ -10,9 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.factor import Solve, to_cvxopt
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import (
+from flexfem.fem.elements import (
     QUADRATURE,
     ElementBatch,
     Plate,
@@ -22,7 +20,9 @@ from flexfem.fem.plane_stress import (
     stress_tensor,
     tied_lower,
 )
-from flexfem.fem.response import Tied, rigid_motion, tie_hub
+from flexfem.fem.factor import Solve, to_cvxopt
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.structure import Tied, rigid_motion, tie_hub
 from flexfem.refused import ComputationFailed
 
 

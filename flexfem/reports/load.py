@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from flexfem import arguments
 from flexfem.api import solve
 from flexfem.arrays import Array
+from flexfem.fem.elements import solid_nodal_stress, solid_von_mises
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.response import load_case
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
+from flexfem.fem.fields import load_case
+from flexfem.fem.structure import sheet_of
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file
 from flexfem.mechanism.feasibility import check_feasible

@@ -123,8 +123,8 @@ def mesh(stage: Stage, path: PathLike, resolution: int = RESOLUTION) -> MeshRepo
         The mesh does not pass its checks.
     """
     from flexfem.fem.export import check_format, write_mesh
-    from flexfem.fem.response import plate_of
-    from flexfem.fem.sectors import build_mesh
+    from flexfem.fem.mesh import build_mesh
+    from flexfem.fem.structure import plate_of
     from flexfem.files.writing import check_file
     from flexfem.verify.answers import report_mesh
 

@@ -10,11 +10,10 @@ import numpy as np
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
-from flexfem.fem.drive import stack_loads
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.modes import Modes, Structure, fields_of, modes, structure, total_mass
-from flexfem.fem.response import plate_of, tie_hub
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.modes import Modes, VibratingStructure, modes, vibrating_structure
+from flexfem.fem.response import stack_loads
+from flexfem.fem.structure import plate_of, structure
 from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, hub_moments, mass_per_area, payload_matrix
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
@@ -83,14 +82,14 @@ class NaturalModes(OfStage):
 class Vibration(NamedTuple):
     """Structure and modes on the finest mesh, and the record made of them."""
 
-    structure: Structure
+    structure: VibratingStructure
     modes: Modes
     record: NaturalModes
 
     @property
     def fields(self) -> Array:
         """Displacements (k, n, 2) of the mesh's nodes in every mode of unit modal mass."""
-        return fields_of(self.structure.tied, self.modes.shapes)
+        return np.array([self.modes.field(k) for k in range(len(self.modes.frequencies))])
 
 
 def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
@@ -98,15 +97,14 @@ def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
     return Payload(mass / KILOGRAM, *(each / UNITS["kg_mm2"].factor for each in (inertia, tilting)))
 
 
-def vibration(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> Structure:
+def vibration(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> VibratingStructure:
     """The stage as it vibrates, on one mesh. Raises BadInput, ComputationFailed as `flexfem.solve`."""
-    plate = plate_of(stage)
-    tied, pushes, rates = tie_hub(mesh), None, None
+    of, pushes, rates = structure(mesh, plate_of(stage)), None, None
     if drives == "engaged":
         drive = drive_of(stage)
-        pushes, rates = stack_loads(mesh, tied, drive.stacks)[:, 3:], drive.stiffness
+        pushes, rates = stack_loads(of, drive.stacks)[:, 3:], drive.stiffness
     density = stage.material.density * DENSITY
-    return structure(mesh, plate, density, tied, carried(stage, payload), pushes, rates)
+    return vibrating_structure(of, density, carried(stage, payload), pushes, rates)
 
 
 def natural_modes(
@@ -130,8 +128,8 @@ def natural_modes(
         solved = modes(found, count)
         frequencies.append(solved.frequencies * HERTZ)
         if progress is not None:
-            progress(f"{found.mass.shape[0]} unknowns")
-    warnings, whole = list(warning.of_stage(stage)), total_mass(found)
+            progress(f"{found.size} unknowns")
+    warnings, whole = list(warning.of_stage(stage)), solved.total
     analytic = {name: values * HERTZ for name, values in analytic_frequencies(stage, payload, drives, warnings).items()}
     warnings += [*warning.of_thickness(stage), OUT_OF_PLANE]
     warnings += [*[ABOVE_THIRD] * (count > RIGID_MODES), *[NO_STACKS] * (drives == "engaged")]
@@ -142,7 +140,7 @@ def natural_modes(
         drives=drives,
         resolution=resolution,
         triangles=len(found.mesh.triangles),
-        unknowns=found.mass.shape[0],
+        unknowns=found.size,
         **masses(stage, payload, whole),
         modes=_modes(resolution, np.array(frequencies), 100 * solved.participation**2 / np.diag(whole), analytic),
         warnings=list(dict.fromkeys(warnings)),

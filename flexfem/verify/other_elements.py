@@ -6,12 +6,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import cyclic_response
+from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh
-from flexfem.fem.plane_stress import Plate
-from flexfem.fem.response import plate_of, tie_hub
-from flexfem.fem.sectors import uneven_sectors, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, uneven_sectors, welded
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of, tie_hub
 from flexfem.mechanism.stage import Stage
 from flexfem.verify.protocol import Solve
 
@@ -29,8 +28,8 @@ def other_elements(stage: Stage, solve: Solve) -> dict[str, Array]:
     for across in UNEVEN:
         sectors, said = uneven_sectors(stage, across), ", ".join(map(str, across))
         found[f"asymmetric mesh, {said} linear triangles"] = linear_compliance(welded(sectors)[0], plate)
-        found[f"asymmetric mesh, {said} quadratic triangles"] = cyclic_response(sectors, plate).compliance
-    strain = cyclic_response(fine.response.sectors, held).compliance
+        found[f"asymmetric mesh, {said} quadratic triangles"] = unit_response(sectors, plate).compliance
+    strain = unit_response(fine.response.sectors, held).compliance
     return found | {"finite elements in plane strain, the limit of wide necks": strain}
 
 

@@ -13,14 +13,11 @@ from scipy.linalg import eigh
 
 from flexfem.arrays import Array
 from flexfem.clock import Limit
-from flexfem.fem.cyclic import cyclic_response
-from flexfem.fem.layers import layers_of
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT
-from flexfem.fem.plane_stress import Plate
-from flexfem.fem.sectors import mesh_sectors
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import NeckStress, solid_neck_stresses
-from flexfem.fem.solid_response import SolidResponse, solid_response
+from flexfem.fem.elements import Plate
+from flexfem.fem.fields import NeckStress, solid_neck_stresses
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT, mesh_sectors
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -61,15 +58,15 @@ class SolidBands(NamedTuple):
         return self.plane + self.thickness
 
 
-def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> SolidResponse:
+def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
     """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
     return _solved(stage, resolution, layers)
 
 
 @once
-def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> SolidResponse:
+def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> Response:
     check_feasible(stage)
-    return solid_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
+    return unit_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
 
 
 @once
@@ -116,16 +113,16 @@ def bands_of(of: SolidLevels, resolution: int) -> SolidBands:
     return SolidBands(plane, thickness)
 
 
-def bounding(stage: Stage, response: SolidResponse) -> tuple[Array, Array]:
+def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     """Compliances (3, 3) of plane stress and of plane strain on the mesh of the plane of a response."""
     plate = sheet_of(stage)
     nu = plate.poissons_ratio
     held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
-    soft, hard = (cyclic_response(response.sectors, each).compliance for each in (plate, held))
+    soft, hard = (unit_response(response.sectors, each).compliance for each in (plate, held))
     return soft, hard
 
 
-def neck_stress_of(stage: Stage, response: SolidResponse, loads: Array) -> NeckStress:
+def neck_stress_of(stage: Stage, response: Response, loads: Array) -> NeckStress:
     """Highest stress of every notch under loads (k, 3)."""
     return solid_neck_stresses(stage, sheet_of(stage), response, loads)
 

@@ -11,13 +11,10 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.layers import Layers, layers_of
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.modes import modes, structure
-from flexfem.fem.response import tie_hub
-from flexfem.fem.sectors import Sector, mesh_sectors
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_modes import SolidModes, solid_modes
+from flexfem.fem.elements import Layers
+from flexfem.fem.mesh import Sector, StageMesh, mesh_sectors
+from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
+from flexfem.fem.structure import layers_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
 from flexfem.mechanism.stage import Stage
 from flexfem.units import DENSITY
@@ -107,7 +104,7 @@ class SolidVibration(NamedTuple):
     chosen : of every mode of the record, its kind, 0 or 1, and its number among those of it, from 0.
     """
 
-    halves: tuple[SolidModes, SolidModes]
+    halves: tuple[Modes, Modes]
     chosen: list[tuple[int, int]]
     record: SolidNaturalModes
 
@@ -119,7 +116,7 @@ class SolidVibration(NamedTuple):
     @property
     def layers(self) -> Layers:
         """Of half the thickness."""
-        return self.halves[0].equations.layers
+        return self.halves[0].layers
 
     @property
     def heights(self) -> Array:
@@ -147,7 +144,7 @@ class SolidVibration(NamedTuple):
 class HalfFrequencies(NamedTuple):
     """Of one half: modes on the finest mesh; frequencies, Hz, with one layer (3 meshes, k), and by layers (2, k)."""
 
-    modes: SolidModes
+    modes: Modes
     meshed: Array
     layered: Array
 
@@ -192,8 +189,8 @@ def _frequencies(
     """Modes of one half, and frequencies on what bounds them."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
 
-    def solved(level: int, number: int) -> SolidModes:
-        return solid_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
+    def solved(level: int, number: int) -> Modes:
+        return stage_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
 
     finest = max(meshes)
     meshed, layered = coarser(lambda *sizes: solved(*sizes).frequencies * HERTZ, finest, layers)
@@ -220,15 +217,15 @@ def _mode(resolution: int, of: HalfFrequencies, kind: Kind, k: int) -> SolidMode
     )
 
 
-def _in_plane_stress(stage: Stage, of: SolidModes, load: Array, count: int) -> list[float | None]:
+def _in_plane_stress(stage: Stage, of: Modes, load: Array, count: int) -> list[float | None]:
     """Frequencies, Hz, in plane stress of the shapes that the mid-plane has, by overlap; on the same mesh."""
-    flat = structure(of.mesh, sheet_of(stage), stage.material.density * DENSITY, tie_hub(of.mesh), load)
+    flat = vibrating_structure(structure(of.mesh, sheet_of(stage)), stage.material.density * DENSITY, load)
     solved = modes(flat, count)
     found: list[float | None] = []
     for k in range(count):
-        mid = np.concatenate([of.field(k)[flat.tied.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
-        inertia = flat.mass @ mid
-        overlap = np.abs(solved.shapes.T @ inertia) / np.sqrt(mid @ inertia)
+        mid = np.concatenate([of.field(k)[flat.structure.tied.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
+        inertia = flat.inertia(mid[:, None])[:, 0]
+        overlap = np.abs(solved.shapes[0].T @ inertia) / np.sqrt(mid @ inertia)
         best = int(np.argmax(overlap))
         found.append(float(solved.frequencies[best] * HERTZ) if overlap[best] > SAME_SHAPE else None)
     return found
@@ -238,12 +235,12 @@ def _record(
     stage: Stage,
     payload: Payload,
     resolution: int,
-    halves: tuple[SolidModes, SolidModes],
+    halves: tuple[Modes, Modes],
     chosen: list[SolidMode],
     first: SolidMode,
 ) -> SolidNaturalModes:
     flat, tilting = halves
-    layers = flat.equations.layers
+    layers = flat.layers
     return SolidNaturalModes(
         **about(stage),
         name=stage.name,

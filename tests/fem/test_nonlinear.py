@@ -11,9 +11,7 @@ import scipy.sparse as sp
 
 from flexfem.arrays import Array
 from flexfem.fem import nonlinear
-from flexfem.fem.mesh import StageMesh, jacobians
-from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.plane_stress import (
+from flexfem.fem.elements import (
     Plate,
     add_nodal_forces,
     element_matrices,
@@ -22,8 +20,9 @@ from flexfem.fem.plane_stress import (
     slopes_of,
     stress_tensor,
 )
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import StageMesh, build_mesh, jacobians
+from flexfem.fem.nonlinear import equilibrium, imposed
+from flexfem.fem.structure import plate_of
 from flexfem.fem.tangent import (
     State,
     Undeformed,

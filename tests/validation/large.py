@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate, slopes_of, stress_tensor
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
 from flexfem.fem.tangent import State, Undeformed, green_lagrange, held_by, hub_at, model_of, tangent
 
 from .problem import Finding, cantilever, order, problem

@@ -12,9 +12,9 @@ import pytest
 from flexfem.analytic.large import close_loops
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import AXIAL, stiffness
-from flexfem.fem.cyclic import cyclic_response
-from flexfem.fem.response import plate_of, platform_response
-from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
+from flexfem.fem.mesh import build_mesh, mesh_sectors, welded
+from flexfem.fem.response import platform_response, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput
@@ -57,7 +57,7 @@ def test_every_alternative_is_measured_with_its_own_model_on_its_own_stage(three
     real = {stage: 1.13 * analyse(stage).compliance for stage in (three, six)}
     monkeypatch.setattr(meshed, "linear_compliance", lambda mesh, plate: 1.5 * mesh)
     monkeypatch.setattr(
-        meshed, "cyclic_response", lambda sectors, plate: SimpleNamespace(compliance=sectors * plate.youngs_modulus)
+        meshed, "unit_response", lambda sectors, plate: SimpleNamespace(compliance=sectors * plate.youngs_modulus)
     )
     monkeypatch.setattr(meshed, "uneven_sectors", lambda stage, thirds: real[stage] * sum(thirds))
     monkeypatch.setattr(meshed, "welded", lambda sectors: (sectors, None))
@@ -243,7 +243,7 @@ def test_three_dimensions_change_the_plane_stage_by_what_is_measured_and_by_what
     monkeypatch.setattr(
         extruded, "solve_solid", lambda *given: asked.append(given[1:]) or SimpleNamespace(compliance=solid, sectors=())
     )
-    monkeypatch.setattr(extruded, "cyclic_response", lambda *_: SimpleNamespace(compliance=plane))
+    monkeypatch.setattr(extruded, "unit_response", lambda *_: SimpleNamespace(compliance=plane))
     found = extruded.other_thickness(six, C)
     measured, charted = found.values()
     assert asked == [(4, 3)]
@@ -266,7 +266,7 @@ def test_plane_strain_is_that_of_the_metal_whatever_the_stage_is(six, model, mon
     mesh, _ = welded(sectors)
     monkeypatch.setattr(meshed, "linear_compliance", lambda mesh, plate: np.eye(3))
     monkeypatch.setattr(meshed, "uneven_sectors", lambda stage, thirds: sectors)
-    own = SimpleNamespace(mesh=mesh, response=cyclic_response(sectors, plate_of(stage)))
+    own = SimpleNamespace(mesh=mesh, response=unit_response(sectors, plate_of(stage)))
     K, metals = analyse(stage, 6).stiffness, meshed.other_elements(stage, lambda stage, resolution: own)
     found = {name: error_matrix(K, C, lever)[0, 0] for name, C in metals.items()}
     lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))

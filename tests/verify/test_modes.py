@@ -9,8 +9,8 @@ import pytest
 
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
+from flexfem.fem.mesh import build_mesh
 from flexfem.fem.modes import modes
-from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.stage import Stage
 from flexfem.verify.modes import ABOVE_THIRD, frequency_convergence, natural_modes, vibration
