@@ -10,7 +10,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import Layers, Plate, nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
 from flexfem.fem.mesh import Sector, StageMesh
-from flexfem.fem.response import Response, Solution, clamped_nodes
+from flexfem.fem.response import Response, StaticSolution, clamped_nodes
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 from flexfem.fem.symmetry import under_loads
 from flexfem.mechanism.actuators import HINGE_NAMES
@@ -35,7 +35,7 @@ class LoadCase(NamedTuple):
     neck_stress: Array
 
 
-def load_case(stage: Stage, mesh: StageMesh, response: Response | Solution, force: Array) -> LoadCase:
+def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
     """Combine the unit responses in the plane to one load (3,), N, N and N mm, at the platform centre."""
     force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)

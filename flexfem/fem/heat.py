@@ -20,7 +20,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, nodal_stress
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import Sector, StageMesh, joined
-from flexfem.fem.response import Solution, settle
+from flexfem.fem.response import StaticSolution, settle
 from flexfem.fem.structure import Structure, structure
 from flexfem.fem.symmetry import cyclic, turned_fields, under_loads, whole_fields
 
@@ -115,7 +115,7 @@ def warm_half(sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None =
     return WarmHalf(found.compliance, np.diag(found.energy), sectors, fields, layers, mesh, places, unknowns)
 
 
-def warm_whole(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> Solution:
+def warm_whole(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> StaticSolution:
     """As `warm_half`, of any mesh with clamped faces and a hub."""
     of = structure(mesh, plate, layers)
     return settle(of, factorise(of.lower()), np.zeros((of.size, 3)), _imposed(of))

@@ -33,7 +33,7 @@ SETTLED = 0.1 * BALANCE  # refined no further: energy and work differ by the err
 PUSH_QUADRATURE = 8  # degree, for pushes, whose weights are no polynomials in a triangle
 
 
-class Solution(NamedTuple):
+class StaticSolution(NamedTuple):
     """A structure at rest in k cases; one sector of three alike, or the whole.
 
     motion : (size, k), unknowns.   fields, forces : (k, n, ...), displacements, mm, and nodal forces, N, of all nodes.
@@ -63,7 +63,9 @@ class Solution(NamedTuple):
         return len(self.motion)
 
 
-def settle(of: Structure, solve: Solve, loads: Array, given: Array | None = None, alike: bool = False) -> Solution:
+def settle(
+    of: Structure, solve: Solve, loads: Array, given: Array | None = None, alike: bool = False
+) -> StaticSolution:
     """Refine the answer to loads until its balances hold. Raises ComputationFailed when they do not.
 
     Parameters
@@ -100,12 +102,15 @@ def settle(of: Structure, solve: Solve, loads: Array, given: Array | None = None
         if given is not None:
             work = work + given.reshape(len(given), -1) @ flat
         held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
-        found = Solution(motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), whole(energy))
+        found = StaticSolution(
+            motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), whole(energy)
+        )
         loaded = np.sum(around(applied), axis=0)
-        nodal = 0.0 if given is None else np.max(np.abs(flat), axis=0)
-        unbalanced = _imbalance(found, whole(work), loaded * scale, scale, nodal)
+        unbalanced = _imbalance(found, whole(work), loaded * scale, scale)
         if max(unbalanced.values()) <= SETTLED:
             break
+    if given is not None:  # pads that carry nothing but stress of their own
+        unbalanced = _imbalance(found, whole(work), loaded * scale, scale, np.max(np.abs(flat), axis=0))
     for name, worst in unbalanced.items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
@@ -119,10 +124,12 @@ def _resultants(of: Structure, loads: Array) -> Array:
     return np.asarray(loads.T @ np.concatenate([rigid.reshape(-1, 3), np.eye(of.poses, 3)]))
 
 
-def _imbalance(found: Solution, work: Array, loaded: Array, scale: Array, nodal: Array | float) -> dict[str, float]:
+def _imbalance(
+    found: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
+) -> dict[str, float]:
     """What reactions and loads differ by over the largest of them, and strain energy and work over the energies.
 
-    nodal : (k,), N, the largest force of a node where the ground is displaced: pads that carry nothing balance too.
+    nodal : (k,), N, a force that counts as one of them.
     """
     tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(found.energy)))
     pads = found.pads * scale
@@ -212,7 +219,7 @@ def unit_response(
 
 def platform_response(
     mesh: StageMesh, plate: Plate, degree: int | None = None, layers: Layers | None = None
-) -> Solution:
+) -> StaticSolution:
     """As `unit_response`, of a whole mesh.
 
     Notes

@@ -18,7 +18,7 @@ from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import StageMesh, mesh_sectors
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import Response, Solution, unit_response
+from flexfem.fem.response import Response, StaticSolution, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.mechanism.feasibility import check_feasible
@@ -53,7 +53,7 @@ class OnMesh(NamedTuple):
     """A stage solved on a mesh that was stored whole."""
 
     mesh: StageMesh
-    response: Solution
+    response: StaticSolution
 
     @property
     def triangles(self) -> int:

@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.response import Solution, platform_response
+from flexfem.fem.response import StaticSolution, platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage, load_stage
 
@@ -26,7 +26,7 @@ class Solved(NamedTuple):
 
     stage: Stage
     mesh: StageMesh
-    response: Solution
+    response: StaticSolution
 
 
 def solved(stage: Stage, resolution: int = RESOLUTION) -> Solved:

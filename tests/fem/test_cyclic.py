@@ -13,7 +13,7 @@ import flexfem.fem.structure
 from flexfem.arrays import Array
 from flexfem.fem.fields import base_rotations, envelope, load_case, neck_stresses
 from flexfem.fem.mesh import StageMesh, mesh_sectors, welded
-from flexfem.fem.response import Response, Solution, platform_response, unit_response
+from flexfem.fem.response import Response, StaticSolution, platform_response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.fem.symmetry import under_loads
 from flexfem.mechanism.actuators import HINGE_NAMES
@@ -33,7 +33,7 @@ class Both(NamedTuple):
     stage: Stage
     response: Response
     mesh: StageMesh
-    whole: Solution
+    whole: StaticSolution
 
 
 def in_both_ways(stage: Stage) -> Both:

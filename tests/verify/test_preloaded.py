@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.large import loaded, serial
-from flexfem.fem.preload import preloaded
+from flexfem.fem.nonlinear import preloaded
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS
 from flexfem.mechanism.drives import drive_of
