@@ -32,7 +32,7 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
-MADE = (
+MADE = ("summary", "stiffness", "drift")  # commands that are made from signatures
     "summary",
     "stiffness",
     "modes",
@@ -202,10 +202,13 @@ def write(found: Any, path: Path) -> list[Path]:
     require_unread(*(path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")))
     paths = [found.write(path)]
     if found.figure and (found.fields is not None or not found.drawn_from_fields):
-        from flexfem.plot.write import write_all
+        from flexfem.plot.write import write_beside
 
         module, _, draw = found.figure.rpartition(".")
-        paths += write_all(path, getattr(import_module(f"flexfem.plot.{module}"), draw)(found))
+        drawn = getattr(import_module(f"flexfem.plot.{module}"), draw)(found)
+        for ending, one in (drawn if isinstance(drawn, dict) else {"": drawn}).items():  # figures, or what writes one
+            beside = path.with_name(f"{path.stem}{ending}{path.suffix}")
+            paths += one(beside) if callable(one) else write_beside(beside, one)
     return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
 
 
