@@ -33,11 +33,6 @@ GROUPS = {
     "Check and trust": ("regression", "baseline"),
 }
 MADE = ("summary", "stiffness", "drift")  # commands that are made from signatures
-    "summary",
-    "stiffness",
-    "modes",
-    "drift",
-)  # commands that are made from the signature of the function of the same name
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OUTPUT = "Folder for what is written."
 
