@@ -11,10 +11,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from flexfem.commands.at_work import EVERY
-from flexfem.commands.streams import raw
 from flexfem.study.content import RETRIED
 from flexfem.study.run import Progress as Step
+from flexfem.terminal import EVERY, raw
 
 SHOWN = 10  # reasons of a status
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem import studies
-from flexfem.commands.streams import Stopped
 from flexfem.refused import BadInput
 from flexfem.sources import ONE_THREAD
+from flexfem.terminal import Stopped
 
 if TYPE_CHECKING:
     from flexfem.study.parts import Parts, Shard
