@@ -151,7 +151,7 @@ def lowered(
     hinges: Compliance,
     freedoms: Freedoms,
     platform: Array | None = None,
-    links: network.Series | None = None,
+    links: network.SeriesSum | None = None,
 ) -> network.Mechanism:
     """The stages as networks: the platform, the links of chain 1, 2 and 3; the joints are the nine hinges.
 
@@ -172,7 +172,7 @@ def lowered(
 def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
     """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
     of = lowered(frames, hinges, freedoms)
-    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints).joints)
+    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints).paths)
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:

@@ -30,7 +30,7 @@ GROUND = -1
 SINGULAR = 1e-14  # of the largest eigenvalue of a joint's scaled compliance: no freedom of the joint
 
 
-class Series(NamedTuple):
+class SeriesSum(NamedTuple):
     """Sums over the joints of each of P paths under k loads: A (..., P, 3, 3), B (..., P, 3, k) and D (..., k, k)."""
 
     A: Array
@@ -56,25 +56,34 @@ class Mechanism(NamedTuple):
     compliance: Array
     coupled: tuple[int, ...] = ()
     coupling: Array | None = None
-    series: Series | None = None
+    series: SeriesSum | None = None
+
+
+class JointsInSeries(NamedTuple):
+    """A path between two bodies kept, or one and the ground.
+
+    joints : from its near to its far end.   signs : -1 where the path meets a joint's far body first.
+    inner : the bodies between its joints.   near, far : the bodies at its ends; `GROUND` for the ground.
+    """
+
+    joints: tuple[int, ...]
+    signs: tuple[int, ...]
+    inner: tuple[int, ...]
+    near: int
+    far: int
+
+    @property
+    def steps(self) -> list[tuple[int, int]]:
+        """Joints with their signs."""
+        return list(zip(self.joints, self.signs, strict=True))
 
 
 class Topology(NamedTuple):
-    """The paths of a mechanism.
-
-    kept : bodies at the ends of paths, the output first.
-    joints : of every path, from its near to its far end.   signs : -1 where the path meets the far body first.
-    inner : of every path, the bodies between its joints.
-    G : (P, 3, 3 K), twist of the far end less that of the near end by the twists of the bodies kept.
-    nearest : of every path, place in `kept` of its near end; `GROUND` for the ground.
-    """
+    """The bodies kept (K), the output first, the P paths between them, and G (P, 3, 3 K) of the paths."""
 
     kept: tuple[int, ...]
-    joints: tuple[tuple[int, ...], ...]
-    signs: tuple[tuple[int, ...], ...]
-    inner: tuple[tuple[int, ...], ...]
+    paths: tuple[JointsInSeries, ...]
     G: Array
-    nearest: tuple[int, ...]
 
 
 class OutputStiffness(NamedTuple):
@@ -84,7 +93,7 @@ class OutputStiffness(NamedTuple):
     wrenches: Array
 
 
-class Response(NamedTuple):
+class MotionUnderLoads(NamedTuple):
     """What k loads and openings do.
 
     output : (..., 3, k), twist of the output.   wrenches : (..., m, 3, k), in the joints.
@@ -107,32 +116,30 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
         for body in ends:
             at[body].append(joint)
     kept = (output, *(body for body in range(bodies) if body != output and len(at[body]) != 2))
-    ends, used, found = (GROUND, *kept), set[int](), list[tuple[list[int], list[int], list[int], int, int]]()
-    for start in ends:
-        for first in at[start]:
-            body, joint, path, signs, inner = start, first, list[int](), list[int](), list[int]()
+    used, paths = set[int](), list[JointsInSeries]()
+    for start in (GROUND, *kept):
+        for joint in at[start]:
+            body, joints_of, signs, inner = start, list[int](), list[int](), list[int]()
             while joint not in used:
                 used.add(joint)
                 near, far = joints[joint]
-                path.append(joint)
+                joints_of.append(joint)
                 signs.append(1 if body == near else -1)
                 body = far if body == near else near
-                if body in ends:
-                    found.append((path, signs, inner, start, body))
+                if body == GROUND or body in kept:
+                    paths.append(JointsInSeries(tuple(joints_of), tuple(signs), tuple(inner), start, body))
                     break
                 inner.append(body)
                 joint = next(other for other in at[body] if other != joint)
-    missing = set(range(bodies)) - set(kept) - {body for _, _, inner, _, _ in found for body in inner}
+    missing = set(range(bodies)) - set(kept) - {body for path in paths for body in path.inner}
     if missing:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
-    G = np.zeros((len(found), 3, len(kept), 3))
-    for k, (_, _, _, near, far) in enumerate(found):
-        for body, sign in ((near, -1), (far, 1)):
+    G = np.zeros((len(paths), 3, len(kept), 3))
+    for k, path in enumerate(paths):
+        for body, sign in ((path.near, -1), (path.far, 1)):
             if body != GROUND:
                 G[k, :, kept.index(body)] += sign * np.eye(3)
-    parts = zip(*((tuple(path), tuple(signs), tuple(inner)) for path, signs, inner, _, _ in found), strict=True)
-    nearest = tuple(GROUND if near == GROUND else kept.index(near) for _, _, _, near, _ in found)
-    return Topology(kept, *parts, G.reshape(len(found), 3, -1), nearest)
+    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1))
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
@@ -151,10 +158,10 @@ def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, 
     return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # entry by entry in memory: faster
 
 
-def in_series(compliance: Array, paths: tuple[tuple[int, ...], ...]) -> Array:
+def in_series(compliance: Array, paths: tuple[JointsInSeries, ...]) -> Array:
     """Sums (..., P, 3, 3) of the compliances (..., m, 3, 3) of the joints of each path."""
-    order = [joint for path in paths for joint in path]
-    starts = np.cumsum([0, *(len(path) for path in paths)])[:-1]
+    order = [joint for path in paths for joint in path.joints]
+    starts = np.cumsum([0, *(len(path.joints) for path in paths)])[:-1]
     entries = np.moveaxis(compliance, (-2, -1), (0, 1))
     entries = entries if order == sorted(order) else entries[..., order]
     return np.moveaxis(np.add.reduceat(entries, starts, axis=-1), (0, 1), (-2, -1))
@@ -165,85 +172,80 @@ def stiffness(of: Mechanism) -> OutputStiffness:
 
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
-    paths = topology(of.bodies, of.output, of.joints)
-    A, G = _path_compliance(of, paths), paths.G
-    if of.coupling is None and len(paths.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
+    by = topology(of.bodies, of.output, of.joints)
+    A, G = _path_compliance(of, by), by.G
+    if of.coupling is None and len(by.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
         pulls = inverse(A)
     else:
-        A = _coupled(A, of, paths)
+        A = _coupled(A, of, by)
         pulls = _of_paths(inverse(A) @ G.reshape(-1, G.shape[-1]), G)
-    K = np.sum(pulls, axis=-3) if len(paths.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
-    if len(paths.kept) > 1:
+    K = np.sum(pulls, axis=-3) if len(by.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
+    if len(by.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
-    if np.isnan(K).any() and (ideal := _ideal(of, paths)).any():
-        _, across, twists = _saddle(_coupled(_path_compliance(of, paths), of, paths), G)
+    if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
+        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), G)
         direct = inverse(twists[..., :3, :3])
         pulls = np.where(ideal[..., None, None, None], across[..., :3] @ direct[..., None, :, :], pulls)
         K = np.where(ideal[..., None, None], direct, K)
-    return OutputStiffness(K, _of_joints(of, paths, pulls))
+    return OutputStiffness(K, _of_joints(of, by, pulls))
 
 
-def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> Response:
+def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionUnderLoads:
     """What loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of the joints do.
 
     nan for a design as of `stiffness`, and for one that moves without load.
     """
-    paths = topology(of.bodies, of.output, of.joints)
-    G, size = paths.G, paths.G.shape[-1]
-    beyond, kept = _loads(of, paths, loads)
+    by = topology(of.bodies, of.output, of.joints)
+    G, size = by.G, by.G.shape[-1]
+    beyond, kept = _loads(of, by, loads)
     own = _with_coupling(of, of.compliance @ beyond, beyond)
     own = own if openings is None else own + openings
-    signed = np.zeros((len(paths.joints), len(of.joints)))
-    for path in range(len(paths.joints)):
-        for joint, sign in _of_path(paths, path):
+    signed = np.zeros((len(by.paths), len(of.joints)))
+    for path in range(len(by.paths)):
+        for joint, sign in by.paths[path].steps:
             signed[path, joint] = sign
     t = np.einsum("pm,...mak->...pak", signed, own)
     D = np.einsum("...mak,...mal->...kl", beyond, own)
     if of.series is not None:
         t, D = t + of.series.B, D + of.series.D
-    A = _coupled(_path_compliance(of, paths), of, paths)
+    A = _coupled(_path_compliance(of, by), of, by)
     t, G = t.reshape(*t.shape[:-3], -1, t.shape[-1]), G.reshape(-1, size)
     W = inverse(A)
     pulls = W @ G
     V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
     w = W @ (G @ V - t)
-    if np.isnan(V).any() and (ideal := _ideal(of, paths)[..., None, None]).any():
-        inner, across, twists = _saddle(A, paths.G)
+    if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
+        inner, across, twists = _saddle(A, by.G)
         across = across.reshape(*across.shape[:-3], -1, size)
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
     by_loads = t if openings is None else t - np.einsum("pm,...mak->...pak", signed, openings).reshape(t.shape)
     motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(by_loads, -1, -2) @ w + D
-    return Response(V[..., :3, :], _of_joints(of, paths, _of_paths(w, paths.G)) + beyond, motions)
+    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by.G)) + beyond, motions)
 
 
-def _path_compliance(of: Mechanism, paths: Topology) -> Array:
+def _path_compliance(of: Mechanism, by: Topology) -> Array:
     """Compliances (..., P, 3, 3) of the paths but for `coupling`."""
-    A = in_series(of.compliance, paths.joints)
+    A = in_series(of.compliance, by.paths)
     return A if of.series is None else A + of.series.A
 
 
-def _coupled(A: Array, of: Mechanism, paths: Topology) -> Array:
+def _coupled(A: Array, of: Mechanism, by: Topology) -> Array:
     """Compliance (..., 3 P, 3 P) of all paths together, with that of the elastic body that couples them."""
-    count = len(paths.joints)
+    count = len(by.paths)
     full = np.einsum("pq,...pab->...paqb", np.eye(count), A)
     if of.coupling is not None:
         full = np.broadcast_to(full, (*np.broadcast_shapes(A.shape[:-3], of.coupling.shape[:-2]), *full.shape[-4:]))
         full = full.copy()
-        place = {joint: (path, sign) for path in range(count) for joint, sign in _of_path(paths, path)}
+        place = {joint: (path, sign) for path in range(count) for joint, sign in by.paths[path].steps}
         where = [place[joint] for joint in of.coupled]
         parts = of.coupling.reshape(*of.coupling.shape[:-2], len(where), 3, len(where), 3)
         for i, (row, one) in enumerate(where):
             for j, (column, other) in enumerate(where):
                 full[..., row, :, column, :] += one * other * parts[..., i, :, j, :]
-    return full.reshape(*full.shape[:-4], 3 * count, 3 * count)
-
-
-def _of_path(paths: Topology, path: int) -> list[tuple[int, int]]:
-    """Joints of a path and their signs."""
-    return list(zip(paths.joints[path], paths.signs[path], strict=True))
+    return np.asarray(full.reshape(*full.shape[:-4], 3 * count, 3 * count))
 
 
 def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
@@ -258,19 +260,19 @@ def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
     return found
 
 
-def _loads(of: Mechanism, paths: Topology, loads: Array) -> tuple[Array, Array]:
+def _loads(of: Mechanism, by: Topology, loads: Array) -> tuple[Array, Array]:
     """Wrench (..., m, 3, k) in each joint by loads on the bodies of its path beyond it; loads (..., 3 K, k) on those
     kept, with what the paths that start there bear."""
     lead, k = loads.shape[:-3], loads.shape[-1]
-    beyond, kept = np.zeros((*lead, len(of.joints), 3, k)), loads[..., list(paths.kept), :, :].copy()
-    for path, (inner, near) in enumerate(zip(paths.inner, paths.nearest, strict=True)):
+    beyond, kept = np.zeros((*lead, len(of.joints), 3, k)), loads[..., list(by.kept), :, :].copy()
+    for path in by.paths:
         total = np.zeros((*lead, 3, k))
-        for (joint, sign), body in zip(reversed(_of_path(paths, path)[:-1]), reversed(inner), strict=True):
+        for (joint, sign), body in zip(path.steps[-2::-1], reversed(path.inner), strict=True):
             total = total + loads[..., body, :, :]
             beyond[..., joint, :, :] = sign * total
-        if near != GROUND:
-            kept[..., near, :, :] += total
-    return beyond, kept.reshape(*lead, 3 * len(paths.kept), k)
+        if path.near != GROUND:
+            kept[..., by.kept.index(path.near), :, :] += total
+    return beyond, kept.reshape(*lead, 3 * len(by.kept), k)
 
 
 def _of_paths(w: Array, G: Array) -> Array:
@@ -283,17 +285,17 @@ def _balance(G: Array, pulls: Array) -> Array:
     return np.asarray(np.einsum("pab,...pac->...bc", G, pulls))
 
 
-def _of_joints(of: Mechanism, paths: Topology, pulls: Array) -> Array:
+def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
     """Wrenches (..., m, 3, k) in the joints by those of their paths (..., P, 3, k)."""
     owner, sign = np.zeros(len(of.joints), dtype=int), np.zeros(len(of.joints))
-    for path in range(len(paths.joints)):
-        for joint, one in _of_path(paths, path):
+    for path in range(len(by.paths)):
+        for joint, one in by.paths[path].steps:
             owner[joint], sign[joint] = path, one
     found = np.moveaxis(np.moveaxis(pulls, (-2, -1), (0, 1))[..., owner], (0, 1), (-2, -1))
     return found if np.all(sign == 1) else sign[:, None, None] * found
 
 
-def _ideal(of: Mechanism, paths: Topology) -> Array:
+def _ideal(of: Mechanism, by: Topology) -> Array:
     """Which designs (...) have a path of joints with fewer than three freedoms together."""
     size = np.sqrt(np.diagonal(of.compliance, axis1=-2, axis2=-1))
     square = size[..., :, None] * size[..., None, :]
@@ -302,7 +304,7 @@ def _ideal(of: Mechanism, paths: Topology) -> Array:
     elastic = {joint for joint in of.coupled if of.coupling is not None}
     few = [
         np.sum(freedoms[..., list(joints)], axis=-1) < 3
-        for joints in paths.joints
+        for joints in (path.joints for path in by.paths)
         if of.series is None and not elastic & set(joints)
     ]
     return np.any(few, axis=0) if few else np.zeros(freedoms.shape[:-1], dtype=bool)

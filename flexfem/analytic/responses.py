@@ -5,7 +5,7 @@ on an elastic link is spread over a station of it, so that pieces of the link ca
 
 Vibration: unit wrenches on all seven moving bodies give the compliance C (21, 21) of their twists, whatever freedoms
 the hinges have; its rank is the mobility. With their mass matrix M, the eigenvalues of `C M` are `1 / omega^2`.
-Every body is drawn up to the narrowest section of its hinges: half a notch moves with either side, that of the pad rests.
+Every body is drawn up to the narrowest section of its hinges: half a notch moves with either side.
 
 Heat: a chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
 difference is an opening of the chain. The change dT and the gradient are about the platform's centre; before it, stage
@@ -62,7 +62,7 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """What elastic links add to the chains, as `network.Series`, under n stacks, and the platform's compliance.
+    """What elastic links add to the chains, as `network.SeriesSum`, under n stacks, and the platform's compliance.
 
     A : (..., 3 chains, 3, 3).   B : (..., 3, 3, n).   D : (..., n, n).   platform : (..., 9, 9).
     """
@@ -101,7 +101,7 @@ def driven(
     platform, series = None, None
     if elastic is not None:
         B, D = (np.pad(part, [(0, 0)] * (part.ndim - n) + [(3, 0)] * n) for part, n in ((elastic.B, 1), (elastic.D, 2)))
-        platform, series = elastic.platform, network.Series(elastic.A, B, D)
+        platform, series = elastic.platform, network.SeriesSum(elastic.A, B, D)
     found = network.solve(lowered(frames, hinges, freedoms, platform, series), loads_of(stacks))
     necks = found.wrenches.reshape(*found.wrenches.shape[:-3], 3, 3, *found.wrenches.shape[-2:])
     return DrivenModel(found.motions, necks)
