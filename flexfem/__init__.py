@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
     from flexfem.questions.heat import drift as drift
+    from flexfem.questions.life import life as life
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.experiment import experiment as experiment
     from flexfem.reports.experiment import identify as identify
-    from flexfem.reports.life import life as life
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
@@ -103,7 +103,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
     "questions.summary": ("summary",),
-    "reports.life": ("life",),
+    "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "reports.part": ("export", "new_stage", "schema_of", "view"),
     "reports.stage": ("as_built", "check", "mesh"),

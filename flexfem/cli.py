@@ -32,8 +32,9 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
-MADE = ("summary", "stiffness", "drift")  # commands that are made from signatures
+MADE = ("summary", "stiffness", "drift", "life")  # commands that are made from signatures
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
+OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
 
 
@@ -102,7 +103,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
     hints, texts = get_type_hints(function), parameters(function.__doc__)
     for name, one in inspect.signature(function).parameters.items():
         hint = hints[name]
-        if name == "progress":
+        if name in OF_PYTHON:
             continue
         if name == "stage":
             about = typer.Argument(help="Stage file, see flexfem schema stage.", metavar="STAGE")
@@ -111,7 +112,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             fields = parameters(hint.__doc__)
             for field, annotation in get_type_hints(hint).items():
                 yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
-        elif one.default is inspect.Parameter.empty:
+        elif one.default is one.empty and one.kind is not one.KEYWORD_ONLY:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
             yield _parameter(
@@ -158,7 +159,7 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
         if parameter.name == "stage":
             path = given["stage"]
             arguments["stage"], stem = load_feasible(path), f"{path.stem}-{name}"
-        elif parameter.name == "progress":
+        elif parameter.name in OF_PYTHON:
             continue
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})

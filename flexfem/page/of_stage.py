@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexfem import api
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.analytic.responses import require_expansion
@@ -15,8 +13,8 @@ from flexfem.mechanism.stage_file import located
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
-from flexfem.questions import heat
-from flexfem.reports import drive, life, modes, verification
+from flexfem.questions import heat, life
+from flexfem.reports import drive, modes, verification
 from flexfem.reports.stage import stiffness, summary
 
 if TYPE_CHECKING:
@@ -58,7 +56,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
         "modes": lambda: motion.modes_section(modes.vibration(stage)),
         "drift": lambda: motion.drift_section(heat.drift(stage)),
-        "life": lambda: motion.life_section(life.life(stage, np.asarray(amplitude))),
+        "life": lambda: motion.life_section(life.life(stage, amplitude=tuple(np.asarray(amplitude, dtype=float)))),
     }
     wanted = [name for name in makers if name in sections and (name != "drive" or stage.actuator)]
     return [
