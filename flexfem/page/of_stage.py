@@ -56,7 +56,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
         "modes": lambda: motion.modes_section(modes.vibration(stage)),
         "drift": lambda: motion.drift_section(heat.drift(stage)),
-        "life": lambda: motion.life_section(life.life(stage, amplitude=tuple(np.asarray(amplitude, dtype=float)))),
+        "life": lambda: motion.life_section(life.life(stage, amplitude=amplitude)),  # type: ignore[arg-type]
     }
     wanted = [name for name in makers if name in sections and (name != "drive" or stage.actuator)]
     return [
