@@ -14,8 +14,8 @@ from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
 from flexfem.plot.text import significant
 from flexfem.plot.workspace import workspace_figure
+from flexfem.questions.warnings import grouped
 from flexfem.units import COMMANDS, STRESS, UNITS, Unit
-from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from flexfem.questions.heat import Drift

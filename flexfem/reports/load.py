@@ -18,10 +18,10 @@ from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, PathLike, meshed_solid
 from flexfem.verify.answers import LoadReport, report_load
-from flexfem.verify.solid import solve_solid
 from flexfem.verify.solid_report import SolidReport, report_solid
 
 

@@ -71,7 +71,7 @@ def stiffness(
     result = analyse(*chosen)
     if finest is None:
         return report_stiffness(chosen.stage, result, None, warnings)
-    from flexfem.verify import warning
+    from flexfem.questions import warnings as warning
     from flexfem.verify.summary import banded_stress
 
     warnings += warning.of_thickness(stage)

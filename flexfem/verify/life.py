@@ -10,10 +10,9 @@ from flexfem.analytic.model import CALIBRATED, analyse, best_model
 from flexfem.arrays import first_highest
 from flexfem.hinges.strength import KEY, Basquin
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import levels, stress_bands
 from flexfem.units import STRESS
-from flexfem.verify import warning
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import levels
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import OfStage, Record, Triple, about
 from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads

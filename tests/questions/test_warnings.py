@@ -14,10 +14,9 @@ from flexfem.analytic.model import analyse
 from flexfem.fem.response import LoadCase
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
-from flexfem.verify import warning
+from flexfem.questions import warnings as warning
 from flexfem.verify.answers import report_load
 from flexfem.verify.protocol import solve_stage
-from flexfem.verify.result import Triple, Uncertainty
 from flexfem.verify.summary import element_limits, summary
 
 ROOT = Path(__file__).parents[2]
@@ -28,11 +27,6 @@ def bent(project, degrees):
     """The reference stage with its chains bent by so much at the elbows."""
     angles = f"[180.0, {-degrees}, {degrees}]"
     return load_stage(project.edit("geometry/mobility6.toml", ("[180.0, -90.0, 90.0]", angles)))
-
-
-def uncertainty(**changes):
-    given = {"resolutions": [4, 6, 8], "values": [1.0, 1.0, 1.0], "verdict": "converging", "order": 4.0}
-    return Uncertainty(**(given | {"observed": None, "extrapolated": 1.0, "band": 1e-4} | changes))
 
 
 def test_yield_is_exceeded_just_beyond_the_yield_strength():
@@ -90,19 +84,6 @@ def test_what_is_left_out_counts_from_five_per_cent(project):
         project.path("geometry/mobility6.toml").write_text(SIX.read_text())
         stage = bent(project, degrees)
         assert len(warning.of_model(stage, analyse(stage, 3))) == count
-
-
-def test_bands_count_when_they_are_large_or_their_meshes_do_not_converge():
-    percent = Triple(x=12.5, y=0.0, theta=0.0)
-
-    def said(**changes):
-        return warning.of_bands({"x": uncertainty(**changes)}, percent, "here")
-
-    assert said(band=0.49) == [] and said(verdict="oscillatory", band=0.049) == []
-    assert "±0.51 points" in said(band=0.51)[0] and "12.5 %" in said(band=0.51)[0]
-    assert "oscillatory" in said(verdict="oscillatory", band=0.051)[0]
-    assert warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=1.9e-3)}) == []
-    assert "in y is ±0.11 %" in warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=2.2e-3)})[0]
 
 
 def test_a_load_beyond_yield_is_said_once_to_people_and_in_the_json(flexfem):
