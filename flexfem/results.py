@@ -392,47 +392,59 @@ class Result:
     # tables
 
     def tables(self, plain: bool = True) -> list[TextTable]:
-        """Tables of all quantities: those with the same rows stand side by side.
+        """Tables of all quantities: those with the same rows and the same kind of columns make one table.
 
         Parameters
         ----------
         plain : bool
             Units in ASCII letters, for terminals.
         """
-        groups: dict[tuple[str, ...], list[Quantity]] = {}
+        groups: dict[tuple[tuple[str, ...], str], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
             if quantity.shown and name in self.values and not np.all(np.isnan(self.values[name])):
                 rows = tuple(a for a in quantity.over if a not in self.columns and a not in quantity.largest)
-                groups.setdefault(rows, []).append(quantity)
-        return [self._table(rows, quantities, plain) for rows, quantities in groups.items()]
+                groups.setdefault((rows, self._spread(quantity)), []).append(quantity)
+        return [self._table(rows, spread, group, plain) for (rows, spread), group in groups.items()]
 
-    def _table(self, over: tuple[str, ...], quantities: list[Quantity], plain: bool) -> TextTable:
-        if not over and all(not self._spread(one) for one in quantities):  # one number each: a list
-            rows = [[one.meaning, self._cell(one, (), (), plain, True)] for one in quantities]
+    def _table(self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool) -> TextTable:
+        if not over and not spread:  # one number each: a list
+            rows = [[one.meaning, self._cell(one, self._shown(one, (), ())[0], plain, True)] for one in group]
             return TextTable(["", ""], rows, 1)
-        head, rows, last = list(over), [], tuple[str, ...]()
-        spreading = [one.meaning for one in quantities if self._spread(one)]
-        several = len(spreading) > 1
-        for one in quantities:
-            spread = self._spread(one)
-            labels = self.axes[spread] if spread else ("",)
-            for k, label in enumerate(labels):
-                place = (0,) * (len(one.over) - 1) + (k if spread else 0,)
-                unit = "" if one.prefixed else _name(one.unit_at(place), plain)
-                words = " ".join(filter(None, [one.meaning if several or not spread else "", label]))
-                head.append(f"{words} ({unit})" if unit else words)
-        compared = "model" in over and len(self.axes["model"]) > 1
+        if not spread:  # a column for each quantity
+            head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
+            return TextTable(head, self._rows(over, group, plain), len(over))
+        labels = self.axes[spread]
+        if len(group) == 1 and not any(isinstance(each, tuple) for each in group[0].unit):
+            head = [*over, *(self._headed(label, group[0], k, plain) for k, label in enumerate(labels))]
+            return TextTable(head, self._rows(over, group, plain), len(over), group[0].meaning)
+        stacked = []  # rows for each quantity, whose name has the units
+        for one in group:
+            unit = "" if one.prefixed or not one.unit else f" ({_units_said(one.unit, plain)})"
+            for k, row in enumerate(self._rows(over, [one], plain)):
+                stacked.append([f"{one.meaning}{unit}" if k == 0 else "", *row])
+        return TextTable(["", *over, *labels], stacked, 1 + len(over))
+
+    def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
+        """The head of a column with its unit; prefixed numbers have theirs with them."""
+        unit = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,))
+        name = _name(unit, plain)
+        return f"{text} ({name})" if name and not quantity.prefixed else text
+
+    def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
+        """Rows of quantities with the same axes; behind the last model how the first differs from it."""
+        rows, last = [], tuple[str, ...]()
+        last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
             names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
-            cells = [cell for one in quantities for cell in self._cells(one, over, place, plain)]
+            cells = [self._cell(one, at, plain, one.prefixed) for one in group for at in self._shown(one, over, place)]
             if any(cells):
                 rows.append([*names, *cells])
                 last = labels
-            if compared and over[-1] == "model" and place[-1] == len(self.axes["model"]) - 1:
-                differences = [cell for one in quantities for cell in self._differences(one, over, place)]
+            if over and over[-1] == "model" and place[-1] == last_model > 0:
+                differences = [cell for one in group for cell in self._differences(one, over, place)]
                 if any(differences):
                     rows.append([*[""] * (len(over) - 1), "difference (%)", *differences])
-        return TextTable(head, rows, len(over), spreading[0] if len(spreading) == 1 else "")
+        return rows
 
     def _spread(self, quantity: Quantity) -> str:
         """The axis of a quantity whose labels are columns."""
@@ -449,19 +461,14 @@ class Result:
             found.append(max(product(*ranges), key=lambda at: _size(float(self.values[quantity.name][at]))))
         return found
 
-    def _cells(self, quantity: Quantity, over: Sequence[str], place: Sequence[int], plain: bool) -> list[str]:
-        return [self._cell(quantity, over, at, plain, quantity.prefixed) for at in self._shown(quantity, over, place)]
-
-    def _cell(self, quantity: Quantity, over: Sequence[str], at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
-        if not over and not at and quantity.over:
-            (at,) = self._shown(quantity, (), ())
+    def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
         value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
         if abs(value) <= ROUND_OFF * self.sizes(quantity.name)[at]:
-            value = 0.0
+            value, band = 0.0, np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
-        text = number(value * unit.factor, band * unit.factor if value or not quantity.prefixed else np.nan)
+        text = number(value * unit.factor, band * unit.factor)
         text = f"{text} {_name(unit, plain)}".rstrip() if with_unit and text else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
@@ -574,7 +581,7 @@ def _lists(value: Any) -> Any:
     return [_lists(each) for each in value] if isinstance(value, tuple) else value
 
 
-def _units_said(unit: UnitNames) -> str:
+def _units_said(unit: UnitNames, plain: bool = False) -> str:
     if isinstance(unit, str):
-        return UNITS[unit].name if unit else "1"
-    return ", ".join(dict.fromkeys(_units_said(each) for each in unit))
+        return _name(UNITS[unit], plain) if unit else "1"
+    return ", ".join(dict.fromkeys(", ".join(_units_said(each, plain) for each in unit).split(", ")))

@@ -6,7 +6,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose, model_of
+from flexfem.fem.cyclic import CyclicResponse, cyclic_response
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION
+from flexfem.fem.response import plate_of
+from flexfem.fem.sectors import mesh_sectors
+from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import About
@@ -82,6 +86,12 @@ def mesh_of(
         return Mesh(arguments.resolution(RESOLUTION if resolution is None else resolution, least), 0)
     finest = arguments.resolution(SOLID_RESOLUTION if resolution is None else resolution, least_solid)
     return Mesh(finest, arguments.layers(layers, 3))
+
+
+@once
+def solved(stage: Stage, resolution: int) -> CyclicResponse:
+    """Plane finite elements of a feasible stage, solved once. Raises BadInput for a model that is not plane."""
+    return cyclic_response(mesh_sectors(stage, resolution), plate_of(stage))
 
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
