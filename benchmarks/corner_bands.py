@@ -5,7 +5,7 @@
 Chains alike and unlike, notches of mobility three and six, in turn. The bands are those of `flexfem design`, and of
 poses those of `flexfem drift`. The truth is extrapolated from meshes 1.5 and 2.5 times as fine, by the order of the
 kind. A truth whose last step is more than half the band is not settled: whether the band holds it is printed, and not
-counted. `--keep` stores what was solved, which `tests/questions/test_corner_bands.py` counts again without solving. Exits
+counted. `--keep` stores what was solved, which `tests/questions/test_corner_bands.py` counts again. Exits
 with 1 where less than 95 % of the numbers of a kind whose truth is settled are held.
 """
 

@@ -40,7 +40,6 @@ from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import ROUND_OFF, SAFETY, coarser, corner_bands, levels, pose_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
-from flexfem.questions.warnings import held_faces
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import EXPANSION
@@ -222,7 +221,7 @@ def drift(
         found[SHEET], found[SOLID], tilt, tilt_band, fields = solved
         at = (np.array(tuple(found)) == SOLID)[:, None]
         values["tilt"], bands["tilt"] = np.where(at, tilt, np.nan), np.where(at, tilt_band, np.nan)
-        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *held_faces(stage)]
+        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *warning.held_faces(stage)]
     elif mesh is not None:
         found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution)
     for quantity in ("pose", "stress", "reaction", "edges"):
