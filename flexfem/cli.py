@@ -32,7 +32,7 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
-MADE = ("summary", "stiffness", "drift")  # commands that are made from the signature of the function of the same name
+MADE = ("summary", "stiffness", "drift")  # commands that are made from signatures
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OUTPUT = "Folder for what is written."
 
@@ -188,24 +188,23 @@ def show(name: str, found: Any, stem: str, as_json: bool, folder: Path | None) -
 
 
 def write(found: Any, path: Path) -> list[Path]:
-    """Write the document of a result, its fields as VTU or its figure beside it; returns the paths.
+    """Write the document of a result, its figures and its fields beside it; returns the paths.
 
     Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
     """
     from flexfem.files.inputs import require_unread
 
-    fields = hasattr(found.fields, "write")
-    endings = (".vtu",) if fields else (".png", ".pdf") if found.figure else ()
-    require_unread(*(path.with_suffix(ending) for ending in (".json", *endings)))
-    found.write(path)
-    if fields:
-        return [path, found.fields.write(path)]
-    if not found.figure or (found.drawn_from_fields and found.fields is None):
-        return [path]
-    from flexfem.plot.write import write_beside
+    require_unread(*(path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")))
+    paths = [found.write(path)]
+    if found.figure and (found.fields is not None or not found.drawn_from_fields):
+        from flexfem.plot.write import write_beside
 
-    module, _, draw = found.figure.rpartition(".")
-    return [path, *write_beside(path, getattr(import_module(f"flexfem.plot.{module}"), draw)(found))]
+        module, _, draw = found.figure.rpartition(".")
+        drawn = getattr(import_module(f"flexfem.plot.{module}"), draw)(found)
+        for ending, one in (drawn if isinstance(drawn, dict) else {"": drawn}).items():  # figures, or what writes one
+            beside = path.with_name(f"{path.stem}{ending}{path.suffix}")
+            paths += one(beside) if callable(one) else write_beside(beside, one)
+    return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
 
 
 def print_result(found: Any) -> None:
