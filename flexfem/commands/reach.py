@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flexfem.commands.tables import DIRECTIONS, ends, numbers, print_ending, table
-from flexfem.questions.warnings import grouped
+from flexfem.verify.limits import grouped
 from flexfem.units import COMMANDS, FORCES, MICROMETRE
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
 from flexfem.plot.text import significant
 from flexfem.plot.workspace import workspace_figure
-from flexfem.questions.warnings import grouped
+from flexfem.verify.limits import grouped
 from flexfem.units import COMMANDS, STRESS, UNITS, Unit
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ answer under `warnings` and are printed once. A warning changes no number and no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -56,8 +56,6 @@ LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper sets out to 
 STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only explains what was left out, decides nothing
 THICK = 1.0  # per cent of the stiffness: a tenth of what a thick hinge differs by
 FAR = 0.1  # of the shortest link, and rad: there the linear answer is off by some per cent
-# what the name of a limit of a drive begins with, before " of "
-KINDS = ("stroke", "contact", "blocking force", "yield")
 
 
 def of_stage(stage: Stage) -> Warnings:
@@ -277,14 +275,3 @@ def _places(where: NDArray[np.bool_]) -> str:
         if not np.all(where[:, position])
     ]
     return ", ".join(names)
-
-
-def kinds(by: Sequence[str]) -> tuple[str, ...]:
-    """What kinds of limits of a drive these are, in the order of `KINDS`."""
-    return tuple(kind for kind in KINDS if any(name.startswith(f"{kind} of ") for name in by))
-
-
-def grouped(by: Sequence[str]) -> str:
-    """Names of limits of a drive in a line, kind by kind."""
-    found = {kind: [n.removeprefix(f"{kind} of ") for n in by if n.startswith(f"{kind} of ")] for kind in kinds(by)}
-    return "; ".join(f"{kind}: {' | '.join(names)}" for kind, names in found.items())

@@ -11,7 +11,7 @@ from flexfem.arrays import Array
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.questions.warnings import KINDS, YIELD_MARGIN
+from flexfem.verify.limits import KINDS, YIELD_MARGIN
 from flexfem.verify.command import stack_names
 from flexfem.verify.driven import DriveLimits, Driven, limits_of_forces, limits_of_strokes, moved
 from flexfem.verify.driven_models import Commanding, stresses

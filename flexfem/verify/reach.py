@@ -15,7 +15,7 @@ from flexfem.arrays import Array
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.warnings import KINDS
+from flexfem.verify.limits import KINDS
 from flexfem.refused import ComputationFailed
 from flexfem.units import STRESS, Direction
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress

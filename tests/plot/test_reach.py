@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 import flexfem
 from flexfem.plot.reach import reach_figure
-from flexfem.questions.warnings import kinds
+from flexfem.verify.limits import kinds
 from flexfem.verify.reach import Reach
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

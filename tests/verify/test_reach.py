@@ -14,7 +14,7 @@ from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.questions.warnings import grouped, kinds
+from flexfem.verify.limits import grouped, kinds
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.drive_ranges import drive_answers
