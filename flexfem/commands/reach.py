@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flexfem.commands.tables import DIRECTIONS, ends, numbers, print_ending, table
-from flexfem.verify.limits import grouped
 from flexfem.units import COMMANDS, FORCES, MICROMETRE
+from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from flexfem.commands.tables import DIRECTIONS, ends, print_ending, table
-from flexfem.verify.limits import grouped
 from flexfem.terminal import people
 from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, PLANES, RATE, STIFFNESSES, STRESS, STRESSES
+from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from flexfem.verify.answers import MeshReport

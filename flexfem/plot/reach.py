@@ -20,8 +20,8 @@ from flexfem.plot.curves import DASHES, NAMES
 from flexfem.plot.marks import write
 from flexfem.plot.style import GREY, INK, in_house_style, panels, wrapped
 from flexfem.plot.text import significant
-from flexfem.verify.limits import KINDS, grouped, kinds
 from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE
+from flexfem.verify.limits import KINDS, grouped, kinds
 from flexfem.verify.pose_set import PoseEdge, Range
 from flexfem.verify.reach import Reach
 

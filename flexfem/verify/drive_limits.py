@@ -11,10 +11,11 @@ from flexfem.arrays import Array
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.verify.limits import KINDS, YIELD_MARGIN
+from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.verify.command import stack_names
 from flexfem.verify.driven import DriveLimits, Driven, limits_of_forces, limits_of_strokes, moved
 from flexfem.verify.driven_models import Commanding, stresses
+from flexfem.verify.limits import KINDS
 from flexfem.verify.neck_limits import (
     NeckForces,
     NeckSections,

@@ -15,12 +15,12 @@ from flexfem.arrays import Array
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.verify.limits import KINDS
 from flexfem.refused import ComputationFailed
 from flexfem.units import STRESS, Direction
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress
 from flexfem.verify.driven import SINGULAR
 from flexfem.verify.driven_models import Commanding, commanding, driven_metal
+from flexfem.verify.limits import KINDS
 from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope
 from flexfem.verify.pose_set import ROUND_OFF, PoseEdge, Range, poses, programs, ranges, section
 from flexfem.verify.result import Matrix, OfStage, Record, about

@@ -14,12 +14,12 @@ from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.verify.limits import grouped, kinds
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.drive_ranges import drive_answers
 from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares
 from flexfem.verify.driven_models import Commanding, commanding, driven_metal, stresses
+from flexfem.verify.limits import grouped, kinds
 from flexfem.verify.polytope import LinearLimits, Programs, image
 from flexfem.verify.pose_set import poses, ranges
 from flexfem.verify.reach import PoseFace, Reach, _inside, reach
