@@ -27,11 +27,11 @@ from flexfem.fem import response, structure, symmetry
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Override
+from flexfem.questions.bands import grid_convergence
 from flexfem.refused import BadInput
 from flexfem.study.answer import solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study
-from flexfem.verify.errors import grid_convergence
 from flexfem.verify.protocol import solve_stage
 
 LEVELS = (6, 8, 11)

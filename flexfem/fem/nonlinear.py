@@ -2,10 +2,10 @@
 
 Driven by its stacks (`preloaded`), forces go with their bodies. Of a link that a stack pushes or stands on,
 displacement and rotation are read over its station, with the weights of `response.push_forces`; of the platform, those
-of the hub. From them follows the opening g of the stack with its first and second derivatives. Constant forces N have the potential
-`-N g`; what it adds to the sparse tangent is of low rank, and is dense algebra beside its factor. As a link turns by
-theta, its points come nearer to the middle of the station by theta^2/2 of their distance. Weights f read that as
-`-v theta^2/2`, v = sum f r, as if the link had moved; it is taken out.
+of the hub. From them follows the opening g of the stack with its first and second derivatives. Constant forces N have
+the potential `-N g`; what it adds to the sparse tangent is of low rank, and is dense algebra beside its factor. As a
+link turns by theta, its points come nearer to the middle of the station by theta^2/2 of their distance. Weights f read
+that as `-v theta^2/2`, v = sum f r, as if the link had moved; it is taken out.
 """
 
 from __future__ import annotations

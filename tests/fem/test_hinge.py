@@ -15,7 +15,7 @@ from flexfem.fem.hinge import sample as sample_anew
 from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
 from flexfem.fem.problem import meshed
 from flexfem.mechanism.bodies import Face, Segment, area
-from flexfem.verify.errors import grid_convergence
+from flexfem.questions.bands import grid_convergence
 
 from ..validation.hinge import differences
 

@@ -335,7 +335,7 @@ def test_both_factorisations_find_the_same(
 ) -> None:
     mesh = eccentric if load is LOAD else bar(LENGTH, HEIGHT, 8, 1)
     one = equilibrium(mesh, PLATE, load)
-    monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+    monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
     other = equilibrium(mesh, PLATE, load)
     np.testing.assert_allclose(one.pose, other.pose, rtol=0, atol=ROUND_OFF * np.abs(one.pose).max())
     assert one.stable == other.stable
@@ -346,7 +346,7 @@ def test_an_indefinite_matrix_is_solved_and_said_to_be_indefinite(
     monkeypatch: pytest.MonkeyPatch, installed: bool
 ) -> None:
     if not installed:
-        monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+        monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
     factorise, x = factoriser(), np.array([[3.0], [-1.0], [2.0]])
     for corner, definite in ((2.0, True), (-2.0, False), (5.0, True)):
         K = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, corner]])

@@ -20,12 +20,11 @@ from flexfem.fem.mesh import Sector, curved, drawn_area, estimate_triangles, mes
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import platform_response, unit_response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import area, draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
-from flexfem.verify.errors import grid_convergence
 
 CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area
 ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles

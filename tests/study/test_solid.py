@@ -11,10 +11,11 @@ import pytest
 from flexfem.fem.fields import base_rotations
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
+from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
-from flexfem.verify.solid import neck_stress_of, solve_solid
+from flexfem.verify.solid import neck_stress_of
 
 ROOT = Path(__file__).parents[2]
 STUDY = f"""
