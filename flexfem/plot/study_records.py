@@ -23,7 +23,7 @@ from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
+    from flexfem.study.collect import StudyTable
 
 
 Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront

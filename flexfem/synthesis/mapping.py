@@ -12,7 +12,7 @@ from flexfem.files.refusals import place_of
 from flexfem.refused import BadInput
 from flexfem.sources import manifest
 from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
-from flexfem.study.versions import versions_of
+from flexfem.study.workers import versions_of
 from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
