@@ -21,14 +21,14 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import dimensions, scattered
 
-from flexfem.analytic.heat import rates_of
+from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.fem.heat import heat_response
 from flexfem.fem.response import plate_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.outputs import (
     DRIFTS,
     DRIVE_RANGES,

@@ -8,14 +8,13 @@ flexfem.study.table("reports/study-reach/study-reach.parquet")      # a pandas o
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
 
 from flexfem.refused import BadInput
 
@@ -149,7 +148,7 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
-    """Remove parts of other inputs or versions than a study has now; with `dry_run` only count them. Raises BadInput."""
+    """Remove parts of other inputs or versions than a study has; with `dry_run` only count them. Raises BadInput."""
     from flexfem.study.run import remove_stale
 
     found, size = remove_stale(parts_of(study, output), dry_run)
@@ -291,4 +290,4 @@ def facts_of(finding: Shown) -> dict[str, Any]:
 
 
 def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
-    return {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+    return {name: float(value) if math.isfinite(value) else None for name, value in numbers.items()}

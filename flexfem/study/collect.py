@@ -211,7 +211,7 @@ class _Stored(dict[str, Array]):
 
 def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
-    texts = []
+    texts = list[AnyArray]()
     for name in ("status", "reason"):
         column = _column(path, name).unify_dictionaries().combine_chunks()
         texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
@@ -219,7 +219,8 @@ def read_table(path: Path) -> StudyTable:
     feasible = None
     if FEASIBLE in columns:
         feasible = np.asarray(pc.fill_null(_column(path, FEASIBLE), False).to_numpy(), dtype=bool)
-    return StudyTable(np.asarray(_column(path, "design").to_numpy()), *texts, columns, feasible)
+    status, reason = texts
+    return StudyTable(np.asarray(_column(path, "design").to_numpy()), status, reason, columns, feasible)
 
 
 def _column(path: Path, name: str) -> Any:

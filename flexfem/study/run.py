@@ -25,7 +25,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer
 from flexfem.study.drawn import drawn_one_by_one
 from flexfem.study.loaded import LoadedStudy
@@ -34,7 +34,11 @@ from flexfem.study.sampling import sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
 ABOUT, COUNTS = b"flexfem.study", b"flexfem.counts"  # metadata: what a part belongs to, and what is in it
-PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": ["status", "reason"], "write_page_checksum": True}
+PARQUET: Mapping[str, Any] = {
+    "compression": "zstd",
+    "use_dictionary": ["status", "reason"],
+    "write_page_checksum": True,
+}
 SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs a part: some seconds of work, which a stop may lose
 LINKED, DRAWN, BROADCAST = 32, 512, 8192  # analytic ones: with elastic links, drawn one by one, all at once
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
@@ -265,8 +269,8 @@ def run_parts(
     known, pieces, ahead = counts.total(), dict[Chunk, dict[int, Rows]](), deque[Any]()
     watch(Progress(designs, known, counts))
     if todo:
-        content = json.dumps({"study": os.path.relpath(parts.loaded.path, parts.folder.parent)})
-        write_atomically(parts.folder.parent / FILE, lambda file: file.write(content.encode()), again=True)
+        named = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
+        _write(parts.folder.parent / FILE, json.dumps(named).encode())
 
     def next_task() -> tuple[Any, ...] | None:
         while not ahead and todo:
@@ -298,15 +302,17 @@ def run_parts(
             rows = joined([each[start] for start in sorted(each)])
             result = part_content(parts, chunk, rows), counts_of(rows.status, rows.reason)
         content, kinds = result
-        write_atomically(parts.path(chunk), lambda file, content=content: file.write(content), again=True)
+        _write(parts.path(chunk), content)
         counts.update(kinds)
         watch(Progress(designs, known, counts))
     return Progress(designs, known, counts)
 
 
-def solve_task(
-    solve: Solve, parts: Parts, chunk: Chunk, start: int, stop: int
-) -> tuple[bytes, Counts] | Rows:
+def _write(path: Path, content: bytes) -> None:
+    write_atomically(path, lambda file: file.write(content), again=True)
+
+
+def solve_task(solve: Solve, parts: Parts, chunk: Chunk, start: int, stop: int) -> tuple[bytes, Counts] | Rows:
     """In a worker: a whole part as a file with its counts, or rows of a piece of it."""
     require_same_versions(parts.versions, parts.meshed)
     rows = _solved(solve, parts.loaded, start, stop)
@@ -323,8 +329,8 @@ def _solved(solve: Solve, loaded: LoadedStudy, start: int, stop: int) -> Rows:
         if stop - start > 1:
             middle = (start + stop) // 2
             return joined([_solved(solve, loaded, start, middle), _solved(solve, loaded, middle, stop)])
-        reason = str(error) if isinstance(error, BadInput) else f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return failed_row(len(loaded.outputs), "failed", reason)
+        kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
+        return failed_row(len(loaded.outputs), "failed", kind + " ".join(str(error).split()))
 
 
 def joined(rows: list[Rows]) -> Rows:

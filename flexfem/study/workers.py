@@ -61,9 +61,11 @@ class Workers:
     def __init__(self, count: int, scheduler: str | None = None, say: Callable[[str], object] = lambda text: None):
         self._count, self._where = count, f"--scheduler {scheduler}: " if scheduler else ""
         self._client: Any = _client(scheduler) if scheduler else None
-        self._executor: Executor | None = self._client.get_executor(pure=False, retries=0) if scheduler else None
-        if scheduler and not self._client.nthreads():
-            say(f"no worker of {scheduler} is running: waiting for one")
+        self._executor: Executor | None = None
+        if self._client is not None:
+            self._executor = self._client.get_executor(pure=False, retries=0)
+            if not self._client.nthreads():
+                say(f"no worker of {scheduler} is running: waiting for one")
 
     def __enter__(self) -> Workers:
         return self
@@ -143,7 +145,7 @@ class Workers:
 
     def _submit(self, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
         try:
-            with _signals_held():
+            with signals_held():
                 return (self._executor or self._start()).submit(function, *task)
         except BrokenProcessPool as error:
             broken = Future[Any]()
@@ -156,9 +158,8 @@ class Workers:
         """Start the processes of this machine, and wait until one of them answers."""
         from loky import ProcessPoolExecutor
 
-        pool = ProcessPoolExecutor(
-            self._count, timeout=None, env=ONE_THREAD, initializer=_begin, initargs=(os.getpid(),)
-        )
+        about = {"env": ONE_THREAD, "initializer": _begin, "initargs": (os.getpid(),)}
+        pool: Executor = ProcessPoolExecutor(self._count, timeout=None, **about)
         self._executor = pool
         try:
             pool.submit(os.getpid).result(LOADING)
@@ -220,7 +221,7 @@ def _end_with(parent: int) -> None:
 
 
 @contextmanager
-def _signals_held() -> Iterator[None]:
+def signals_held() -> Iterator[None]:
     """Hold back Ctrl-C and the like while processes start: they ignore it a moment later, and their pool is whole."""
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
