@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.heat import drift as drift
+    from flexfem.questions.setup import Analytic as Analytic
+    from flexfem.questions.stiffness import stiffness as stiffness
+    from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -50,13 +54,7 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.experiment import experiment as experiment
     from flexfem.reports.experiment import identify as identify
-    from flexfem.reports.heat import drift as drift
-    from flexfem.reports.heat import drift_fields as drift_fields
-    from flexfem.reports.heat import drift_fields_solid as drift_fields_solid
-    from flexfem.reports.heat import drift_solid as drift_solid
     from flexfem.reports.life import life as life
-    from flexfem.reports.load import under_load as under_load
-    from flexfem.reports.load import under_load_solid as under_load_solid
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
@@ -69,10 +67,6 @@ if TYPE_CHECKING:
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
     from flexfem.reports.stage import mesh as mesh
-    from flexfem.reports.stage import stiffness as stiffness
-    from flexfem.reports.stage import summary as summary
-    from flexfem.reports.validation import benchmark as benchmark
-    from flexfem.reports.validation import cross_check as cross_check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
     from flexfem.reports.verification import claims as claims
@@ -105,13 +99,14 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "hinges.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),
     "reports.experiment": ("experiment", "identify"),
-    "reports.heat": ("drift", "drift_fields", "drift_fields_solid", "drift_solid"),
+    "questions.heat": ("drift",),
+    "questions.setup": ("Analytic",),
+    "questions.stiffness": ("stiffness",),
+    "questions.summary": ("summary",),
     "reports.life": ("life",),
-    "reports.load": ("under_load", "under_load_solid"),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "reports.part": ("export", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
-    "reports.validation": ("benchmark", "cross_check"),
+    "reports.stage": ("as_built", "check", "mesh"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
@@ -120,10 +115,14 @@ _HOMES: dict[str, tuple[str, ...]] = {
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 
 
+def home_of(name: str) -> str:
+    """The module under `flexfem` that defines a public name, "" for another name."""
+    return next((home for home, names in _HOMES.items() if name in names), "")
+
+
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"flexfem.{home}"), name)
+    if home := home_of(name):
+        return getattr(import_module(f"flexfem.{home}"), name)
     if name in ("plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from flexfem.commands.plain import plain
-from flexfem.commands.streams import raw
 from flexfem.refused import BadInput
 from flexfem.studies import processors
+from flexfem.terminal import raw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

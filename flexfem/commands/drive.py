@@ -9,7 +9,8 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted, check_within
-from flexfem.commands.tables import DIRECTIONS, numbers, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, numbers, print_ending, table
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
 
 if TYPE_CHECKING:

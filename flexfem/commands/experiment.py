@@ -10,8 +10,9 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Links, Resolution, StageFile, Wanted
-from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, print_ending, table
 from flexfem.refused import BadInput
+from flexfem.terminal import people
 from flexfem.units import COMPLIANCES, LENGTH, MICROMETRE, STIFFNESSES, Unit
 
 if TYPE_CHECKING:

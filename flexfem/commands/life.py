@@ -10,8 +10,9 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Analytic, Json, Resolution, Wanted, check_finite, check_within
-from flexfem.commands.tables import numbers, people, print_ending, table
+from flexfem.commands.tables import numbers, print_ending, table
 from flexfem.refused import BadInput
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, STRESS
 
 if TYPE_CHECKING:

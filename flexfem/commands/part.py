@@ -9,7 +9,8 @@ import typer
 
 from flexfem.commands import console, reference
 from flexfem.commands.console import Json, StageFile, Wanted
-from flexfem.commands.tables import people, print_ending
+from flexfem.commands.tables import print_ending
+from flexfem.terminal import people
 from flexfem.units import LENGTH
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem import studies
-from flexfem.commands.streams import Stopped, raw
 from flexfem.refused import BadInput
+from flexfem.terminal import Stopped, raw
 
 if TYPE_CHECKING:
     from flexfem.study.run import Parts, Progress

@@ -9,9 +9,9 @@ import typer
 
 from flexfem import studies
 from flexfem.commands import comparisons, console
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
 from flexfem.refused import BadInput
+from flexfem.terminal import working
 from flexfem.units import Direction
 
 app = typer.Typer()

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import PageSection, notes, table
-from flexfem.plot.drift import SAID, drift_figure
+from flexfem.plot.drift import drift_figure
 from flexfem.plot.life import life_figure
 from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
@@ -18,7 +18,7 @@ from flexfem.units import COMMANDS, STRESS, UNITS, Unit
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
-    from flexfem.verify.drift import DriftFields, WarmStage
+    from flexfem.questions.heat import Drift
     from flexfem.verify.life import Life, Witness
     from flexfem.verify.modes import Vibration
     from flexfem.verify.pose_set import Extent
@@ -73,29 +73,12 @@ def modes_section(found: Vibration) -> PageSection:
     return PageSection("modes", "Natural modes", data + figure + notes(of.warnings))
 
 
-def drift_section(found: DriftFields) -> PageSection:
+def drift_section(found: Drift) -> PageSection:
     """The pose per kelvin and per gradient of temperature."""
-    of, rows = found.record, []
-    for name, case in of.cases.items():
-        for model, one in (("analytic", case.analytic), ("finite elements", case.elements)):
-            if one is not None:
-                rows.append([SAID[name], model, *_warm(one)])
-    head = ["change of temperature", "model", *(f"{SYMBOLS[a]} ({u})" for a, u in zip(SYMBOLS, HEAT, strict=True))]
-    data = table([*head, f"highest neck stress ({STRESS})"], rows, numbers=4)
     figure = shown_figure(
         "drift-figure", lambda: drift_figure(found), "The warm stage under each change of temperature."
     )
-    return PageSection("drift", "Drift by temperature", data + figure + notes(of.warnings))
-
-
-HEAT = (UNITS["um"], UNITS["um"], Unit(UNITS["urad_per_k"].factor, "µrad"))
-
-
-def _warm(of: WarmStage) -> list[str]:
-    scale = [value * unit.factor for value, unit in zip(of.pose, HEAT, strict=True)]
-    tiny = 1e-9 * max(map(abs, scale))
-    pose = ["0" if abs(value) <= tiny else significant(value) for value in scale]
-    return [*pose, significant(max(value for row in of.stress for value in row))]
+    return PageSection("drift", "Drift by temperature", Markup(found.to_html()) + figure)
 
 
 def workspace_section(found: Workspace) -> PageSection:

@@ -15,7 +15,8 @@ from flexfem.mechanism.stage_file import located
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
-from flexfem.reports import drive, heat, life, modes, verification
+from flexfem.questions import heat
+from flexfem.reports import drive, life, modes, verification
 from flexfem.reports.stage import stiffness, summary
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         "drive": driven,
         "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
         "modes": lambda: motion.modes_section(modes.vibration(stage)),
-        "drift": lambda: motion.drift_section(heat.drift_fields(stage)),
+        "drift": lambda: motion.drift_section(heat.drift(stage)),
         "life": lambda: motion.life_section(life.life(stage, np.asarray(amplitude))),
     }
     wanted = [name for name in makers if name in sections and (name != "drive" or stage.actuator)]

@@ -13,8 +13,14 @@ from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.questions.heat import UNLIKE
+from flexfem.questions.heat import UNLIKE_CHAINS as FACTORS
 from flexfem.verdicts.evidence import Evidence, Metal
-from flexfem.verify.drift import UNLIKE, UNLIKE_CHAINS
+
+UNLIKE_CHAINS = dict(
+    zip(("wider in one chain", "narrower in one", "wider in one and narrower in another"), FACTORS, strict=True)
+)
+
 
 ALIKE = (1.0, 1.0, 1.0)  # factors on the necks of each chain
 

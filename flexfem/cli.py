@@ -1,0 +1,245 @@
+"""The command line, made from the signatures and docstrings of the functions that `import flexfem` offers.
+
+A parameter `stage : Stage` is the argument STAGE, a file; parameters with a default are options; those of a named
+tuple, such as the analytic model, are options each. The text of an option is that of the parameter in the docstring.
+A function that gives a `Result` is printed as tables, or with `--json` as a document; with `--output` the document,
+the figure and the fields are written. Modules are imported when their command is run.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+from typer.core import TyperGroup
+
+import flexfem
+
+GROUPS = {
+    "Start": ("new", "check", "view", "summary"),
+    "Ask a stage": ("stiffness", "formulas"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Drive and reach": ("command", "workspace"),
+    "Vibration, heat and life": ("modes", "drift", "life"),
+    "Measure": ("experiment", "identify"),
+    "Many designs": ("study", "design"),
+    "Pass on": ("export", "mesh", "report", "schema"),
+    "Check and trust": ("regression", "baseline"),
+}
+MADE = ("summary", "stiffness", "drift")  # commands that are made from the signature of the function of the same name
+RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
+OUTPUT = "Folder for what is written."
+
+
+class Commands(TyperGroup):
+    """The commands in sections, each built when it is run."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse a name behind the options of completion, which are of the shell in which they are run."""
+        if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
+            ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
+        return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All names in the order of their sections."""
+        known = [name for group in GROUPS.values() for name in group]
+        return [name for name in known if name in MADE or name in self.commands]
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """The command of a name; one that was renamed answers with its new name."""
+        if name in RENAMED:
+            ctx.fail(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
+        return command(name) if name in MADE else super().get_command(ctx, name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the sections, each command with its first sentence."""
+        for title, group in GROUPS.items():
+            rows = [(name, self._summary(name)) for name in group if name in self.list_commands(ctx)]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+    def _summary(self, name: str) -> str:
+        """The first line of a command's docstring, read without importing its module."""
+        if name not in MADE:
+            return str(self.commands[name].get_short_help_str(400))
+        source = (Path(__file__).parent / f"{flexfem.home_of(name).replace('.', '/')}.py").read_text()
+        first = rf'^def {name}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
+        found = re.search(first, source, re.DOTALL | re.MULTILINE)
+        return " ".join(found[1].split()) if found else ""
+
+
+def command(name: str) -> Any:
+    """The command of a function that `flexfem` offers."""
+    function = getattr(flexfem, name.replace("-", "_"))
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command(name, help=_about(function.__doc__))(_runner(name, function))
+    return typer.main.get_command(app)
+
+
+def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
+    """A function with the options of a command as its signature, which runs it and shows what it gives."""
+    options = list(_options(function))
+
+    def run(**given: Any) -> None:
+        as_json, folder = given.pop("json"), given.pop("output", None)
+        show(name, *_called(name, function, given), as_json, folder)
+
+    parameters = [*options, _json_option(), *([] if any(o.name == "output" for o in options) else [_output_option()])]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    return run
+
+
+def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
+    """Arguments and options of a function: those of its parameters, and of the fields of named tuples."""
+    hints, texts = get_type_hints(function), parameters(function.__doc__)
+    for name, one in inspect.signature(function).parameters.items():
+        hint = hints[name]
+        if name == "progress":
+            continue
+        if name == "stage":
+            about = typer.Argument(help="Stage file, see flexfem schema stage.", metavar="STAGE")
+            yield _parameter(name, Annotated[Path, about], inspect.Parameter.empty)
+        elif hasattr(hint, "_fields"):
+            fields = parameters(hint.__doc__)
+            for field, annotation in get_type_hints(hint).items():
+                yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
+        elif one.default is inspect.Parameter.empty:
+            metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
+            annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
+            yield _parameter(
+                name, Annotated[annotation, typer.Argument(help=texts[name], metavar=metavar)], one.default
+            )
+        else:
+            yield _parameter(name, _option(name, hint, texts[name]), one.default)
+
+
+def _option(name: str, hint: Any, text: str) -> Any:
+    flag = f"--{name.replace('_', '-')}"
+    return Annotated[hint, typer.Option(flag, *(["-o"] if name == "output" else []), help=text)]
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
+def _json_option() -> inspect.Parameter:
+    return _parameter("json", Annotated[bool, typer.Option("--json", help="Print JSON for machines.")], False)
+
+
+def _output_option() -> inspect.Parameter:
+    option = typer.Option("--output", "-o", callback=_usable, help=OUTPUT)
+    return _parameter("output", Annotated[Path | None, option], None)
+
+
+def _usable(folder: Path | None) -> Path | None:
+    """Refuse an output folder before anything is computed for it."""
+    if folder is not None:
+        from flexfem.files.writing import check_folder
+
+        check_folder(folder)
+    return folder
+
+
+def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
+    """What a function gives for the options of its command, and the stem of the files for it."""
+    from flexfem.mechanism.stage import load_feasible
+
+    hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
+    for parameter in inspect.signature(function).parameters.values():
+        hint = hints[parameter.name]
+        if parameter.name == "stage":
+            path = given["stage"]
+            arguments["stage"], stem = load_feasible(path), f"{path.stem}-{name}"
+        elif parameter.name == "progress":
+            continue
+        elif hasattr(hint, "_fields"):
+            arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
+        elif parameter.kind is parameter.VAR_POSITIONAL:
+            positional = given[parameter.name]
+        else:
+            arguments[parameter.name] = given[parameter.name]
+    if "progress" not in hints:
+        return function(*positional, **arguments), stem
+    from flexfem.terminal import working
+
+    with working(name) as say:
+        return function(*positional, **arguments, progress=say), stem
+
+
+def show(name: str, found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
+    """Print what a command found, and write its document, figure and fields where a folder is given."""
+    from flexfem.results import Result
+
+    assert isinstance(found, Result)
+    if folder is not None:
+        write(found, folder / f"{stem}.json")
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=1, allow_nan=False))
+    else:
+        print_result(found)
+
+
+def write(found: Any, path: Path) -> list[Path]:
+    """Write the document of a result, its fields as VTU or its figure beside it; returns the paths.
+
+    Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
+    """
+    from flexfem.files.inputs import require_unread
+
+    fields = hasattr(found.fields, "write")
+    endings = (".vtu",) if fields else (".png", ".pdf") if found.figure else ()
+    require_unread(*(path.with_suffix(ending) for ending in (".json", *endings)))
+    found.write(path)
+    if fields:
+        return [path, found.fields.write(path)]
+    if not found.figure or (found.drawn_from_fields and found.fields is None):
+        return [path]
+    from flexfem.plot.write import write_beside
+
+    module, _, draw = found.figure.rpartition(".")
+    return [path, *write_beside(path, getattr(import_module(f"flexfem.plot.{module}"), draw)(found))]
+
+
+def print_result(found: Any) -> None:
+    """Print the heading, the tables, how they are read, warnings, and how many numbers are in doubt."""
+    from rich.table import Table
+
+    from flexfem.mechanism.stage_file import doubts_said
+    from flexfem.terminal import people
+
+    out = people()
+    out.print(found.heading())
+    for table in found.tables():
+        shown = Table(*table.head, box=None, padding=(0, 2, 0, 0), show_header=any(table.head))
+        for row in table.rows:
+            shown.add_row(*row)
+        if table.caption:
+            out.print(f"{table.caption}:")
+        out.print(shown)
+    for text in found.sentences():
+        out.print(text)
+    for text in found.warnings:
+        out.print(f"warning: {text}")
+    for text in doubts_said(found.about.assumed, found.about.not_stated):
+        out.print(f"{text}: --json lists them")
+
+
+def parameters(doc: str | None) -> dict[str, str]:
+    """The parameters of a numpydoc docstring with their texts."""
+    text = inspect.cleandoc(doc or "")
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
+    parts = re.split(r"^\*?(\w+) : [^\n]*$", section[1] if section else "", flags=re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def _about(doc: str | None) -> str:
+    """The text of a docstring before its first section."""
+    return re.split(r"^\w[^\n]*\n-+$", inspect.cleandoc(doc or ""), maxsplit=1, flags=re.MULTILINE)[0].strip()
