@@ -17,6 +17,7 @@ from flexfem.mechanism.feasibility import Broken, broken, check_feasible, condit
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study import drawn
 from flexfem.study.designs import designs_of, refusals_of, stage_of
@@ -24,7 +25,6 @@ from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import Rows, row_of, values_of
 from flexfem.study.plan import Study
 from flexfem.study.sampling import sample
-from flexfem.verify import warning
 from flexfem.verify.questions import Clock, ask_drift, ask_elements, ask_formulas, ask_solid
 from flexfem.verify.strained import Repeated, of_preloads, scaled
 

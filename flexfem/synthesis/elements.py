@@ -13,6 +13,7 @@ from flexfem.arrays import Array
 from flexfem.files.digest import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import levels
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
 from flexfem.study.asked import Drive
@@ -25,7 +26,6 @@ from flexfem.study.workers import Failure, Workers, require_same_versions, versi
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import scattered_study, seed_of_others
 from flexfem.synthesis.store import Store
-from flexfem.verify.errors import levels
 
 FIXED = "thickness_mm"
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine

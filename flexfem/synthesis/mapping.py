@@ -9,6 +9,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
+from flexfem.questions.bands import corner_bands, mesh_band, stress_bands
 from flexfem.refused import BadInput
 from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
 from flexfem.study.workers import versions_of
@@ -17,8 +18,6 @@ from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
 from flexfem.synthesis.search import BestDesign, Say, optimum
 from flexfem.synthesis.store import Store
-from flexfem.verify.corners import corner_bands, stress_bands
-from flexfem.verify.errors import mesh_band
 
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left

@@ -19,8 +19,8 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import percentages
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.reach import Reach
 from flexfem.verify.result import Matrix, OfStage, Record, about

@@ -31,7 +31,6 @@ FACTORS = (
 )
 NAMES = ("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k")
 STEEPEST = ("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm")
-CASES = ("uniform", "gradient in x", "gradient in y")
 HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
 OWN = 'model = "analytic"\n'
 

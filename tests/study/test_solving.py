@@ -16,11 +16,12 @@ from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
-from flexfem.verify.errors import compare, grid_convergence, mesh_band
+from flexfem.verify.errors import compare
 from flexfem.verify.protocol import solve_stage
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
