@@ -14,7 +14,7 @@ import numpy as np
 
 from flexfem.analytic.large import Missed, along, at_pose, missed, summed_loads, tangents
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.paper import Mechanism, stiffness
+from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import plate_of
@@ -158,7 +158,7 @@ def workspace(
     )
 
 
-def _travel(stage: Stage, of: Mechanism, solved: Solved, direction: Direction, far: float) -> Travel:
+def _travel(stage: Stage, of: PaperModel, solved: Solved, direction: Direction, far: float) -> Travel:
     axis, rest, step = DIRECTIONS.index(direction), stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
     at = tangents(of, along(commanded, axis))
