@@ -22,12 +22,12 @@ from flexfem.mechanism.dimensioned import converted
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
+from flexfem.questions import warnings as warning
 from flexfem.questions.setup import DEFAULT, Analytic, about
 from flexfem.questions.stiffness import OWN_STIFFNESS, STIFFNESSES
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
-from flexfem.verify import warning
 
 DRAWS, SEED = 4000, 2003
 QUANTILES = (0.025, 0.975)

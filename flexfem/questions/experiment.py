@@ -16,6 +16,7 @@ from flexfem.files.refusals import checked_path
 from flexfem.hinges import formulas
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.questions.fixture import (
     Fixture,
     Measurement,
@@ -36,7 +37,6 @@ from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, so
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
-from flexfem.verify import warning
 
 PAPER = Analytic(formula=DEFAULT_FORMULA)
 SOFTER = (2.6, 2.6, 31.0)  # per cent, in x, y, theta: what Section VI says of its experiment against its own model

@@ -22,12 +22,12 @@ from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.questions.fixture import IDEAL, Fixture, Measurement, pole_share, pushes_of, read_compliance, read_measured
 from flexfem.questions.setup import about
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import Gate, Quantity, Result
 from flexfem.units import MICROMETRE
-from flexfem.verify import warning
 
 Unknown: TypeAlias = Literal["pole", "springs"]
 POOR = 0.01  # chance below which a fit is none

@@ -10,7 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flexfem.analytic.large import close_loops
-from flexfem.analytic.network import chain_compliance, chain_wrenches
+from flexfem.analytic.model import lowered
+from flexfem.analytic.network import stiffness as at_output
 from flexfem.analytic.paper import (
     FREEDOMS_BY_MOBILITY,
     chain_poses,
@@ -35,7 +36,7 @@ seeds = st.integers(0, 10**6)
 
 def in_series(frames, hinges, freedoms):
     """K_uu at rest: sum_i (sum_n G_n k_n^-1 G_n^T)^-1."""
-    return np.sum(chain_wrenches(chain_compliance(frames, hinges, freedoms)), axis=-3)
+    return at_output(lowered(frames, hinges, freedoms)).matrix
 
 
 def well_conditioned(of):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,14 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.fem.response import LoadCase
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
-from flexfem.verify import warning
+from flexfem.questions import warnings as warning
 from flexfem.verify.answers import report_load
 from flexfem.verify.protocol import solve_stage
-from flexfem.verify.result import Triple, Uncertainty
 from flexfem.verify.summary import element_limits, summary
 
 ROOT = Path(__file__).parents[2]
@@ -28,11 +27,6 @@ def bent(project, degrees):
     """The reference stage with its chains bent by so much at the elbows."""
     angles = f"[180.0, {-degrees}, {degrees}]"
     return load_stage(project.edit("geometry/mobility6.toml", ("[180.0, -90.0, 90.0]", angles)))
-
-
-def uncertainty(**changes):
-    given = {"resolutions": [4, 6, 8], "values": [1.0, 1.0, 1.0], "verdict": "converging", "order": 4.0}
-    return Uncertainty(**(given | {"observed": None, "extrapolated": 1.0, "band": 1e-4} | changes))
 
 
 def test_yield_is_exceeded_just_beyond_the_yield_strength():
@@ -92,27 +86,12 @@ def test_what_is_left_out_counts_from_five_per_cent(project):
         assert len(warning.of_model(stage, analyse(stage, 3))) == count
 
 
-def test_bands_count_when_they_are_large_or_their_meshes_do_not_converge():
-    percent = Triple(x=12.5, y=0.0, theta=0.0)
-
-    def said(**changes):
-        return warning.of_bands({"x": uncertainty(**changes)}, percent, "here")
-
-    assert said(band=0.49) == [] and said(verdict="oscillatory", band=0.049) == []
-    assert "±0.51 points" in said(band=0.51)[0] and "12.5 %" in said(band=0.51)[0]
-    assert "oscillatory" in said(verdict="oscillatory", band=0.051)[0]
-    assert warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=1.9e-3)}) == []
-    assert "in y is ±0.11 %" in warning.of_convergence({"y": uncertainty(extrapolated=-2.0, band=2.2e-3)})[0]
-
-
-def test_a_load_beyond_yield_is_said_once_to_people_and_in_the_json(flexfem):
-    load = ("solve", SIX, "--resolution", 2, "--force", 60, 0, 0)
-    facts = json.loads(flexfem(*load, "--json")[1])
-    highest = np.max(facts["neck_stress"])
-    _, said = facts["warnings"]  # the first is on the thickness
+def test_a_load_beyond_yield_is_said():
+    """60 N along x, by the analytic model."""
+    found = flexfem.stiffness(load_stage(SIX), models="analytic", force=(60.0, 0.0, 0.0))
+    highest = np.max(found.neck_stress)
+    (said,) = found.warnings
     assert highest > 503 and f"{highest:.4g} MPa" in said
-    code, out, _ = flexfem(*load)
-    assert code == 0 and out.count("warning:") == 2 and f"warning: {said}\n" in out
 
 
 def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(project):

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import command_convergence, compliance_bands, grid_convergence
 from flexfem.verdicts import verdict
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.errors import command_convergence, compliance_bands, grid_convergence
 from flexfem.verify.protocol import _bands, _by_direction, solve_stage
 
 ROOT = Path(__file__).parents[2]

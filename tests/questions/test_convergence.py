@@ -7,10 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput
 from flexfem.verify.converge import checked_resolutions
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import grid_convergence, levels, mesh_band
 
 
 def power_law(limit, slope, order, resolutions):

@@ -1,15 +1,13 @@
 """Where an answer leaves what it is meant for, as plain sentences.
 
-Every function takes what was computed and returns the warnings it earns, mostly none: a list of sentences that goes
-into the JSON of every answer under `warnings` and is printed once for people. A warning changes no number and no exit
-code. Limits that are judgements are constants here, with their reason.
+Every function takes what was computed and returns the warnings it earns, mostly none. They go into the JSON of every
+answer under `warnings` and are printed once. A warning changes no number and no exit code.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +20,7 @@ from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, Direction
-
-if TYPE_CHECKING:
-    from flexfem.verify.result import Triple, Uncertainty
+from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS
 
 Warnings = list[str]
 
@@ -33,25 +28,19 @@ Warnings = list[str]
 # smallest and largest of the reference stages and of random ones (benchmarks/stress.py), rounded outwards. The
 # concentration at the neck is good to 1 %; the rest is the stiffness of the hinges.
 STRESS_ABOVE = {
-    "paros-weisbord": (10.0, 22.0),
+    **dict.fromkeys(("paros-weisbord", "wu-zhou", "lobontiu", "quadrature"), (10.0, 22.0)),  # the same beam integrals
     "paros-weisbord-short": (8.0, 10.0),
-    "wu-zhou": (10.0, 22.0),
-    "lobontiu": (10.0, 22.0),
     "smith-chetwynd": (3.0, 5.0),
     "koster": (-1.0, 6.0),
     "schotborgh": (1.0, 3.0),
-    "quadrature": (10.0, 22.0),
     "calibrated": (-1.0, 1.0),
 }
 RIGID_ABOVE = {"calibrated": (1.0, 9.0)}  # the same with rigid links
 # the same of `model = "corrected"` and finite elements of whole stages in three dimensions (benchmarks/solid_stress.py)
 SOLID_ABOVE = {
-    "paros-weisbord": (5.0, 23.0),
-    "wu-zhou": (5.0, 23.0),
-    "lobontiu": (5.0, 23.0),
+    **dict.fromkeys(("paros-weisbord", "wu-zhou", "lobontiu", "quadrature"), (5.0, 23.0)),
     "smith-chetwynd": (-1.0, 6.0),
     "koster": (-4.0, 6.0),
-    "quadrature": (5.0, 23.0),
     "calibrated": (-2.0, 2.0),
 }
 SOLID_BELOW = "those of resolution 6 and 3 layers are up to 2 % low; "  # 1.6 at b/t = 20
@@ -65,12 +54,8 @@ SLENDER = 100.0  # times as wide as thick: such a link is foil, and more likely 
 
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper sets out to explain errors of 5 to 10 per cent
 STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only explains what was left out, decides nothing
-LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
-UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
-COARSE = 1e-3  # of a compliance: the accuracy that the default mesh is made for
 THICK = 1.0  # per cent of the stiffness: a tenth of what a thick hinge differs by
 FAR = 0.1  # of the shortest link, and rad: there the linear answer is off by some per cent
-SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
 
 
 def of_stage(stage: Stage) -> Warnings:
@@ -135,7 +120,6 @@ def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
     Notes
     -----
     Compared are compliances by one hinge formula: the model's, with axial freedoms, with shear too, with elastic links.
-    Chains whose hinges are nearly in line are the usual reason: hinges that only turn hold the platform along them.
     """
     ladder = np.array([np.diag(model.compliance), *_with_more(stage, model.formula, model.mobility)])
     gained = 100.0 * (ladder[-1] / ladder[0] - 1.0)
@@ -231,8 +215,7 @@ def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
 
     Notes
     -----
-    Smallest and largest of single necks of high stress on random driven stages, rounded outwards
-    (benchmarks/drive_stress.py).
+    Single necks of high stress on random driven stages, rounded outwards (benchmarks/drive_stress.py).
     """
     at = f"limits of yield are set at {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"
     if formula == "calibrated" and links:
@@ -258,27 +241,11 @@ def of_stacks(stage: Stage) -> Warnings:
     return ["the stacks, their preloads and their own expansion are left out"] if stage.actuator else []
 
 
-def of_bands(uncertainty: Mapping[Direction, Uncertainty], percent: Triple, where: str) -> Warnings:
-    """Error percentages whose mesh bands are large, or whose meshes do not converge."""
-    found = []
-    for axis, each in uncertainty.items():
-        error = f"the error in {axis}, {getattr(percent, axis):.4g} %"
-        said = f"{where}: the mesh band of {error}, is ±{each.band:.2g} points"
-        if each.band > LARGE_BAND:
-            found.append(f"{said}; a higher resolution narrows it")
-        elif each.verdict not in SOUND and each.band > UNSETTLED:
-            found.append(f"{said}, from meshes that are not converging ({each.verdict})")
-    return found
-
-
-def of_convergence(uncertainty: Mapping[Direction, Uncertainty]) -> Warnings:
-    """Compliances whose bands are large."""
-    return [
-        f"the mesh band of the compliance in {axis} is ±{100 * each.band / abs(each.extrapolated):.2g} % "
-        f"({each.verdict}); finer meshes narrow it"
-        for axis, each in uncertainty.items()
-        if each.band > COARSE * abs(each.extrapolated)
-    ]
+def held_faces(stage: Stage) -> list[str]:
+    """That a stage whose model holds its faces has them free here."""
+    if stage.model != "plane_strain":
+        return []
+    return ['model = "plane_strain" holds the faces of the stage; in three dimensions they are free']
 
 
 @once
