@@ -6,11 +6,10 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 from flexfem.mechanism.bodies import cut_angle, draw_sector, lug_side, necks
-from flexfem.mechanism.designs import frames, stage_frames
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import CHAINS, Stage
 
@@ -35,27 +34,6 @@ def test_stages_taken_in_turns_do_not_mix(make_stage: StageMaker, what: str) -> 
         for stage, each in ((one, changes[0]), (other, changes[1])):
             assert of(stage) == of(make_stage(each))
     assert of(one) != of(other)
-
-
-@pytest.mark.parametrize("part", ["centres", "axes"])
-def test_frames_handed_out_cannot_be_changed(stage: Stage, part: str) -> None:
-    before = np.copy(getattr(stage_frames(stage), part))
-    with pytest.raises(ValueError, match="read-only"):
-        getattr(stage_frames(stage), part)[...] = 0.0
-    np.testing.assert_array_equal(getattr(stage_frames(stage), part), before)
-
-
-def test_necks_lugs_and_bodies_handed_out_cannot_be_changed(stage: Stage) -> None:
-    handed: list[tuple[Any, Any]] = [(necks(stage, 2), 0), (lug_side(stage, 3, -1), 0), (draw_sector(stage, 1), "pad")]
-    for found, place in handed:
-        with pytest.raises(TypeError, match="does not support item assignment"):
-            found[place] = None
-
-
-def test_frames_of_arrays_of_designs_are_their_owners(stage: Stage) -> None:
-    """Only what is remembered is shared."""
-    found = frames(np.array([30.0, 32.0, 24.0]), np.deg2rad([180.0, -90.0, 90.0]))
-    assert found.centres.flags.writeable and not stage_frames(stage).centres.flags.writeable
 
 
 def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(make_stage: StageMaker) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.actuators import Actuator, CataloguedStack, catalogue, hertz
+from flexfem.mechanism.actuators import Actuator, catalogue, hertz
 from flexfem.mechanism.drives import contacts, drive_of
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
@@ -33,21 +33,6 @@ def test_the_catalogue_holds_the_stacks_of_the_data_sheet():
     found = [(1e3 * each.stroke, 1e3 * each.tolerance, each.blocking_force) for each in catalogue().values()]
     np.testing.assert_allclose(found, list(sheet.values()), rtol=1e-12)
     assert all(each.source for each in catalogue().values())
-
-
-@pytest.mark.parametrize(("key", "value"), [("blocking_force_n", 935e3), ("stroke_um", 17.4e3), ("tolerance_um", 20.0)])
-def test_a_catalogue_in_another_unit_is_refused(key, value):
-    row = {"name": "a", "maker": "b", "voltage_v": 150.0, "stroke_um": 17.4, "tolerance_um": 2.0}
-    row |= {"blocking_force_n": 935.0, "source": "c"}
-    CataloguedStack.model_validate(row)
-    with pytest.raises(ValueError, match=r"expected|less than"):
-        CataloguedStack.model_validate(row | {key: value})
-
-
-def test_stiffness_is_blocking_force_over_stroke():
-    assert Actuator(**ANY).rating.stiffness == pytest.approx(53.74e3, rel=1e-4)
-    assert Actuator(**BASE, stroke=0.0174, blocking_force=935.0).rating == Actuator(**ANY).rating
-    assert Actuator(**BASE, stroke=0.02, stiffness=30e3).rating.blocking_force == pytest.approx(600.0)
 
 
 def test_a_preload_of_the_blocking_force_itself_is_borne(stage):
@@ -235,23 +220,6 @@ def test_the_drive_has_a_hash_of_its_own(stage):
     )
     with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
         drive_of(passive)
-
-
-def test_contacts_go_where_the_links_go_and_are_looked_at_when_driven(stage):
-    longer = stage.replace(chain={"link_lengths": (30.0, 34.0, 24.0), "link_width": 8.6})
-    assert contacts(longer, 1, 0)[0].point == pytest.approx(44 - 38.3j)
-    stubby = stage.replace(radius={"base": 4.2}, actuator=[stage.actuator[0].model_copy(update={"arm": 4.25})])
-    off = stubby.replace(radius={"base": 4.25}, neck=0.45).replace(radius={"base": 4.27})  # a passive stage as before
-    with pytest.raises(BadInput, match=r"arm_mm = 4.25, contact off the metal"):
-        drive_of(off)
-
-
-def test_passive_answers_do_not_count_the_numbers_of_the_drive(stage):
-    assert not any(key.startswith("actuator") for key in (*stage.assumed, *stage.not_stated))
-    doubts = stage.drive_doubts
-    assert "actuator.base.preload_n" in doubts.assumed
-    assert "actuator.elbow.ball (steel)" in doubts.assumed
-    assert doubts.not_stated == []
 
 
 def test_a_driven_stage_is_written_and_read_back(stage, tmp_path):

@@ -7,9 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import shapely
 
-from flexfem.mechanism.bodies import Segment, area, polygon_points, polyline, reverse
+from flexfem.mechanism.bodies import Segment, area, polyline, reverse
 
 ROUND_OFF = 1e-12  # relative; sums of a dozen products of numbers near one
 PLACE = 3.7 - 11.3j  # shapes away from the origin, so that no term of Green's theorem vanishes by luck
@@ -80,27 +79,3 @@ def test_area_keeps_when_turned_and_changes_sign_when_walked_back(name: str) -> 
     loop, expected, _ = SHAPES[name]
     assert area([segment.turned(0.71) for segment in loop]) == pytest.approx(expected, rel=1e-11)
     assert area(reverse(loop)) == pytest.approx(-expected, rel=1e-11)
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_polygon_converges_to_the_outline_with_the_square_of_the_step(name: str) -> None:
-    loop, expected, _ = SHAPES[name]
-    errors = [abs(shapely.Polygon(polygon_points(loop, step)).area - expected) for step in (0.02, 0.01)]
-    assert errors[0] < 1e-3 * expected  # 0.02 rad chords leave r^2 step^2/12 per rad
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # whole numbers of steps per arc spoil the exact 4
-
-
-def test_polygon_vertices_lie_on_the_arcs() -> None:
-    points = polygon_points(circle(2.9), 0.1)
-    np.testing.assert_allclose(abs(points @ [1, 1j] - PLACE), 2.9, rtol=ROUND_OFF)
-
-
-def test_turn_of_an_arc_has_the_sign_of_its_sense() -> None:
-    arc = Segment(1 + 0j, cmath.exp(0.83j), 0j)
-    assert arc.turn == pytest.approx(0.83, rel=ROUND_OFF)
-    assert arc.reversed().turn == pytest.approx(-0.83, rel=ROUND_OFF)
-    assert Segment(0j, 1j).turn == 0.0
-
-
-def test_polyline_leaves_out_lines_of_no_length() -> None:
-    assert polyline(0j, 0j, 1 + 0j, 1 + 1e-12j, 2j) == [Segment(0j, 1 + 0j), Segment(1 + 1e-12j, 2j)]

@@ -163,15 +163,6 @@ def test_an_impossible_stage_is_refused_with_its_reason(name: str, make_stage: C
     assert all(word in said for word in IMPOSSIBLE[name].says), said
 
 
-def test_the_generic_stages_can_be_made(stage: Stage) -> None:
-    check_feasible(stage)
-
-
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_shipped_stages_can_be_made(path: Path) -> None:
-    assert load_feasible(path).name
-
-
 def test_refusal_of_a_file_names_the_file(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     text = SHIPPED[0].read_text()

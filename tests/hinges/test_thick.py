@@ -12,7 +12,7 @@ from flexfem.fem.hinge import PlaneHinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.thick import ThickHinge, sample
 from flexfem.fem.thick_chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
-from flexfem.hinges.chart import on_thickness_chart, read_thickness_chart, thickness_chart
+from flexfem.hinges.chart import on_thickness_chart, thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
 R, NU = 1.7, 0.29
@@ -74,35 +74,12 @@ def test_between_its_samples_the_chart_is_what_finite_elements_are() -> None:
     np.testing.assert_allclose(axial, [0.1222, 0.0013, 0.3926, 0.4664, 0.1934], rtol=0, atol=INTERPOLATED)
 
 
-def test_between_its_samples_stress_is_what_finite_elements_say() -> None:
-    """By `fem.thick.stress_factors` with refinements 2, 3, once; seen: 0.008 in bending, 0.0012 in tension."""
-    points = np.array([(0.035, 30.0, 0.29), (0.09, 3.3, 0.29), (0.6, 17.0, 0.17), (0.9, 45.0, 0.4), (0.025, 48.0, 0.3)])
-    bending, tension = thickness_chart().stress_factors(*points.T)
-    np.testing.assert_allclose(bending, [0.9936, 0.9977, 0.9721, 0.8809, 0.9919], atol=0.01)
-    np.testing.assert_allclose(tension, [0.9837, 1.0110, 0.9678, 0.9189, 0.9679], atol=0.003)
-
-
-def test_factors_lie_between_plane_strain_and_plane_stress() -> None:
-    ratio, width, nu = np.meshgrid(
-        np.geomspace(*RATIOS, 25), np.geomspace(*WIDTHS, 31), np.linspace(*POISSONS, 7), indexing="ij"
-    )
-    t = ratio * R
-    for factor in factors(R, t, width * t, nu):
-        assert np.all(factor < 1 + INTERPOLATION) and np.all(factor > 1 - nu**2 - INTERPOLATION)
-        assert np.all(np.diff(factor, axis=1) < INTERPOLATION)  # the thicker, the stiffer
-
-
 def test_a_thin_neck_is_in_plane_stress_and_a_wide_slender_one_nearly_in_plane_strain() -> None:
     t = 0.02 * R
     thin, wide = (factors(R, t, width * t, NU) for width in (0.5, 50.0))
     np.testing.assert_allclose(np.array(thin), 1.0, atol=2e-4)
     assert 0.8 < (1 - wide.rotation) / NU**2 < 0.95
     assert 0.1 < (1 - wide.axial) / NU**2 < 0.25
-
-
-def test_only_ratios_of_lengths_matter() -> None:
-    small, large = factors(R, 0.4, 7.0, NU), factors(3.7 * R, 3.7 * 0.4, 3.7 * 7.0, NU)
-    np.testing.assert_allclose(np.array(small), np.array(large), rtol=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [0.07, 0.8])
@@ -139,15 +116,3 @@ def test_beyond_the_chart_there_is_nothing(ratio: float, width: float, nu: float
 def test_the_edge_of_the_chart_is_on_it_whatever_the_round_off() -> None:
     t = np.array(RATIOS) * R
     assert np.isfinite(np.array(factors(R, t, np.array(WIDTHS) * t * (1 - 1e-15), np.array(POISSONS)))).all()
-
-
-def test_designs_broadcast() -> None:
-    t, b = np.linspace(0.2, 0.7, 6).reshape(2, 1, 3), np.linspace(2.0, 8.0, 4)[:, None]
-    found = factors(R, t, b, np.full((5, 1, 1, 1), NU))
-    assert {part.shape for part in found} == {(5, 2, 4, 3)}
-    assert found.axial[3, 1, 2, 0] == pytest.approx(factors(R, t[1, 0, 0], b[2, 0], NU).axial, rel=1e-12)
-
-
-def test_a_chart_is_read_with_the_range_it_states() -> None:
-    text = thickness_chart_path().read_text()
-    assert read_thickness_chart(text.replace("[0.02, 1.2]", "[0.021, 1.19]")).ratios == (0.021, 1.19)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.designs import CHAIN_TURN, Frames, direction, frames, stage_frames, turned
+from flexfem.mechanism.designs import CHAIN_TURN, Frames, direction, frames, stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES
 
 ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings
@@ -27,16 +27,6 @@ def random_designs(*shape: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rng.uniform(20.0, 40.0, (*shape, 3)), rng.uniform(-np.pi, np.pi, (*shape, 3)), axes
 
 
-@pytest.mark.parametrize("chain", [0, 1, 2])
-def test_walking_a_chain_from_its_base_ends_at_the_platform_centre(chain: int) -> None:
-    x, y = frames(LENGTHS, ANGLES).centres[chain, 0]
-    phi = 0.0
-    for length, angle, turn in zip(LENGTHS, ANGLES, [chain * CHAIN_TURN, 0.0, 0.0], strict=True):
-        phi += angle + turn
-        x, y = x + length * np.cos(phi), y + length * np.sin(phi)  # (19), (20)
-    assert abs(x) < ROUND_OFF and abs(y) < ROUND_OFF
-
-
 def test_hinges_of_chain_one_in_closed_form() -> None:
     expected = [
         [-sum(LENGTHS * np.cos(HEADINGS)), -sum(LENGTHS * np.sin(HEADINGS))],
@@ -44,12 +34,6 @@ def test_hinges_of_chain_one_in_closed_form() -> None:
         [-LENGTHS[2] * np.cos(HEADINGS[2]), -LENGTHS[2] * np.sin(HEADINGS[2])],
     ]
     np.testing.assert_allclose(frames(LENGTHS, ANGLES).centres[0], expected, rtol=0, atol=ROUND_OFF)
-
-
-def test_distances_between_hinges_are_the_link_lengths() -> None:
-    centres = np.concatenate([frames(LENGTHS, ANGLES).centres, np.zeros((3, 1, 2))], axis=1)
-    spans = np.linalg.norm(np.diff(centres, axis=1), axis=-1)
-    np.testing.assert_allclose(spans, np.tile(LENGTHS, (3, 1)), rtol=0, atol=ROUND_OFF)
 
 
 def test_bends_between_links_are_the_joint_angles_and_their_sum_the_platform_angle() -> None:
@@ -71,23 +55,6 @@ def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
     np.testing.assert_allclose(
         direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, rtol=0, atol=ROUND_OFF
     )
-
-
-def test_default_necks_point_along_link_one_link_one_and_link_two() -> None:
-    found = direction(frames(LENGTHS, ANGLES).axes[0])
-    np.testing.assert_allclose(found, ALONG[[0, 0, 1]], rtol=0, atol=ROUND_OFF)
-
-
-def test_an_axis_given_replaces_only_its_own_neck() -> None:
-    axes = np.full((3, 3), np.nan)
-    axes[1, 2] = 0.4
-    changed = np.abs(direction(frames(LENGTHS, ANGLES, axes).axes) - direction(frames(LENGTHS, ANGLES).axes)) > 1e-6
-    assert changed.any(axis=-1).tolist() == [[False] * 3, [False, False, True], [False] * 3]
-
-
-def test_an_axis_and_its_opposite_are_the_same_neck() -> None:
-    one, other = (frames(LENGTHS, ANGLES, SLANTED + turn) for turn in (0.0, np.pi))
-    np.testing.assert_allclose(direction(one.axes), direction(other.axes), rtol=0, atol=ROUND_OFF)
 
 
 def test_a_given_axis_is_the_neck_up_to_its_arrow() -> None:
@@ -118,15 +85,6 @@ def test_many_designs_at_once_equal_one_at_a_time() -> None:
         np.testing.assert_array_equal(together.axes[k], alone.axes)
 
 
-def test_many_lengths_share_one_set_of_angles_and_axes() -> None:
-    lengths = random_designs(6)[0]
-    together = frames(lengths, ANGLES, SLANTED)
-    assert together.centres.shape == (6, 3, 3, 2)
-    for k, alone in enumerate(frames(length, ANGLES, SLANTED) for length in lengths):
-        np.testing.assert_array_equal(together.centres[k], alone.centres)
-        np.testing.assert_array_equal(np.broadcast_to(together.axes, (6, 3, 3))[k], alone.axes)
-
-
 def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage) -> None:
     stage = make_stage(
         {"hinges.elbow.axis_deg": 160.0, "override": [{"chain": 3, "hinge": "elbow", "axis_deg": 141.0}]}
@@ -138,8 +96,3 @@ def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage)
     assert isinstance(found, Frames)
     np.testing.assert_array_equal(found.centres, expected.centres)
     np.testing.assert_array_equal(found.axes, expected.axes)
-
-
-def test_turning_is_counter_clockwise() -> None:
-    point = np.array([2.0, -0.7])
-    np.testing.assert_allclose(turned(point, 0.29), rotation(0.29) @ point, rtol=0, atol=ROUND_OFF)

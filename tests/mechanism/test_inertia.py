@@ -13,11 +13,9 @@ from flexfem.mechanism.bodies import (
     area,
     area_moments,
     body_moments,
-    carried,
     carried_out_of_plane,
     draw_sector,
     drawn_inertia,
-    payload_matrix,
     polygon_points,
     polyline,
 )
@@ -48,13 +46,6 @@ def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
             assert found[3] == pytest.approx(polar, rel=1e-6)
 
 
-def test_turning_a_chain_turns_its_first_moments():
-    one, two, three = body_moments(with_changes())[:, 2, 1:3] @ [1, 1j]
-    assert two / one == pytest.approx(np.exp(2j * math.pi / 3)) and three / one == pytest.approx(
-        np.exp(4j * math.pi / 3)
-    )
-
-
 def test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included():
     """9.7 mm thick, 2739 kg/m^3; the hub is metal."""
     stage = with_changes({"override": UNLIKE})
@@ -62,13 +53,6 @@ def test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included():
     kilograms = (drawn + math.pi * 7.7**2) * 9.7 * 2739e-9
     assert drawn_inertia(stage).mass * 1e3 == pytest.approx(kilograms, rel=1e-12)
     assert 0.05 < kilograms < 0.15
-
-
-def test_what_the_pose_carries_is_hub_and_payload():
-    hub = math.pi * 7.7**2 * 9.7 * 2739e-12  # tonne
-    expected = np.diag([hub + 3e-4, hub + 3e-4, hub * 7.7**2 / 2 + 0.07])
-    np.testing.assert_allclose(carried(with_changes(), Payload(3e-4, 0.07)), expected, rtol=1e-13)
-    np.testing.assert_array_equal(payload_matrix(Payload(3e-4, 0.07)), np.diag([3e-4, 3e-4, 0.07]))
 
 
 def test_out_of_the_plane_hub_and_payload_tilt_about_diameters():

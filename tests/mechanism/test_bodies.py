@@ -19,12 +19,10 @@ from flexfem.mechanism.bodies import (
     area,
     centrelines,
     draw_sector,
-    necks,
-    notch_side,
     polygon_points,
     turn,
 )
-from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
@@ -68,24 +66,6 @@ def hinges(stage: Stage) -> Iterator[tuple[int, str, complex, complex]]:
         yield chain, name, complex(*placed.centres[chain - 1, k]), cmath.exp(1j * placed.axes[chain - 1, k])
 
 
-def test_every_face_is_a_closed_loop_of_tidy_segments(stage: Stage) -> None:
-    for _, _, face in thirds(stage):
-        assert len(face.loop) == len(face.labels)
-        for segment, following in zip(face.loop, [*face.loop[1:], face.loop[0]], strict=True):
-            assert abs(segment.end - following.start) < ROUND_OFF
-            assert segment.length > ROUND_OFF
-        for arc in (segment for segment in face.loop if segment.centre is not None):
-            assert abs(arc.start - arc.centre) == pytest.approx(abs(arc.end - arc.centre), abs=ROUND_OFF)
-            assert abs(arc.turn) < np.deg2rad(175)  # half a turn has no sense of rotation
-
-
-def test_every_face_is_walked_counter_clockwise_and_does_not_cross_itself(stage: Stage) -> None:
-    for chain, body, face in thirds(stage):
-        polygon = shapely.Polygon(polygon_points(face.loop, FINE))
-        assert polygon.is_valid and polygon.exterior.is_ccw
-        assert area(draw_sector(stage, chain)[body].loop) == pytest.approx(polygon.area, rel=1e-5)  # chords
-
-
 def test_neighbouring_bodies_share_the_narrowest_section_and_nothing_else(stage: Stage) -> None:
     for chain in CHAINS:
         faces = draw_sector(stage, chain)
@@ -95,27 +75,6 @@ def test_neighbouring_bodies_share_the_narrowest_section_and_nothing_else(stage:
     shapes = polygons(stage)
     for first, second in combinations(shapes.values(), 2):
         assert first.intersection(second).area < 1e-6  # mm^2; round-off along shared edges
-
-
-def test_narrowest_section_is_the_neck_across_its_axis_at_the_hinge_centre(stage: Stage) -> None:
-    placed = {(chain, name): (centre, along) for chain, name, centre, along in hinges(stage)}
-    for chain, body, face in thirds(stage):
-        for name in HINGE_NAMES:
-            for edge in labelled(face, f"neck {name}"):
-                centre, along = placed[chain, name]
-                assert edge.length == pytest.approx(stage.hinge(chain, name).neck, abs=ROUND_OFF), body
-                assert abs((edge.start + edge.end) / 2 - centre) < ROUND_OFF
-                assert abs(((edge.end - edge.start) / along).real) < ROUND_OFF
-
-
-def test_the_neck_axis_runs_out_of_the_base_side_body(stage: Stage) -> None:
-    """Walked counter-clockwise, a body has its outside on the right of its edges."""
-    placed = {(chain, name): along for chain, name, _, along in hinges(stage)}
-    for chain, body, face in thirds(stage):
-        for name, proximal in zip(HINGE_NAMES, BODIES, strict=False):
-            for edge in labelled(face, f"neck {name}"):
-                outwards = -1j * (edge.end - edge.start) / edge.length
-                assert (outwards / placed[chain, name]).real == pytest.approx(1.0 if body == proximal else -1.0)
 
 
 def test_twelve_faces_make_one_ring_around_the_hub(stage: Stage) -> None:
@@ -128,14 +87,6 @@ def test_twelve_faces_make_one_ring_around_the_hub(stage: Stage) -> None:
     assert abs(complex(hub.centroid.x, hub.centroid.y)) < 1e-6
 
 
-def test_alike_chains_are_drawn_alike(make_stage: Callable[..., Stage]) -> None:
-    first, *others = (draw_sector(make_stage(), chain) for chain in CHAINS)
-    for other in others:
-        for body in BODIES:
-            for one, same in zip(first[body].loop, other[body].loop, strict=True):
-                assert abs(one.start - same.start) < ROUND_OFF
-
-
 @pytest.mark.parametrize("share", [0.0, 0.13, -0.41, 0.77, -0.92])
 def test_thickness_of_the_drawn_notch_is_that_of_the_hinge_formulas(stage: Stage, share: float) -> None:
     """`h(x) = t + 2R - 2 sqrt(R^2 - x^2)`, what (2) and (3) integrate, measured on the drawing."""
@@ -146,17 +97,6 @@ def test_thickness_of_the_drawn_notch_is_that_of_the_hinge_formulas(stage: Stage
         expected = hinge.neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)  # below (3)
         found = covered(union, centre + x * along, 1j * along, hinge.neck / 2 + radius)
         assert found == pytest.approx(expected, abs=3 * CHORD)  # near |x| = R the arc is 3 times steeper than wide
-
-
-def test_notch_is_symmetric_about_its_axis_and_its_neck(stage: Stage) -> None:
-    for chain in CHAINS:
-        for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
-            hinge, along = stage.hinge(chain, name), cmath.exp(1j * neck.heading)
-            left, right = (
-                [(s.start - neck.point) / along for s in [*a, *b]]
-                for a, b in (notch_side(neck, hinge, stage.chain.link_width, side) for side in (1, -1))
-            )
-            np.testing.assert_allclose(left, np.conj(right), rtol=0, atol=ROUND_OFF)
 
 
 def test_notches_are_cut_through_to_the_edge_of_the_link(stage: Stage) -> None:
@@ -205,34 +145,6 @@ def test_pads_are_square_and_clamped_along_their_back(stage: Stage) -> None:
             assert abs((edge.start + edge.end) / 2 - back) < ROUND_OFF
 
 
-def test_hub_is_a_whole_circle_about_the_origin_and_the_platform_rim_its_disc(stage: Stage) -> None:
-    hub = [s for _, _, face in thirds(stage) for s in labelled(face, "hub")]
-    assert sum(s.turn for s in hub) == pytest.approx(-2 * np.pi)  # a hole is walked clockwise
-    assert all(abs(abs(p) - stage.platform.hub_radius) < ROUND_OFF for s in hub for p in (s.start, s.end))
-    for _, body, face in thirds(stage):
-        rim = [s for s in labelled(face, "free") if s.centre is not None and abs(s.centre) < ROUND_OFF]
-        assert len(rim) == (2 if body == "platform" else 0)
-        assert all(s.turn > 0 and abs(abs(s.start) - stage.platform.radius) < ROUND_OFF for s in rim)
-
-
-def test_cut_ahead_of_a_third_is_cut_behind_of_the_next(stage: Stage) -> None:
-    platforms = {chain: face for chain, body, face in thirds(stage) if body == "platform"}
-    for chain, face in platforms.items():
-        (ahead,), (behind,) = labelled(face, "cut ahead"), labelled(platforms[chain % 3 + 1], "cut behind")
-        assert abs(ahead.start - behind.end) < ROUND_OFF and abs(ahead.end - behind.start) < ROUND_OFF
-
-
-def test_cuts_are_half_way_between_the_lugs(stage: Stage) -> None:
-    """The least free rim ahead of a lug is the least behind one."""
-    rims = [
-        [s.turn for s in labelled(face, "free") if s.centre is not None and abs(s.centre) < ROUND_OFF]
-        for _, body, face in thirds(stage)
-        if body == "platform"
-    ]
-    ahead, behind = np.min(rims, axis=0)
-    assert ahead == pytest.approx(behind, abs=ROUND_OFF) and ahead > np.radians(1.0)
-
-
 def test_two_degrees_of_rim_between_lugs_are_enough_and_less_is_refused(make_stage: Callable[..., Stage]) -> None:
     """A lug of 117.95 degrees leaves 2.05, one of 118.05 degrees 1.95."""
     crowded = {"chain.joint_angles_deg": [175.0, -85.0, 70.0], "platform.hub_radius_mm": 2.0}
@@ -253,15 +165,6 @@ def test_links_bend_about_an_eighth_of_their_width_inside(stage: Stage) -> None:
         if s.centre is not None
     }
     assert radii - notches == {1.1125, 10.0125}  # 8.9 / 8, and 8.9 more outside
-
-
-def test_necks_of_chain_one_stand_where_the_frames_put_them(stage: Stage) -> None:
-    placed = stage_frames(stage)
-    for chain in CHAINS:
-        back = cmath.exp(-1j * (chain - 1) * CHAIN_TURN)
-        for k, neck in enumerate(necks(stage, chain)):
-            assert abs(neck.point - complex(*placed.centres[chain - 1, k]) * back) < ROUND_OFF
-            assert abs(cmath.exp(1j * (neck.heading - placed.axes[chain - 1, k])) - back) < ROUND_OFF
 
 
 def about(value: float, share: float) -> st.SearchStrategy[float]:

@@ -13,8 +13,6 @@ import flexfem
 from flexfem import sources
 from flexfem.commands.baseline.inputs import keys_of
 from flexfem.mechanism import materials
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import load_study
 from flexfem.verify.summary import summary
 
 REFERENCE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -68,15 +66,6 @@ def test_shipped_materials_have_the_numbers_that_their_sources_state():
         assert metal.youngs_modulus == pytest.approx(6.894757 * float(ksi), rel=2e-3), name
         assert (metal.poissons_ratio, metal.density) == (float(ratio), pytest.approx(1000 * float(density))), name
         assert metal.yield_strength == pytest.approx(6.894757e-3 * float(psi), rel=4e-3), name
-
-
-def test_expansions_are_those_of_callister_and_of_the_data_sheets():
-    """In um/(m K); the full-hard steel has none stated."""
-    known = {name: m.expansion for name, m in flexfem.materials().items()}
-    assert {name: None if x is None else round(1e6 * x, 9) for name, x in known.items()} == {
-        "al-7075-t6": 23.6, "al-6061-t6": 23.6, "al-2024-t4": 22.9, "ti-6al-4v": 8.6, "ti-6al-4v-sta": 8.6,
-        "steel-4340": 12.3, "steel-301-full-hard": None, "steel-304": 17.2, "invar-36": 1.6,
-    }  # fmt: skip
 
 
 def test_fatigue_constants_are_those_of_dowlings_table_and_no_others():
@@ -262,42 +251,3 @@ def test_a_changed_number_takes_the_name_away_and_another_name_brings_its_number
         stage.replace(material="ti-6al-4x")
     with pytest.raises(flexfem.BadInput, match=r"material\.density = 3.0, expected 4430 as of the registered"):
         stage.replace(material={"name": "ti-6al-4v", "density": 3.0})
-
-
-def test_a_study_may_vary_a_number_of_a_registered_material(named):
-    study = named('name = "ti-6al-4v"').with_name("study.toml")
-    study.write_text(
-        'name = "s"\nstage = "stage.toml"\nmodel = "analytic"\n[sampling]\nmethod = "grid"\n'
-        '[[factor]]\nkey = "material.youngs_modulus_gpa"\nvalues = [110.0, 120.0]\n'
-    )
-    loaded = load_study(study)
-    made = stage_of(loaded, np.array([110.0])).material
-    assert (loaded.stage.material.name, made.youngs_modulus, made.yield_strength) == ("ti-6al-4v", 110e3, 880.0)
-
-
-IMPOSSIBLE = {  # key, value, what is said of it
-    "youngs_modulus_gpa": ("-71.7", "expected > 0"),
-    "poissons_ratio": ("0.5", "expected < 0.5"),
-    "density_kg_m3": ("-2810.0", "expected > 0"),
-    "yield_strength_mpa": ("0.0", "expected > 0"),
-    "expansion_um_per_m_k": ("nan", "expected"),
-    "fatigue_strength_coefficient_mpa": ("-900.0", "expected > 0"),
-    "fatigue_strength_exponent": ("0.1", "expected -0.5 to -0.01: stress falls with the number of cycles"),
-    "walker_exponent": ("0.0", "expected > 0"),
-    "fatigue_range_cycles": ("[1e6, 1e3]", "expected fewer cycles first"),
-}
-
-
-@pytest.mark.parametrize(("key", "value", "said"), [(key, *rest) for key, rest in IMPOSSIBLE.items()])
-def test_every_key_of_a_material_refuses_what_no_material_has(named, key, value, said):
-    assert set(IMPOSSIBLE) == set(materials.KEYS)
-    plain = {
-        "youngs_modulus_gpa": "71.7",
-        "poissons_ratio": "0.33",
-        "density_kg_m3": "2810",
-        "yield_strength_mpa": "503",
-    }
-    plain |= {"fatigue_strength_coefficient_mpa": "900.0", "fatigue_strength_exponent": "-0.1"}
-    with pytest.raises(flexfem.BadInput, match=re.escape(said)) as refused:
-        flexfem.load(named("name = 'own'", *(f"{name} = {text}" for name, text in (plain | {key: value}).items())))
-    assert re.match(rf".*stage\.toml, line \d+: material\.{key}", str(refused.value)) and "\n" not in str(refused.value)

@@ -130,10 +130,3 @@ def test_a_kerf_too_wide_for_the_part_is_refused(make_stage) -> None:
     with pytest.raises(BadInput, match=r"than every gap of the part: the wire would cut metal at -10.6, -13.8"):
         cut_path(part, 2.2)
     assert cut_path(part, 0.3).hub.radius == pytest.approx(7.55)
-
-
-def test_holes_wider_than_the_pads_are_refused(stage) -> None:
-    with pytest.raises(BadInput, match=r"mounting holes of 8.9 mm, expected less than .*chain.link_width_mm = 8.9"):
-        part_of(stage, 8.9)
-    with pytest.raises(BadInput, match=r"hole, 0.2 mm"):
-        cut_path(part_of(stage, 0.2), 0.25)
