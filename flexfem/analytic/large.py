@@ -1,12 +1,9 @@
-"""Finite displacements: equilibrium under load, and stacks under preload.
+"""Finite displacements: equilibrium under a load or at a pose, and the stage with its stacks pushing.
 
-Exact equilibrium under a load or at a pose, with closed loops at finite joint displacements.
+Equilibrium is exact, with closed loops. What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth
+away from rest follows from it.
 
-What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth away from rest follows from it.
-
-Stiffness of the driven stage with its stacks pushing: what internal forces, those of preloads too, add to (16).
-
-A stack that pushes with N against its opening g has the potential `-N g`. To the tangent stiffness it adds `-N g''`,
+Internal forces, those of preloads too, add to (16). A stack that pushes with N against its opening g has the potential `-N g`. To the tangent stiffness it adds `-N g''`,
 beside the `k g' g'` of its own stiffness: in the terms of (16) the antagonistic load times the second-order influence
 coefficients of its contact.
 
@@ -23,7 +20,7 @@ pose x, as in (16), and the stage is no longer where it was: the joints are take
 force of 10 N in the base hinges of the reference stage alone changes K_xx by 1.2 %.
 
 Here a chain is elastic joints in series, base to platform: hinges by rotation, axial and shear, in this order, as in
-`kinematics`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force
+`paper`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force
 along a notch does to the stiffness of the notch itself is not in.
 """
 
