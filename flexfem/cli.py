@@ -24,7 +24,7 @@ import flexfem
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "solve", "formulas"),
-    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
     "Measure": ("experiment", "identify"),
