@@ -69,8 +69,8 @@ class Quantity:
     meaning : str
         What the quantity is, a noun phrase. It heads the column of a table.
     unit : str or tuple
-        Key of `units.UNITS`, "" for a pure number; one for each label of the last axis, or a matrix of them for the
-        last two axes.
+        Key of `units.UNITS`, "" for a pure number; one for each label of the axis "direction", or without it of the
+        last axis; or a matrix of them for the last two axes.
     over : tuple of str
         Axes of the array.
     gate : Gate
@@ -117,8 +117,10 @@ class Quantity:
     def unit_at(self, place: tuple[int, ...]) -> Unit:
         """The unit of the value at a place of the array."""
         name: Any = self.unit
-        if isinstance(name, tuple):
-            name = name[place[-1]] if isinstance(name[0], str) else name[place[-2]][place[-1]]
+        if isinstance(name, tuple) and isinstance(name[0], str):
+            name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
+        elif isinstance(name, tuple):
+            name = name[place[-2]][place[-1]]
         return UNITS[name] if name else Unit(1.0, "")
 
     def factors(self, shape: tuple[int, ...]) -> Array:
@@ -344,7 +346,7 @@ class Result:
         for name, each in data["quantities"].items():
             for part, found in parts.items():
                 if part in each:
-                    array = np.array(each[part], dtype=float)  # null becomes nan
+                    array = np.array(_numbers(each[part]), dtype=float)
                     found[name] = array / cls.quantities[name].factors(array.shape)
         about = About(**{key: data[key] for key in About._fields})
         rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
@@ -357,7 +359,7 @@ class Result:
         texts: dict[str, Any] = {"type": "array", "items": text}
         quantities: dict[str, Any] = {}
         for name, one in cls.quantities.items():
-            values: dict[str, Any] = {"type": ["number", "null"]}
+            values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
             properties = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
@@ -410,6 +412,14 @@ class Result:
         if not over and not spread:  # one number each: a list
             rows = [[one.meaning, self._cell(one, self._shown(one, (), ())[0], plain, True)] for one in group]
             return TextTable(["", ""], rows, 1)
+        if over == ("model",) and not spread and len(group) > 3:  # a row for each quantity, a column for each model
+            models = self.axes["model"]
+            rows = []
+            for one in group:
+                cells = [self._cell(one, self._shown(one, over, (k,))[0], plain, True) for k in range(len(models))]
+                more = self._differences(one, over, (len(models) - 1,)) if len(models) > 1 else []
+                rows.append([one.meaning, *cells, *more])
+            return TextTable(["", *models, *(["difference (%)"] if len(models) > 1 else [])], rows, 1)
         if not spread:  # a column for each quantity
             head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
             return TextTable(head, self._rows(over, group, plain), len(over))
@@ -426,9 +436,12 @@ class Result:
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """The head of a column with its unit; prefixed numbers have theirs with them."""
-        unit = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,))
-        name = _name(unit, plain)
-        return f"{text} ({name})" if name and not quantity.prefixed else text
+        name = _name(quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)), plain)
+        return f"{text} ({name})" if name and not self._with_unit(quantity) else text
+
+    def _with_unit(self, quantity: Quantity) -> bool:
+        """Whether cells have their unit: where numbers have prefixes of their own, or units differ by row."""
+        return quantity.prefixed or (isinstance(quantity.unit, tuple) and not self._spread(quantity))
 
     def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
         """Rows of quantities with the same axes; behind the last model how the first differs from it."""
@@ -436,7 +449,11 @@ class Result:
         last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
             names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
-            cells = [self._cell(one, at, plain, one.prefixed) for one in group for at in self._shown(one, over, place)]
+            cells = [
+                self._cell(one, at, plain, self._with_unit(one))
+                for one in group
+                for at in self._shown(one, over, place)
+            ]
             if any(cells):
                 rows.append([*names, *cells])
                 last = labels
@@ -574,7 +591,15 @@ def _name(unit: Unit, plain: bool) -> str:
 
 def _nested(values: Array) -> Any:
     """An array as nested lists, None where a number is not finite."""
-    return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload]
+    plain = np.where(np.isnan(values), None, values)  # type: ignore[call-overload]
+    return np.where(np.isinf(values), "unlimited", plain).tolist()
+
+
+def _numbers(value: Any) -> Any:
+    """Nested lists of a document with nan for null and inf for "unlimited"."""
+    if isinstance(value, list):
+        return [_numbers(each) for each in value]
+    return np.nan if value is None else np.inf if value == "unlimited" else value
 
 
 def _lists(value: Any) -> Any:

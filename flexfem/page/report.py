@@ -17,9 +17,9 @@ from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import doubts_said
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
+from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
-from flexfem.reports.life import checked_amplitude
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
 

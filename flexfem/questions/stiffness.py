@@ -33,6 +33,7 @@ COMPLIANCES = (("mm_per_n", "mm_per_n", "per_n"), ("mm_per_n", "mm_per_n", "per_
 OWN_STIFFNESS = ("n_per_mm", "n_per_mm", "n_mm_per_rad")
 MOTION = ("mm", "mm", "rad")
 WRENCH = ("n", "n", "n_mm")
+PER_MOTION = ("mpa_per_um", "mpa_per_um", "mpa_per_mrad")
 
 
 class Stiffness(Result):
@@ -44,7 +45,7 @@ class Stiffness(Result):
     free = Quantity("stiffness along each direction, the others free", OWN_STIFFNESS, ("model", "direction"), COARSER)
     stress = Quantity(
         "highest neck stress per displacement in each direction, the others held",
-        ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
+        PER_MOTION,
         ("model", "chain", "hinge", "direction"),
         STRESS,
         "all",
@@ -89,8 +90,8 @@ class LoadFields(NamedTuple):
     plane: LoadCase | None
     response: CyclicResponse | SolidResponse
 
-    def write(self, path: Path) -> Path:
-        """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the path."""
+    def write(self, path: Path) -> list[Path]:
+        """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the paths."""
         path = path.with_suffix(".vtu")
         mesh, response = self.response.mesh, self.response
         if self.plane is not None:
@@ -101,7 +102,7 @@ class LoadFields(NamedTuple):
             fields = {"displacement": field, "von_mises": solid_von_mises(stress)}
             fields["stress"] = stress.reshape(*field.shape[:2], 9)
             write_solid_vtu(mesh, response.layers.heights, path, fields)
-        return path
+        return [path]
 
 
 class AtRest:
