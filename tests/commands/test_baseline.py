@@ -315,7 +315,7 @@ def test_a_line_says_was_is_moved_allowed_and_the_unit():
     (line,) = map(str, gates.moves("s", accepted, now, rule_of=rule_of))
     start, _, end = line.partition(", allowed ")
     assert start == "s: budget.split.y.shares[0].points.y was 14, is 14.25, moved +0.25"
-    assert end.endswith(" %") and float(end.split()[0]) < 1.0
+    assert end.endswith(" percentage points") and float(end.split()[0]) < 1.0
     now["budget"]["split"]["y"]["shares"][0]["name"] = "other"
     assert "shares[0].name was none, is other" in str(gates.moves("s", accepted, now, rule_of=rule_of)[0])
 
