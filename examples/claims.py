@@ -40,7 +40,7 @@ from flexfem.analytic.model import (
 )
 from flexfem.analytic.paper import (
     AXIAL,
-    Mechanism,
+    PaperModel,
     apply,
     dot,
     freedoms_of,
@@ -62,8 +62,8 @@ from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import error_bands, error_matrix, levels
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.errors import error_bands, error_matrix, levels
 from flexfem.verify.imposed import elements, imposed
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.solid_budget import other_thickness
@@ -307,7 +307,7 @@ def softer(on: Pairs) -> Array:
     return 100 * (1 - 1 / np.diagonal(on.six.compliance @ on.six.stiffness, axis1=1, axis2=2))
 
 
-def mechanism_of(of: Side) -> Mechanism:
+def mechanism_of(of: Side) -> PaperModel:
     """The pseudo-rigid mechanisms of n stages."""
     return mechanism(of.designs.frames, hinge_compliances(of.designs, of.formula), freedoms_of(of.mobility))
 

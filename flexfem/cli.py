@@ -29,7 +29,7 @@ GROUPS = {
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
-    "Measure": ("experiment", "identify"),
+    "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
@@ -37,7 +37,22 @@ GROUPS = {
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
-    **{name: name for name in ("check", "view", "summary", "stiffness", "drift", "life", "export", "mesh")},
+    "as-built": "as_built",
+    **{
+        name: name
+        for name in (
+            "check",
+            "view",
+            "summary",
+            "stiffness",
+            "drift",
+            "life",
+            "experiment",
+            "identify",
+            "export",
+            "mesh",
+        )
+    },
 }
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OF_PYTHON = ("progress", "law")  # parameters that are no options

@@ -12,12 +12,12 @@ from flexfem.files.refusals import SHOWN, one_line
 from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.as_built import Necks
+from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.study.plan import Study
 from flexfem.synthesis.requirements import Requirements
-from flexfem.verify.as_built import Necks
 from flexfem.verify.case import Case
-from flexfem.verify.fixture import Fixture, Measurement
 
 
 class Format(NamedTuple):
