@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from flexfem.reports.stage import check as check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
-    from flexfem.reports.verification import claims as claims
     from flexfem.reports.verification import converge as converge
     from flexfem.reports.verification import verification as verification
     from flexfem.studies import clean_study as clean_study
@@ -110,7 +109,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
     "reports.stage": ("check",),
-    "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
+    "reports.verification": ("Verification", "budget", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
     "commands.baseline.regression": ("baseline", "regression"),

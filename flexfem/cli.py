@@ -26,7 +26,7 @@ from flexfem.terminal import people, working
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
-    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
     "Measure": ("experiment", "identify", "as-built"),

@@ -129,7 +129,6 @@ def test_a_summary_for_people_is_in_the_units_it_names(flexfem, project):
 KINDS = {
     "geometry/mobility6.toml": ("stage file", ["check"]),
     "cases/fig5.toml": ("case file", ["verify"]),
-    "cases/claims.toml": ("claims file", ["claims"]),
     "cases/study-reach.toml": ("study file", ["study", "status"]),
     "fig5.json": ("result of flexfem verify", ["plot"]),
 }
@@ -403,16 +402,6 @@ def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
 def test_an_amplitude_that_is_no_distance_is_refused(flexfem, amplitude):
     code, out, err = flexfem("workspace", STAGE, f"--amplitude-um={amplitude}")
     assert code == 2 and not out and "amplitude" in err
-
-
-@pytest.mark.slow
-def test_claims_are_judged_and_stored(flexfem, tmp_path):
-    facts = machine(flexfem, "claims", ROOT / "cases/claims.toml", "--output", tmp_path)
-    verdicts = {verdict["verdict"] for verdict in facts["verdicts"]}
-    assert verdicts == {"holds", "does not hold", "depends on the dimensions", "cannot be decided"}
-    assert "does not hold" in (tmp_path / "claims.md").read_text()
-    code, out, _ = flexfem("claims", ROOT / "cases/claims.toml")
-    assert code == 0 and "assumed" in out
 
 
 def test_names_with_markup_are_printed_as_they_are(flexfem, project):
