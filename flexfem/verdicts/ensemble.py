@@ -16,9 +16,8 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.study.columns import Column
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.sampling import INSIDE, at_quantile, monte_carlo
+from flexfem.study.factors import Column
+from flexfem.study.loaded import INSIDE, at_quantile, designs_of, monte_carlo, stage_of
 from flexfem.verdicts.claims import SIDES, LoadedClaims, Side
 from flexfem.verdicts.evidence import Metal
 

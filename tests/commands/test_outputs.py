@@ -14,7 +14,7 @@ import pytest
 
 from flexfem import own
 from flexfem.commands import cli
-from flexfem.study import given
+from flexfem.study import loaded as given
 from flexfem.verdicts.records import ClaimsReport
 from flexfem.verify.result import write_record
 

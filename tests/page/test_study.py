@@ -23,11 +23,10 @@ from flexfem.page.study_tables import marks_table
 from flexfem.plot.study import named
 from flexfem.plot.study_chart import chart_figure
 from flexfem.plot.study_records import Source, map_of
-from flexfem.study.columns import Factor, columns_of
-from flexfem.study.findings import Marks, findings
+from flexfem.study.answer import own_values
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.findings import Marks, Percentile, findings
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.probes import own_values
-from flexfem.study.statistics import Percentile
 
 from ..study.answered import STAGE, answered, head, study
 

@@ -19,7 +19,7 @@ from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.reports.modes import reduced
-from flexfem.study.statistics import Indices, Percentile
+from flexfem.study.findings import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.verify.fixture import Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review

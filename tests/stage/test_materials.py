@@ -13,8 +13,7 @@ import flexfem
 from flexfem import sources
 from flexfem.commands.baseline.inputs import keys_of
 from flexfem.mechanism import materials
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import load_study
+from flexfem.study.loaded import load_study, stage_of
 from flexfem.verify.summary import summary
 
 REFERENCE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -10,14 +10,10 @@ import pytest
 
 import flexfem.study.findings
 from flexfem.studies import facts_of
+from flexfem.study.answer import own_values
 from flexfem.study.collect import StudyTable
-from flexfem.study.designs import judge
-from flexfem.study.findings import Best, Marks, Refused, Shares, findings, power_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.probes import own_values
-from flexfem.study.reductions import cells_of
-from flexfem.study.sampling import sample
-from flexfem.study.statistics import Percentile
+from flexfem.study.findings import Best, Marks, Percentile, Refused, Shares, cells_of, findings, power_of
+from flexfem.study.loaded import LoadedStudy, judge, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'

@@ -13,8 +13,7 @@ from flexfem.files.writing import toml_text
 from flexfem.plot.study_labels import output
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.designs import judge, stage_of
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import judge, sample, stage_of
 
 from ..conftest import GENERIC, UNLIKE
 

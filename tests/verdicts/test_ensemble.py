@@ -13,7 +13,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
-from flexfem.study.designs import stage_of
+from flexfem.study.loaded import stage_of
 from flexfem.verdicts.arguments import ACROSS
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.ensemble import drawn_values, metal_of_stage, populate, side_of
