@@ -17,7 +17,7 @@ from flexfem.plot.study_scatter import Distribution, Scatter, Sensitivity, Share
 from flexfem.plot.text import significant
 from flexfem.study.columns import RANGES, STRESSES, lasting
 from flexfem.study.findings import Best, Cells, Extremes, Marks, Shares
-from flexfem.study.plan import Figure, names_in
+from flexfem.study.plan import Figure
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
@@ -88,8 +88,7 @@ class Source(NamedTuple):
         """How far what it shows may be off by the neck stress, where it is found from that."""
         study, accuracy = self.loaded.study, self.loaded.stress_accuracy
         shown = {name for name, _ in figure.columns.values()}
-        derived = [text for one in study.output if one.name in shown for text in study.in_full(one.expression)]
-        used = shown | {name for text in derived for name in names_in(text)}
+        used = study.used_by(shown)
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
         return [f"{accuracy[0].upper()}{accuracy[1:]}."] if used & of_stress else []
 

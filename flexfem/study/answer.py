@@ -358,9 +358,8 @@ def unseen(loaded: LoadedStudy) -> list[str]:
     if study.model != "analytic":
         return []
     named = {name for figure in study.figure for name, _ in figure.columns.values()}
-    texts = [constraint.value for constraint in study.constraint]
-    texts += [output.expression for output in study.output if output.name in named]
-    named |= {name for text in texts for full in study.in_full(text) for name in names_in(full)}
+    named |= {name for one in study.constraint for text in study.in_full(one.value) for name in names_in(text)}
+    named = study.used_by(named)
     shown = [name for name in loaded.outputs if name in named] or list(loaded.outputs)
     found = []
     for name, changed in _changes(loaded).items():

@@ -452,8 +452,8 @@ def _finding(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float
                     f"{loaded.path}: map of {figure.value}: no design to show keeps all constraints, expected some"
                 )
             value, (x, y) = cells.values[known], cells.points[known].T
-            ends = ((float(value[k]), float(x[k]), float(y[k])) for k in (value.argmin(), value.argmax()))
-            return Extremes(*ends, cells)
+            least, most = ((float(value[k]), float(x[k]), float(y[k])) for k in (value.argmin(), value.argmax()))
+            return Extremes(least, most, cells)
         case "distribution":
             saltelli = loaded.study.sampling.method == "saltelli"  # whose rows of one Sobol point are one draw
             draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None

@@ -815,6 +815,12 @@ class Study(Sourced):
         used = (self.in_full(derived[name]) for name in names_in(expression) if name in derived)
         return [expression, *(text for each in used for text in each)]
 
+    def used_by(self, names: Iterable[str]) -> set[str]:
+        """Columns and keys that some columns show: themselves, and what derived outputs among them are made of."""
+        names = set(names)
+        texts = [text for output in self.output if output.name in names for text in self.in_full(output.expression)]
+        return names | {name for text in texts for name in names_in(text)}
+
     @property
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn, to see that none overlap."""

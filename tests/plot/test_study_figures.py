@@ -443,7 +443,12 @@ def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> 
 def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     whole = answered(loaded)
-    some = StudyTable(*(part[:20] for part in whole[:3]), {name: column[:20] for name, column in whole.columns.items()})
+    some = StudyTable(
+        whole.design[:20],
+        whole.status[:20],
+        whole.reason[:20],
+        {name: column[:20] for name, column in whole.columns.items()},
+    )
     lines = " ".join(map_of(Source(loaded, some, {}), loaded.study.figure[0]).caption.lines)
     assert "28 designs (grid): " in lines and ", 8 open" in lines
 
