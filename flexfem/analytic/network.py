@@ -45,8 +45,9 @@ class Mechanism(NamedTuple):
     output : the one that is moved.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
     compliance : (..., m, 3, 3), motion of the far body against the near one per wrench in the joint.
-    coupled : joints of a body that is elastic at them, its compliance being known at these joints together.
-    coupling : (..., 3 c, 3 c), that compliance, added to that of the coupled joints; None where all bodies are rigid.
+    coupled : joints of bodies that are elastic, body by body; a joint between two of them is named twice.
+    coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the joints; None where all
+        bodies are rigid.
     series : what joints that are not listed add to the paths, in the order of `topology`; None for nothing.
     """
 
@@ -84,6 +85,11 @@ class Topology(NamedTuple):
     kept: tuple[int, ...]
     paths: tuple[JointsInSeries, ...]
     G: Array
+
+    @property
+    def star(self) -> bool:
+        """Whether every path leads from the ground to the output."""
+        return all((path.near, path.far) == (GROUND, self.kept[0]) for path in self.paths)
 
 
 class OutputStiffness(NamedTuple):
@@ -174,12 +180,12 @@ def stiffness(of: Mechanism) -> OutputStiffness:
     """
     by = topology(of.bodies, of.output, of.joints)
     A, G = _path_compliance(of, by), by.G
-    if of.coupling is None and len(by.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
+    if of.coupling is None and by.star:  # 3 by 3 alone, for many designs
         pulls = inverse(A)
     else:
         A = _coupled(A, of, by)
         pulls = _of_paths(inverse(A) @ G.reshape(-1, G.shape[-1]), G)
-    K = np.sum(pulls, axis=-3) if len(by.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
+    K = np.sum(pulls, axis=-3) if by.star else np.einsum("pab,...pac->...bc", G, pulls)
     if len(by.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
@@ -256,7 +262,8 @@ def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
     carried = wrenches[..., at, :, :].reshape(*wrenches.shape[:-3], 3 * len(at), wrenches.shape[-1])
     own = of.coupling @ carried
     found = np.broadcast_to(moved, (*own.shape[:-2], *moved.shape[-3:])).copy()
-    found[..., at, :, :] += own.reshape(*own.shape[:-2], len(at), 3, own.shape[-1])
+    for place, joint in enumerate(at):
+        found[..., joint, :, :] += own[..., 3 * place : 3 * place + 3, :]
     return found
 
 
@@ -278,11 +285,6 @@ def _loads(of: Mechanism, by: Topology, loads: Array) -> tuple[Array, Array]:
 def _of_paths(w: Array, G: Array) -> Array:
     """Wrenches (..., P, 3, k) of the paths, from one column (..., 3 P, k) of them."""
     return w.reshape(*w.shape[:-2], len(G), 3, w.shape[-1])
-
-
-def _balance(G: Array, pulls: Array) -> Array:
-    """Stiffness (..., 3 K, 3 K) of the bodies kept, from the wrenches (..., P, 3, 3 K) of the paths by their twists."""
-    return np.asarray(np.einsum("pab,...pac->...bc", G, pulls))
 
 
 def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
