@@ -225,6 +225,20 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
     return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by)) + beyond, motions)
 
 
+def with_springs(motions: Array, rates: Array) -> Array:
+    """Motions (..., k, k) of k loads with springs along the lines of n more.
+
+    Parameters
+    ----------
+    motions : (..., k + n, k + n), of all of them without springs, as `solve` has it.
+    rates : (n,), stiffness of the springs.
+    """
+    k, root = motions.shape[-1] - len(rates), np.sqrt(rates)
+    across, openings = motions[..., :k, k:] * root, root[:, None] * motions[..., k:, k:] * root
+    held = np.linalg.solve(np.eye(len(rates)) + openings, root[:, None] * motions[..., k:, :k])
+    return np.asarray(motions[..., :k, :k] - across @ held)
+
+
 def _column(parts: Array) -> Array:
     """Parts (..., n, 3, k) one below the other, (..., 3 n, k)."""
     return parts.reshape(*parts.shape[:-3], 3 * parts.shape[-3], parts.shape[-1])
