@@ -313,7 +313,7 @@ def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
     for path in range(len(by.paths)):
         for joint, one in by.paths[path].steps:
             owner[joint], sign[joint] = path, one
-    found = np.moveaxis(np.moveaxis(pulls, (-2, -1), (0, 1))[..., owner], (0, 1), (-2, -1))
+    found = np.moveaxis(np.take(np.moveaxis(pulls, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
     return found if np.all(sign == 1) else sign[:, None, None] * found
 
 
