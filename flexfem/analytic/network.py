@@ -23,6 +23,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexfem.arrays import Array, inverse
 
@@ -190,7 +191,7 @@ def stiffness(of: Mechanism) -> OutputStiffness:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
-    if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
+    if (ideal := _ideal(of, by, K)).any():
         _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), _column(G))
         direct = inverse(twists[..., :3, :3])
         pulls = np.where(ideal[..., None, None, None], _of_paths(across[..., :3] @ direct, by), pulls)
@@ -217,7 +218,7 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
     pulls = W @ G
     V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
     w = W @ (G @ V - t)
-    if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
+    if (ideal := _ideal(of, by, V)[..., None, None]).any():
         inner, across, twists = _saddle(A, G)
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
@@ -317,19 +318,23 @@ def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
     return found if np.all(sign == 1) else sign[:, None, None] * found
 
 
-def _ideal(of: Mechanism, by: Topology) -> Array:
-    """Which designs (...) have a path of joints with fewer than three freedoms together."""
-    size = np.sqrt(np.diagonal(of.compliance, axis1=-2, axis2=-1))
+def _ideal(of: Mechanism, by: Topology, found: Array) -> NDArray[np.bool_]:
+    """Which designs (...) without an answer (..., 3 K, j) have a path of joints with fewer than three freedoms."""
+    ideal = np.asarray(np.isnan(found).any(axis=(-2, -1)))
+    if not ideal.any():
+        return ideal
+    C = np.broadcast_to(of.compliance, (*ideal.shape, *of.compliance.shape[-3:]))
+    ideal = np.asarray(ideal & np.isfinite(C).all(axis=(-3, -2, -1)))
+    size = np.sqrt(np.diagonal(C[ideal], axis1=-2, axis2=-1))
     square = size[..., :, None] * size[..., None, :]
-    values = np.linalg.eigvalsh(np.nan_to_num(of.compliance / np.where(square > 0, square, 1.0)))
+    values = np.linalg.eigvalsh(C[ideal] / np.where(square > 0, square, 1.0))
     freedoms = np.sum(values > SINGULAR * values[..., -1:], axis=-1)
-    elastic = {joint for joint in of.coupled if of.coupling is not None}
-    few = [
-        np.sum(freedoms[..., list(joints)], axis=-1) < 3
-        for joints in (path.joints for path in by.paths)
-        if of.series is None and not elastic & set(joints)
-    ]
-    return np.any(few, axis=0) if few else np.zeros(freedoms.shape[:-1], dtype=bool)
+    few = np.zeros(len(freedoms), dtype=bool)
+    for path in by.paths:
+        if of.series is None and (of.coupling is None or not set(of.coupled) & set(path.joints)):
+            few |= np.sum(freedoms[:, list(path.joints)], axis=-1) < 3
+    ideal[ideal] = few
+    return ideal
 
 
 def _saddle(A: Array, G: Array) -> tuple[Array, Array, Array]:
