@@ -81,11 +81,15 @@ class JointsInSeries(NamedTuple):
 
 
 class Topology(NamedTuple):
-    """The bodies kept (K), the output first, the P paths between them, and G (P, 3, 3 K) of the paths."""
+    """The bodies kept (K), the output first, and the P paths between them.
+
+    G : (P, 3, 3 K), of the paths.   signs : (P, m), of the joints on each path, zero for the others.
+    """
 
     kept: tuple[int, ...]
     paths: tuple[JointsInSeries, ...]
     G: Array
+    signs: Array
 
     @property
     def star(self) -> bool:
@@ -94,10 +98,10 @@ class Topology(NamedTuple):
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per twist of it."""
+    """Stiffness `matrix` (..., 3, 3) of the output, wrenches `paths` (..., P, 3, 3) of the paths per twist of it."""
 
     matrix: Array
-    wrenches: Array
+    paths: Array
 
 
 class MotionUnderLoads(NamedTuple):
@@ -141,12 +145,13 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     missing = set(range(bodies)) - set(kept) - {body for path in paths for body in path.inner}
     if missing:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
-    G = np.zeros((len(paths), 3, len(kept), 3))
+    G, signs_of = np.zeros((len(paths), 3, len(kept), 3)), np.zeros((len(paths), len(joints)))
     for k, path in enumerate(paths):
+        signs_of[k, path.joints] = path.signs
         for body, sign in ((path.near, -1), (path.far, 1)):
             if body != GROUND:
                 G[k, :, kept.index(body)] += sign * np.eye(3)
-    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1))
+    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1), signs_of)
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
@@ -165,17 +170,13 @@ def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, 
     return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # entry by entry in memory: faster
 
 
-def in_series(compliance: Array, paths: tuple[JointsInSeries, ...]) -> Array:
+def in_series(compliance: Array, by: Topology) -> Array:
     """Sums (..., P, 3, 3) of the compliances (..., m, 3, 3) of the joints of each path."""
-    order = [joint for path in paths for joint in path.joints]
-    starts = np.cumsum([0, *(len(path.joints) for path in paths)])[:-1]
-    entries = np.moveaxis(compliance, (-2, -1), (0, 1))
-    entries = entries if order == sorted(order) else entries[..., order]
-    return np.moveaxis(np.add.reduceat(entries, starts, axis=-1), (0, 1), (-2, -1))
+    return np.moveaxis(np.moveaxis(compliance, (-2, -1), (0, 1)) @ np.abs(by.signs).T, (0, 1), (-2, -1))
 
 
 def stiffness(of: Mechanism) -> OutputStiffness:
-    """Stiffness of the output, and what the joints carry when it moves.
+    """Stiffness of the output, and what the paths carry when it moves; `joint_wrenches` makes it that of the joints.
 
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
@@ -196,7 +197,7 @@ def stiffness(of: Mechanism) -> OutputStiffness:
         direct = inverse(twists[..., :3, :3])
         pulls = np.where(ideal[..., None, None, None], _of_paths(across[..., :3] @ direct, by), pulls)
         K = np.where(ideal[..., None, None], direct, K)
-    return OutputStiffness(K, _of_joints(of, by, pulls))
+    return OutputStiffness(K, pulls)
 
 
 def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionUnderLoads:
@@ -223,7 +224,7 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
     motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
-    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by)) + beyond, motions)
+    return MotionUnderLoads(V[..., :3, :], joint_wrenches(of, _of_paths(w, by)) + beyond, motions)
 
 
 def with_springs(motions: Array, rates: Array) -> Array:
@@ -247,15 +248,13 @@ def _column(parts: Array) -> Array:
 
 def _along_paths(openings: Array, by: Topology) -> Array:
     """Openings (..., 3 P, k) of the paths by those (..., m, 3, k) of their joints."""
-    order = [joint for path in by.paths for joint in path.joints]
-    signs = np.array([sign for path in by.paths for sign in path.signs])
-    starts = np.cumsum([0, *(len(path.joints) for path in by.paths)])[:-1]
-    return _column(np.add.reduceat(signs[:, None, None] * openings[..., order, :, :], starts, axis=-3))
+    flat = by.signs @ openings.reshape(*openings.shape[:-2], -1)
+    return _column(flat.reshape(*flat.shape[:-1], 3, -1))
 
 
 def _path_compliance(of: Mechanism, by: Topology) -> Array:
     """Compliances (..., P, 3, 3) of the paths but for `coupling`."""
-    A = in_series(of.compliance, by.paths)
+    A = in_series(of.compliance, by)
     return A if of.series is None else A + of.series.A
 
 
@@ -308,23 +307,21 @@ def _of_paths(w: Array, by: Topology) -> Array:
     return w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])
 
 
-def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
-    """Wrenches (..., m, 3, k) in the joints by those of their paths (..., P, 3, k)."""
-    owner, sign = np.zeros(len(of.joints), dtype=int), np.zeros(len(of.joints))
-    for path in range(len(by.paths)):
-        for joint, one in by.paths[path].steps:
-            owner[joint], sign[joint] = path, one
-    found = np.moveaxis(np.take(np.moveaxis(pulls, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
-    return found if np.all(sign == 1) else sign[:, None, None] * found
+def joint_wrenches(of: Mechanism, paths: Array) -> Array:
+    """Wrenches (..., m, 3, k) in the joints by those (..., P, 3, k) of their paths, the loads on these aside."""
+    by = topology(of.bodies, of.output, of.joints)
+    owner, signs = np.argmax(np.abs(by.signs), axis=0), np.sum(by.signs, axis=0)
+    found = np.moveaxis(np.take(np.moveaxis(paths, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
+    return np.asarray(found if np.all(signs == 1) else signs[:, None, None] * found)
 
 
 def _ideal(of: Mechanism, by: Topology, found: Array) -> NDArray[np.bool_]:
     """Which designs (...) without an answer (..., 3 K, j) have a path of joints with fewer than three freedoms."""
-    ideal = np.asarray(np.isnan(found).any(axis=(-2, -1)))
+    ideal = np.asarray(np.isnan(found[..., 0, 0]))
     if not ideal.any():
         return ideal
     C = np.broadcast_to(of.compliance, (*ideal.shape, *of.compliance.shape[-3:]))
-    ideal = np.asarray(ideal & np.isfinite(C).all(axis=(-3, -2, -1)))
+    ideal[ideal] = np.isfinite(C[ideal]).all(axis=(-3, -2, -1))
     size = np.sqrt(np.diagonal(C[ideal], axis1=-2, axis2=-1))
     square = size[..., :, None] * size[..., None, :]
     values = np.linalg.eigvalsh(C[ideal] / np.where(square > 0, square, 1.0))

@@ -372,7 +372,7 @@ def drift(
     openings[:, ::3] = gaps  # of each chain, in its first joint
     of = lowered(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
     found = network.solve(of, np.zeros((MOVING, 3, 3)), openings)
-    necks = at_necks(designs.frames, found.wrenches)
+    necks = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
     stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
     return WarmModel(found.output, -found.wrenches[:, ::3], stress)
 
