@@ -240,7 +240,7 @@ def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_p
     }
     assert set(points.rows.tolist()) == expected and len(expected) == 25
     assert points.said == "All 25 cells, each by the design nearest to its middle, can be pointed at."
-    few = of_map(source, loaded.study.figure[0], 7)
+    few = of_map(source, loaded.study.figure[0], cells(source), 7)
     assert len(few.rows) == 7 and set(few.rows.tolist()) < expected
     assert few.said.startswith("7 of 25 cells") and few.said.endswith("taken at random.")
 
