@@ -31,7 +31,17 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, outputs_of, values_of
+from flexfem.study.columns import (
+    DRIFTS,
+    DRIVE_RANGES,
+    ENGAGED,
+    GRADIENTS,
+    RANGES,
+    STRESSES,
+    lasting,
+    outputs_of,
+    values_of,
+)
 from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.driven_models import metal_answers
 from flexfem.verify.questions import Clock, ask_elements, elements

@@ -14,19 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-<<<<<<< HEAD
 from flexfem.arrays import ROUND_OFF, AnyArray, Array
 from flexfem.files.refusals import one_line
 from flexfem.units import unit_of
-=======
-from flexfem.files import quantities
-from flexfem.files.quantities import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
-from flexfem.files.refusals import refusal
-from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
-from flexfem.mechanism.stage import Stage
-from flexfem.refused import BadInput
->>>>>>> c099f6449f2d58571eeeb518c5c4a2862696eaff
 
 if TYPE_CHECKING:
     from flexfem.verify.questions import Answers

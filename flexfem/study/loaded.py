@@ -16,16 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 import numpy as np
 
 from flexfem.analytic.responses import require_expansion
-<<<<<<< HEAD
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.digest import digest
-from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, is_assumed
-from flexfem.files.refusals import one_line, place_of, shown, suggestion
-=======
-from flexfem.files.provenance import Doubts, is_assumed
-from flexfem.files.refusals import key_path, shown
->>>>>>> c099f6449f2d58571eeeb518c5c4a2862696eaff
+from flexfem.files.refusals import key_path, one_line, place_of, shown, suggestion
 from flexfem.files.toml import bad_key, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law

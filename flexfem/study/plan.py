@@ -17,8 +17,8 @@ import flexfem
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-<<<<<<< HEAD
-from flexfem.files.json_schema import (
+from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import (
     COUNT,
     OF_THE_KEY,
     Rule,
@@ -33,16 +33,8 @@ from flexfem.files.json_schema import (
     when,
     without,
 )
-from flexfem.files.keypath import key_path
-from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import refusal, shown, suggestion
+from flexfem.files.refusals import key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-=======
-from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import ruled
-from flexfem.files.refusals import refusal, shown
-from flexfem.files.toml import Label
->>>>>>> c099f6449f2d58571eeeb518c5c4a2862696eaff
 from flexfem.mechanism.keys import keys, meant
 from flexfem.questions import warnings as warning
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
