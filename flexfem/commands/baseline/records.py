@@ -21,9 +21,9 @@ from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.plain import plain
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
-from flexfem.fem.response import driven_response, platform_response
+from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
-from flexfem.files.keypath import key_path
+from flexfem.files.refusals import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import levels
 from flexfem.refused import BadInput, ComputationFailed
