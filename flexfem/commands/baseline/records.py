@@ -21,7 +21,7 @@ from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.plain import plain
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
-from flexfem.fem.response import platform_response
+from flexfem.fem.response import driven_response, platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
