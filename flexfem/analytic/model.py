@@ -171,12 +171,12 @@ def lowered(
 def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
     """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
     of = lowered(frames, hinges, freedoms)
-    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints).paths)
+    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints))
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
-    """What the necks carry of the wrenches (..., 9, 3, k) in the joints, (..., 3 chains, 3 hinges, k)."""
-    F_x, F_y, M = (wrenches[..., row, :].reshape(*wrenches.shape[:-3], 3, 3, -1) for row in range(3))
+    """What the necks carry, (..., 3 chains, 3 hinges, k), of wrenches (..., 3 chains, 3 hinges or 1, 3, k)."""
+    F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
     c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
@@ -194,7 +194,7 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     The stiffness is (18) at rest by another route: a network of bodies and joints.
     """
     found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
-    wrench = at_necks(designs.frames, found.wrenches)
+    wrench = at_necks(designs.frames, found.paths[..., None, :, :])
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
     return AtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
