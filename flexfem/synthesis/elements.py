@@ -16,12 +16,10 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
-from flexfem.study.asked import Drive
-from flexfem.study.columns import Factor, columns_of
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import COUPLINGS, ERRORS, Rows
-from flexfem.study.tables import Sampling
+from flexfem.study.columns import COUPLINGS, ERRORS, Rows
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.loaded import LoadedStudy, stage_of
+from flexfem.study.plan import Drive, Sampling
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import scattered_study, seed_of_others
