@@ -82,7 +82,7 @@ def _write(found: DriftFields, path: Path) -> None:
     if not found.fields:
         write_record(found.record, path)
         return
-    from flexfem.plot.drift import drift_figure
+    from flexfem.plot.fields import drift_figure
 
     console.keep(found.record, path, lambda _: drift_figure(found))
 

@@ -144,7 +144,7 @@ def formulas(output: Wanted = None, json: Json = False) -> None:
 
     chart, thickness = (console.target(output, f"hinge-{name}") for name in ("chart", "thickness"))
     if chart is not None and thickness is not None:
-        from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure
+        from flexfem.plot.hinge import hinge_chart_figure, thickness_figure
         from flexfem.plot.write import write_beside
 
         write_beside(chart, hinge_chart_figure(hinges.hinge_review()))

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import log_ticks
 from flexfem.plot.study_pareto import (
@@ -24,7 +23,7 @@ from flexfem.plot.study_pareto import (
     draw_scale,
     rows_for,
 )
-from flexfem.plot.style import INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
+from flexfem.plot.style import COLOURS, INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
 from flexfem.plot.text import significant
 from flexfem.stage.schema import Stage
 from flexfem.study.reductions import wide

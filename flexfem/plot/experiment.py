@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexfem.plot.curves import COLOURS, MARKERS, NAMES
-from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
+from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, in_house_style, panels
 from flexfem.plot.text import significant
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, Unit, unit_for
 from flexfem.verify.experiment import NOT_THE_PAPERS, Experiment, Pushed

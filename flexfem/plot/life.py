@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexfem.analytic.fatigue import Basquin
-from flexfem.plot.curves import COLOURS
-from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
+from flexfem.plot.style import COLOURS, GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import scientific, significant
 from flexfem.units import COMMANDS, STRESS
 from flexfem.verify.life import Life, Witness

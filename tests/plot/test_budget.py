@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from flexfem.plot.accuracy import budget_figure
+from flexfem.plot.errors import budget_figure
 
 SHARES = {  # along the command, percentage points; the total and its band
     "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),

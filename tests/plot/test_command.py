@@ -11,8 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
 import flexfem as package
-from flexfem.plot.command import command_figure, plot_forces, plot_open_loop, plot_strokes
-from flexfem.plot.drive_sketch import plot_drive
+from flexfem.plot.drive import command_figure, plot_drive, plot_forces, plot_open_loop, plot_strokes
 from flexfem.plot.stage import outline_of
 from flexfem.stage.drives import drive_of
 from flexfem.verify.open_loop import OpenLoop

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.plot import dimensions
-from flexfem.plot.dimensions import drawing_figure, plot_dimensions
+from flexfem.plot.stage import drawing_figure, plot_dimensions
 
 from ..conftest import UNLIKE, with_changes
 

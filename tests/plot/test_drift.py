@@ -12,8 +12,7 @@ from matplotlib.text import Annotation
 
 import flexfem
 from flexfem.page.motion import drift_section
-from flexfem.plot.displacement import exaggeration
-from flexfem.plot.drift import drift_figure, plot_drift
+from flexfem.plot.fields import drift_figure, exaggeration, plot_drift
 from flexfem.verify.drift import CASES, DriftFields, WarmStage
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -13,11 +13,21 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from flexfem.plot import style
-from flexfem.plot.displacement import deformed_figure, largest_stress, name_of_place, plot_displacement
-from flexfem.plot.hinge_sketch import hinge_rows, hinge_sketch
-from flexfem.plot.marks import clamped_edges, curves, edges_of, hatch_ground, loops_of
-from flexfem.plot.model_sketch import links_of_chain, mobility_line, model_sketch
-from flexfem.plot.stage import neck_figure, plot_stage, stage_figure
+from flexfem.plot.fields import deformed_figure, largest_stress, name_of_place, plot_displacement
+from flexfem.plot.hinge import hinge_rows, hinge_sketch
+from flexfem.plot.stage import (
+    clamped_edges,
+    curves,
+    edges_of,
+    hatch_ground,
+    links_of_chain,
+    loops_of,
+    mobility_line,
+    model_sketch,
+    neck_figure,
+    plot_stage,
+    stage_figure,
+)
 from flexfem.plot.style import rendered
 from flexfem.stage.schema import load_feasible
 

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
 import flexfem
-from flexfem.plot.reach import reach_figure
+from flexfem.plot.drive import reach_figure
 from flexfem.verify.limits import kinds
 from flexfem.verify.reach import Reach
 

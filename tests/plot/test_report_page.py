@@ -9,7 +9,7 @@ import pytest
 
 from flexfem.page import results as of_results
 from flexfem.page.answers import budget_section
-from flexfem.plot.curves import error_figure
+from flexfem.plot.errors import error_figure
 from flexfem.plot.told import error_spots
 from flexfem.verify.result import write_record
 

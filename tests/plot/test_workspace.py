@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.workspace import workspace_figure
+from flexfem.plot.drive import workspace_figure
 
 SHARE = {"(16) without its second-order terms": 0.61, "(16)": 0.97, "exact equilibrium": 1.0}
 HELD, LOADED = "finite elements held at the command", "finite elements under the load of exact equilibrium"
