@@ -18,10 +18,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexfem.analytic.fatigue import Basquin as Basquin
-    from flexfem.analytic.fatigue import fit_basquin as fit_basquin
-    from flexfem.analytic.formulas import formulas as formulas
-    from flexfem.analytic.formulas import register_formula as register_formula
     from flexfem.api import Errors as Errors
     from flexfem.api import analyse as analyse
     from flexfem.api import errors as errors
@@ -30,9 +26,28 @@ if TYPE_CHECKING:
     from flexfem.commands.baseline.regression import baseline as baseline
     from flexfem.commands.baseline.regression import regression as regression
     from flexfem.designs import design as design
+    from flexfem.hinges.formulas import formulas as formulas
+    from flexfem.hinges.formulas import register_formula as register_formula
+    from flexfem.hinges.strength import Basquin as Basquin
+    from flexfem.hinges.strength import fit_basquin as fit_basquin
+    from flexfem.mechanism.actuators import Actuator as Actuator
+    from flexfem.mechanism.materials import Material as Material
+    from flexfem.mechanism.materials import materials as materials
+    from flexfem.mechanism.materials import register_material as register_material
+    from flexfem.mechanism.stage import Stage as Stage
+    from flexfem.mechanism.stage_file import Chain as Chain
+    from flexfem.mechanism.stage_file import Hinge as Hinge
+    from flexfem.mechanism.stage_file import Hinges as Hinges
+    from flexfem.mechanism.stage_file import Override as Override
+    from flexfem.mechanism.stage_file import Platform as Platform
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.heat import drift as drift
+    from flexfem.questions.life import life as life
+    from flexfem.questions.setup import Analytic as Analytic
+    from flexfem.questions.stiffness import stiffness as stiffness
+    from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -40,44 +55,18 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.experiment import experiment as experiment
     from flexfem.reports.experiment import identify as identify
-    from flexfem.reports.heat import drift as drift
-    from flexfem.reports.heat import drift_fields as drift_fields
-    from flexfem.reports.heat import drift_fields_solid as drift_fields_solid
-    from flexfem.reports.heat import drift_solid as drift_solid
-    from flexfem.reports.life import life as life
-    from flexfem.reports.load import under_load as under_load
-    from flexfem.reports.load import under_load_solid as under_load_solid
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
     from flexfem.reports.modes import vibration as vibration
     from flexfem.reports.modes import vibration_solid as vibration_solid
-    from flexfem.reports.part import export as export
-    from flexfem.reports.part import new_stage as new_stage
-    from flexfem.reports.part import schema_of as schema_of
-    from flexfem.reports.part import view as view
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
-    from flexfem.reports.stage import mesh as mesh
-    from flexfem.reports.stage import stiffness as stiffness
-    from flexfem.reports.stage import summary as summary
-    from flexfem.reports.validation import benchmark as benchmark
-    from flexfem.reports.validation import cross_check as cross_check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
     from flexfem.reports.verification import claims as claims
     from flexfem.reports.verification import converge as converge
     from flexfem.reports.verification import verification as verification
-    from flexfem.stage.actuators import Actuator as Actuator
-    from flexfem.stage.materials import Material as Material
-    from flexfem.stage.materials import materials as materials
-    from flexfem.stage.materials import register_material as register_material
-    from flexfem.stage.overrides import Override as Override
-    from flexfem.stage.schema import Stage as Stage
-    from flexfem.stage.tables import Chain as Chain
-    from flexfem.stage.tables import Hinge as Hinge
-    from flexfem.stage.tables import Hinges as Hinges
-    from flexfem.stage.tables import Platform as Platform
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -87,6 +76,12 @@ if TYPE_CHECKING:
     from flexfem.verify.hinges import hinge_review as hinge_review
     from flexfem.verify.hinges import known_formulas as known_formulas
     from flexfem.verify.hinges import thickness_review as thickness_review
+    from flexfem.workshop import export as export
+    from flexfem.workshop import hinge_formulas as hinge_formulas
+    from flexfem.workshop import mesh as mesh
+    from flexfem.workshop import new_stage as new_stage
+    from flexfem.workshop import schema_of as schema_of
+    from flexfem.workshop import view as view
 
 
 __version__ = "0.1.0"
@@ -97,22 +92,22 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "models": ("AnalyticModel", "ElementModel"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
-    "stage.actuators": ("Actuator",),
-    "stage.materials": ("Material", "materials", "register_material"),
-    "stage.overrides": ("Override",),
-    "stage.schema": ("Stage",),
-    "stage.tables": ("Chain", "Hinge", "Hinges", "Platform"),
-    "analytic.fatigue": ("Basquin", "fit_basquin"),
-    "analytic.formulas": ("formulas", "register_formula"),
+    "mechanism.actuators": ("Actuator",),
+    "mechanism.materials": ("Material", "materials", "register_material"),
+    "mechanism.stage": ("Stage",),
+    "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
+    "hinges.strength": ("Basquin", "fit_basquin"),
+    "hinges.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),
     "reports.experiment": ("experiment", "identify"),
-    "reports.heat": ("drift", "drift_fields", "drift_fields_solid", "drift_solid"),
-    "reports.life": ("life",),
-    "reports.load": ("under_load", "under_load_solid"),
+    "questions.heat": ("drift",),
+    "questions.setup": ("Analytic",),
+    "questions.stiffness": ("stiffness",),
+    "questions.summary": ("summary",),
+    "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
-    "reports.part": ("export", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
-    "reports.validation": ("benchmark", "cross_check"),
+    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
+    "reports.stage": ("as_built", "check"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
@@ -121,10 +116,14 @@ _HOMES: dict[str, tuple[str, ...]] = {
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 
 
+def home_of(name: str) -> str:
+    """The module under `flexfem` that defines a public name, "" for another name."""
+    return next((home for home, names in _HOMES.items() if name in names), "")
+
+
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"flexfem.{home}"), name)
+    if home := home_of(name):
+        return getattr(import_module(f"flexfem.{home}"), name)
     if name in ("plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.stage import load_stage
 from flexfem.study.loaded import load_study
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.verify.fixture import read_fixture

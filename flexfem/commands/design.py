@@ -14,10 +14,10 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
-from flexfem.commands.streams import raw
-from flexfem.commands.tables import people, print_ending, table
+from flexfem.commands.tables import print_ending, table
 from flexfem.designs import MOST_WORKERS
 from flexfem.sources import ONE_THREAD
+from flexfem.terminal import people, raw
 
 if TYPE_CHECKING:
     from flexfem.synthesis.result import Designed, Requirement, Stated

@@ -10,8 +10,9 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Links, Resolution, StageFile, Wanted
-from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, print_ending, table
 from flexfem.refused import BadInput
+from flexfem.terminal import people
 from flexfem.units import COMPLIANCES, LENGTH, MICROMETRE, STIFFNESSES, Unit
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ def experiment(
     json: Json = False,
 ) -> None:
     """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11), and Table II."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import experiment as reports
-    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     console.check_links(links, mobility)
@@ -74,8 +75,8 @@ def identify(
     json: Json = False,
 ) -> None:
     """Which offset of all necks and which soft fixture fit measured slopes, and whether these can tell them apart."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import experiment as reports
-    from flexfem.stage.schema import load_feasible
 
     console.check_finite(confidence=confidence)
     if unknown not in (None, "pole", "springs"):

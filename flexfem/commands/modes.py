@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, StageFile, Wanted
 from flexfem.commands.solid_modes import show_solid_modes
-from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, print_ending, table
 from flexfem.refused import BadInput
+from flexfem.terminal import people, working
 from flexfem.units import UNITS
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ def modes(
     of each, the frequency response drawn, and state space and Craig-Bampton matrices as .npz and .mat.
     """
     from flexfem import arguments
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import modes as reports
     from flexfem.reports.given import RESOLUTION
-    from flexfem.stage.schema import load_feasible
 
     arguments.positive("damping", damping, reports.MOST_DAMPING)
     loaded = load_feasible(stage)

@@ -9,7 +9,7 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
-from flexfem.commands.tables import people
+from flexfem.terminal import people
 
 if TYPE_CHECKING:
     from flexfem.reference.keys import KeyTable

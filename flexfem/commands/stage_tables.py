@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from flexfem.commands.tables import DIRECTIONS, ends, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, ends, print_ending, table
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, PLANES, RATE, STIFFNESSES, STRESS, STRESSES
 from flexfem.verify.limits import grouped
 
@@ -60,7 +61,7 @@ def _hinge(h: PlacedHinge) -> Iterator[str]:
 
 def print_summary(of: Summary) -> None:
     """Print how far a stage may go, by every model that was asked."""
-    from flexfem.stage.tables import counted, of_drive
+    from flexfem.mechanism.stage_file import counted, of_drive
 
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"

@@ -9,9 +9,9 @@ import typer
 
 from flexfem import studies
 from flexfem.commands import comparisons, console
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Baselines, Json, Output, StageFile, Wanted, check_finite
 from flexfem.refused import BadInput
+from flexfem.terminal import working
 from flexfem.units import Direction
 
 app = typer.Typer()
@@ -64,8 +64,8 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import verification as reports
-    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
@@ -99,9 +99,9 @@ def workspace(
 
     Of a driven stage also the poses that strokes, contacts, blocking forces and yield allow together.
     """
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import drive as reports
     from flexfem.reports.given import LARGEST_LOAD
-    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
@@ -133,8 +133,8 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import verification as reports
-    from flexfem.stage.schema import load_feasible
     from flexfem.verify.converge import RESOLUTIONS
 
     loaded, resolutions = load_feasible(stage), level or RESOLUTIONS

@@ -17,26 +17,22 @@ from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
+from flexfem.mechanism.stage_file import counted, doubts_said
 from flexfem.page.section import Content, Page, PageSection, facts, html_of, notes, sentence, shown_figure, table
-from flexfem.plot.text import SPACE, SYMBOLS, banded, doubt_rows, minus, percent, significant, verification_tables
+from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, percent, significant, verification_tables
+from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
-from flexfem.reports.life import checked_amplitude
-from flexfem.stage.tables import counted, doubts_said
 from flexfem.studies import REPORTS
 from flexfem.units import (
     COMMANDS,
-    COMPLIANCE,
     DEGREE,
     DIRECTIONS,
-    FORCES,
     LENGTH,
     MICROMETRE,
     PLANES,
     RATE,
-    STIFFNESS,
     STRESS,
-    STRESSES,
     UNITS,
     unit_for,
 )
@@ -45,7 +41,7 @@ from flexfem.verify.result import stamp, versions
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.result import Result
     from flexfem.verify.stage_report import StageReport
 
@@ -284,11 +280,11 @@ def _sources(rows: Sequence[Sequence[str]], head: Sequence[str]) -> PageSection:
 
 
 def _stage(path: Path, sections: Sequence[str], amplitude: ArrayLike | None) -> Subject:
-    from flexfem.analytic.fatigue import required_law
-    from flexfem.analytic.heat import require_expansion
+    from flexfem.analytic.responses import require_expansion
+    from flexfem.hinges.strength import required_law
+    from flexfem.mechanism.stage import load_feasible
+    from flexfem.mechanism.stage_file import located
     from flexfem.reports.stage import check
-    from flexfem.stage.origin import located
-    from flexfem.stage.schema import load_feasible
 
     stage = load_feasible(path)
     with located(stage):  # before anything is computed
@@ -366,80 +362,21 @@ def _actuators(found: StageReport) -> Markup:
     return table(head, rows, caption="The actuators", numbers=5)
 
 
-def _matrix(caption: str, letter: str, matrix: Any, units: Any) -> Markup:
-    """A symmetric matrix (3, 3) as a table of its entries, what is round-off as 0."""
-    from flexfem.arrays import without_round_off
-
-    shown = without_round_off(matrix).tolist()
-    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-    rows = [
-        [f"{letter} {SYMBOLS[i]}{SYMBOLS[j]}", f"{significant(shown[i][j], 5)}{SPACE}{units[i][j]}"] for i, j in pairs
-    ]
-    return table(["entry", "value"], rows, sortable=False, caption=caption)
-
-
-def _ranges(side: Any) -> Markup:
-    """Safe range, force, stress per displacement and the neck, by direction."""
-    rows = []
-    for symbol, (direction, limit), command, force, stress in zip(
-        SYMBOLS, side.limits.items(), COMMANDS, FORCES, STRESSES, strict=True
-    ):
-        values = ((limit.range_at_yield, command), (getattr(limit.force, direction), force), (limit.stress, stress))
-        shown = [f"{significant(value * unit.factor)}{SPACE}{unit}" for value, unit in values]
-        rows.append([symbol, f"±{shown[0]}", *shown[1:], f"{limit.hinge} hinge, chain {limit.chain}"])
-    head = ["direction", "range at yield", "force there", "neck stress per displacement", "first to yield"]
-    return table(head, rows, caption=f"Range until the first neck yields, by {side.model}", sortable=False)
+def _answered(name: str, title: str, found: Any, *figures: Markup) -> PageSection:
+    """A section of the tables of a result, and its figures."""
+    return _section(name, title, Markup(found.to_html()), *figures)
 
 
 def _analytic(stage: Stage) -> PageSection:
-    """Stiffness and compliance by the paper's model, and safe ranges by the model that suits stress."""
-    from flexfem.arrays import alone
-    from flexfem.reports.stage import stiffness, summary
+    from flexfem.questions.stiffness import stiffness
 
-    found, both = stiffness(stage), summary(stage)
-    opening = f"Pseudo-rigid model of mobility {found.mobility}, hinge formula {found.formula}: {found.formula_source}"
-    matrices = Markup('<div class="columns">{}{}</div>').format(
-        _matrix("Stiffness of the platform, (18)", "K", found.stiffness, STIFFNESS),
-        _matrix("Compliance of the platform", "C", found.compliance, COMPLIANCE),
-    )
-    pairs = zip(SYMBOLS, found.stiffness.diagonal().tolist(), alone(found.stiffness).tolist(), strict=True)
-    rows = [
-        [name, *(f"{significant(value, 5)}{SPACE}{STIFFNESS[k][k]}" for value in values)]
-        for k, (name, *values) in enumerate(pairs)
-    ]
-    head = ["direction", "stiffness, the others held: K_ii", "the others free: 1 / C_ii"]
-    free = table(head, rows, sortable=False, caption="Stiffness along one direction")
-    said = [sentence(opening), f"One direction at a time, the others held. {sentence(both.accuracy)}"]
-    warnings = notes(list(dict.fromkeys([*found.warnings, *both.warnings])))
-    return _section("analytic", "Analytic model", notes(said, "note"), matrices, free, _ranges(both.analytic), warnings)
+    return _answered("analytic", "Analytic model", stiffness(stage, models="analytic"))
 
 
 def _elements(stage: Stage) -> PageSection:
-    """Stiffness by finite elements with the band of the meshes, and the error of the paper's model against them."""
-    import numpy as np
+    from flexfem.questions.summary import summary
 
-    from flexfem import api
-    from flexfem.analytic.model import DEFAULT_FORMULA
-    from flexfem.reports.stage import stiffness, summary
-
-    both, model, errors = summary(stage, elements=True), api.solve(stage), api.errors(stage)
-    analytic = stiffness(stage, formula=DEFAULT_FORMULA).stiffness.diagonal().tolist()
-    compliance, held = np.diag(model.compliance), np.diag(np.linalg.inv(model.compliance)).tolist()
-    spread, rows = (np.diag(model.band) / compliance).tolist(), []
-    for k, name in enumerate(SYMBOLS):
-        pairs = [(value, value * spread[k]) for value in (held[k], 1 / float(compliance[k]))]
-        shown = [f"{significant(value, 5)} ± {significant(band, 2)} {STIFFNESS[k][k]}" for value, band in pairs]
-        error = banded(float(errors.percent[k, k]), float(errors.band[k, k]))
-        rows.append([f"K {name}{name}", f"{significant(analytic[k], 5)} {STIFFNESS[k][k]}", *shown, error])
-    head = ["stiffness, the others held", "analytic", "finite elements", "the others free: 1 / C_ii"]
-    head.append("error of the displacement under the analytic force")
-    unknowns = f"{model.solved.triangles:,} curved quadratic triangles, {model.solved.response.unknowns:,} unknowns"
-    coupled = float(np.max(np.abs(errors.percent - np.diag(np.diag(errors.percent)))))
-    said = [f"{unknowns}; bands (±) by grid convergence over three meshes."]
-    said.append(f"Largest error across the commanded direction: {percent(coupled)}.")
-    found = table(head, rows, sortable=False, numbers=4)
-    ranges = _ranges(both.elements)
-    return _section("elements", "Finite elements", notes(said, "note"), found, ranges, notes(model.warnings))
+    return _answered("elements", "Finite elements", summary(stage))
 
 
 def _stress(stage: Stage) -> PageSection:
@@ -542,41 +479,20 @@ def _modes(stage: Stage) -> PageSection:
 
 
 def _drift(stage: Stage) -> PageSection:
-    """The pose per kelvin and per gradient of temperature."""
-    from flexfem.plot.fields import WARM, drift_figure
-    from flexfem.reports.heat import drift_fields
+    from flexfem.plot.fields import drift_figure
+    from flexfem.questions.heat import drift
 
-    found = drift_fields(stage)
-    of, units, rows = found.record, (*COMMANDS[:2], UNITS["urad_per_k"]), []
-    for name, case in of.cases.items():
-        for model, one in (("analytic", case.analytic), ("finite elements", case.elements)):
-            if one is not None:
-                scaled = [value * unit.factor for value, unit in zip(one.pose, units, strict=True)]
-                tiny, highest = 1e-9 * max(map(abs, scaled)), max(value for row in one.stress for value in row)
-                pose = ["0" if abs(value) <= tiny else significant(value) for value in scaled]
-                rows.append([WARM[name][0], model, *pose, significant(highest)])
-    head = ["change of temperature", "model", f"X ({MICROMETRE})", f"Y ({MICROMETRE})", "θ (µrad)"]
-    data = table([*head, f"highest neck stress ({STRESS})"], rows, numbers=4)
-    said = "The stage on its warm frame under each change of temperature."
+    found, said = drift(stage), "The stage on its warm frame under each change of temperature."
     figure = shown_figure("drift-figure", partial(drift_figure, found), said)
-    return _section("drift", "Drift by temperature", data, figure, notes(of.warnings))
+    return _answered("drift", "Drift by temperature", found, figure)
 
 
 def _life(stage: Stage, amplitude: Any) -> PageSection:
-    """Cycles that the necks endure at an amplitude of the platform."""
     from flexfem.plot.life import life_figure
-    from flexfem.reports.life import life
+    from flexfem.questions.life import life
 
-    found, rows = life(stage, checked_amplitude(amplitude)), []
-    for of in (each for each in (found.analytic, found.elements) if each is not None):
-        neck = of.necks[of.first]
-        cycles = ["endless" if value is None else significant(value, 3) for value in (of.cycles, of.fewest, of.most)]
-        place = f"{neck.hinge} hinge, chain {neck.chain}"
-        rows.append([of.model, place, significant(neck.equivalent), *cycles, significant(of.safety, 3)])
-    head = ["model", "first neck", f"equivalent stress ({STRESS})", "cycles", "from", "to", "yield over stress"]
-    data = table(head, rows, numbers=5, sortable=False)
-    figure = shown_figure("life-figure", partial(life_figure, found), "The S-N curve of the material with the necks.")
-    return _section("life", "Fatigue life", data, figure, notes(found.warnings))
+    found, said = life(stage, amplitude=amplitude), "The S-N curve of the material with the necks."
+    return _answered("life", "Fatigue life", found, shown_figure("life-figure", partial(life_figure, found), said))
 
 
 MADE: dict[str, Callable[..., PageSection]] = {

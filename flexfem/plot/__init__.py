@@ -11,7 +11,6 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "accuracy": ("plot_elastica", "plot_remainders", "plot_shapes"),
     "design": ("plot_history", "plot_margins", "plot_tradeoff"),
     "design_front": ("plot_objectives",),
     "drive": ("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),

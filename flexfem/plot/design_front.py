@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.mechanism.stage import Stage
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import log_ticks
 from flexfem.plot.study_pareto import (
@@ -25,7 +26,6 @@ from flexfem.plot.study_pareto import (
 )
 from flexfem.plot.style import COLOURS, INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
 from flexfem.plot.text import significant
-from flexfem.stage.schema import Stage
 from flexfem.study.reductions import wide
 from flexfem.synthesis.result import Designed, FrontDesign
 

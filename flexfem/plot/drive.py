@@ -14,6 +14,8 @@ from matplotlib.patches import Patch, Polygon
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import shown
+from flexfem.mechanism.bodies import draw_sector, turn
+from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.stage import draw_outline, fit, outline_of, place_label, write
 from flexfem.plot.style import (
     COLOURS,
@@ -34,8 +36,6 @@ from flexfem.plot.style import (
 )
 from flexfem.plot.text import minus, round_factor, scientific, significant
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector, turn
-from flexfem.stage.schema import CHAINS, Stage
 from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE, Unit, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.command import Command

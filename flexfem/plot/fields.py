@@ -13,13 +13,14 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
+from flexfem.mechanism.bodies import BODIES
 from flexfem.plot.stage import boundary_of, draw_boundary, draw_hub, fit, place_label, quarters
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
 from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
+from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import BODIES
-from flexfem.units import DIRECTIONS, EXPANSION, STRESS, unit_for
-from flexfem.verify.drift import CASES, Case, DriftFields, WarmStage
+from flexfem.results import ELEMENTS
+from flexfem.units import DIRECTIONS, STRESS, unit_for
 from flexfem.verify.result import CurveModels, Fields, Result
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
@@ -28,7 +29,7 @@ ALIKE = 1e-6  # relative difference of stresses that symmetry makes equal: far a
 ROUND_OFF = 1e-9  # of the largest component of a pose: zero by symmetry
 COLOURS = "viridis"
 PANEL, TITLE, SCALE = 5.0, 0.6, 0.8  # in, width of a panel, heights of its title and of the scale of stress
-WARM: dict[Case, tuple[str, str, tuple[float, float]]] = {  # in words, what stress is per, arrow per size of the axes
+WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stress is per, arrow per size of the axes
     "uniform": ("1 K everywhere", "K", (0.0, 0.0)),
     "gradient in x": ("1 K/mm along X", "K/mm", (0.1, 0.0)),
     "gradient in y": ("1 K/mm along Y", "K/mm", (0.0, 0.1)),
@@ -191,42 +192,46 @@ def commanded_figure(
 
 
 @in_house_style
-def drift_figure(found: DriftFields) -> Figure:
+def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and scale of stress."""
-    of = found.record
-    expansion, frame = (significant(EXPANSION.factor * each) for each in (of.expansion, of.frame_expansion))
+    of, fields, stated = found.about, _warm(found).cases, found.settings
     width = 0.88 * PANEL
-    height = width * float(np.divide(*np.ptp(found.fields["uniform"].nodes, axis=0)[::-1])) + 1.25
+    height = width * float(np.divide(*np.ptp(fields["uniform"].nodes, axis=0)[::-1])) + 1.25
     lines = [
-        f"Expansion {expansion} {EXPANSION}, frame {frame} {EXPANSION}; both have the same temperature at every "
-        "place, gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, "
-        "which the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
+        f"Expansion {stated['expansion']}, frame {stated['frame']}; both have the same temperature at every place, "
+        "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
+        "the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
     ]
     doubts = (of.assumed, of.not_stated)
     figure, axes = panels((3 * width + 0.3, height), f"{of.name}: warm", lines, 1, 3, doubts)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
-        elements, fields = of.cases[name].elements, found.fields[name]
-        assert elements is not None
-        largest = significant(float(np.max(elements.stress)), 3)
-        text = f"{WARM[name][0]}, displacements × {significant(exaggeration(fields), 1)}\n"
-        titled(ax, letter, f"{text}{_pose(elements, of.lever)}; necks to {largest} {STRESS}", size=9.5)
-        draw_scale(figure, ax, stress_scale(fields), f" per {WARM[name][1]}", aspect=30, shrink=0.9)
+        pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
+        text = f"{WARM[name][0]}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, of.lever)}"
+        titled(ax, letter, f"{text}; necks to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
+        draw_scale(figure, ax, stress_scale(fields[name]), f" per {WARM[name][1]}", aspect=30, shrink=0.9)
     return figure
 
 
-def plot_drift(ax: Axes | None, found: DriftFields, case: Case) -> Axes:
+def _warm(found: Drift) -> WarmFields:
+    """The plane fields of a result. Raises BadInput when it has none."""
+    if not isinstance(found.fields, WarmFields):
+        raise BadInput("a drift without plane finite elements, expected them for its figure")
+    return found.fields
+
+
+def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress; returns `ax`, or new axes.
 
     Raises BadInput for another case, or without finite elements.
     """
-    if case not in found.fields:
-        known = ", ".join(found.fields) or "those of finite elements, which were left out"
-        raise BadInput(f"case {case!r}, expected {known}")
-    ax, fields = ax or new_axes(), found.fields[case]
-    plot_displacement(ax, fields, hub_radius=found.hub_radius)
+    warm = _warm(found)
+    if case not in warm.cases:
+        raise BadInput(f"case {case!r}, expected one of: {', '.join(warm.cases)}")
+    ax, fields = ax or new_axes(), warm.cases[case]
+    plot_displacement(ax, fields, hub_radius=warm.hub_radius)
     moved = fields.nodes + exaggeration(fields) * fields.displacement
-    draw_boundary(ax, moved, found.ground, INK, 3.0, zorder=4)
+    draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = WARM[case][2]
     if x or y:
         arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
@@ -235,11 +240,10 @@ def plot_drift(ax: Axes | None, found: DriftFields, case: Case) -> Axes:
     return ax
 
 
-def _pose(of: WarmStage, lever: float) -> str:
+def _pose(pose: Array, lever: float) -> str:
     """A pose with prefixes, round-off as zero."""
-    sizes: Array = np.abs(of.pose) * [1.0, 1.0, lever]
-    cells = []
-    for axis, value, size in zip(DIRECTIONS, of.pose, sizes, strict=True):
+    sizes, cells = np.abs(pose) * [1.0, 1.0, lever], []
+    for axis, value, size in zip(DIRECTIONS, pose, sizes, strict=True):
         unit = unit_for(axis, abs(value))
         shown = f"{significant(unit.factor * value)} {unit}" if size > ROUND_OFF * np.max(sizes) else "0"
         cells.append(f"{NAMES[axis]} {shown}")

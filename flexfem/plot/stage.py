@@ -17,6 +17,12 @@ from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
+from flexfem.mechanism.bodies import Segment, draw_sector, necks, polygon_points, turn
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.drawing import LETTER as NARROW
+from flexfem.mechanism.drawing import Dimensions, dimensions_of, part_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
 from flexfem.plot.style import (
     GREY,
     INK,
@@ -30,15 +36,6 @@ from flexfem.plot.style import (
 )
 from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector, necks, turn
-from flexfem.stage.contour import part_of
-from flexfem.stage.designs import CHAIN_TURN, stage_frames
-from flexfem.stage.dimensions import LETTER as NARROW
-from flexfem.stage.dimensions import Dimensions, dimensions_of
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.outline import Segment, polygon_points
-from flexfem.stage.partial import PartialStage
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.units import DEGREE, LENGTH
 from flexfem.verify.result import CurveModels, Fields, HingeDrawing
 from flexfem.verify.stage_report import StageReport

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexfem.arrays import Array
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
 from flexfem.study.reductions import Front, cells_of, drawable_front, spread, wide
 from flexfem.study.sampling import sample
@@ -19,8 +19,8 @@ from flexfem.study.statistics import Indices, Percentile, percentiles, sensitivi
 from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
 
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each

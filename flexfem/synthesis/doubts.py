@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flexfem.analytic.fatigue import required_law
 from flexfem.arrays import Array
+from flexfem.hinges.strength import required_law
 from flexfem.study.answer import doubted
 from flexfem.study.outputs import LIFE_AMPLITUDES, row_of
 from flexfem.synthesis.requirements import LoadedRequirements

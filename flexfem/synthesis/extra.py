@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
 from flexfem.analytic.model import hinge_compliances
+from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
 from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.bodies import drawn_inertia
+from flexfem.mechanism.designs import Designs
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs
-from flexfem.stage.inertia import drawn_inertia
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.units import UNITS
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.questions import ask_formulas
 
 

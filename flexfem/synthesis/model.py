@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.feasibility import check_feasible, conditions
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible, conditions
 from flexfem.study.answer import answer_designs
 from flexfem.study.designs import designs_of, evaluated, stage_of
 from flexfem.study.outputs import ERRORS, STIFFNESSES

@@ -11,8 +11,8 @@ from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
-from flexfem.stage.schema import Stage
-from flexfem.stage.tables import of_heat
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import of_heat
 from flexfem.study.designs import stage_of
 from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.synthesis.doubts import doubts_of

@@ -20,9 +20,9 @@ from flexfem.files.json_schema import either, ruled, says, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, bad_key, validate
+from flexfem.mechanism.keys import keys, meant
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys, meant
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Column, acting, columns_of
 from flexfem.study.expression import names_in

@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import chain_compliance
-from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.model import chain_compliance, hinge_compliances
 from flexfem.arrays import Array
-from flexfem.stage.designs import Designs, Frames
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import Designs, Frames
+from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.study.columns import Column, Factor
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample

@@ -7,15 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.heat import WarmBodies, WarmModel, drift
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import CALIBRATED, hinge_compliances
-from flexfem.analytic.warm_pad import edge_motions
+from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.questions.heat import UNLIKE
+from flexfem.questions.heat import UNLIKE_CHAINS as FACTORS
 from flexfem.verdicts.evidence import Evidence, Metal
-from flexfem.verify.drift import UNLIKE, UNLIKE_CHAINS
+
+UNLIKE_CHAINS = dict(
+    zip(("wider in one chain", "narrower in one", "wider in one and narrower in another"), FACTORS, strict=True)
+)
+
 
 ALIKE = (1.0, 1.0, 1.0)  # factors on the necks of each chain
 

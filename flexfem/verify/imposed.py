@@ -13,31 +13,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.drive import driven_model
 from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.drive import DrivenResponse, driven_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.contacts import Stack
-from flexfem.stage.couples import couple_names, hinge_couples
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
-from flexfem.verify import warning
+from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels, stress_bands
 from flexfem.verify.case import DIRECTIONS, Case, Drive
 from flexfem.verify.command import of_limits
-from flexfem.verify.corners import stress_bands
 from flexfem.verify.driven import Driven, commands_for, driven, held
-from flexfem.verify.errors import (
-    Comparison,
-    Convergence,
-    command_convergence,
-    compare,
-    error_matrix,
-    levels,
-)
+from flexfem.verify.errors import Comparison, compare
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 KEPT = 12  # answers of finite elements: three levels of two stages for two kinds of drive

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.chains import Concentration, Wrench, concentration, neck_stress, neck_wrenches, stress_raised
+from flexfem.analytic.model import at_necks
 from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import Support, edge_force, nearest_node, nodes_on, solve
-from flexfem.stage.designs import Frames
+from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
+from flexfem.mechanism.designs import Frames
 
 NEUBER = 0.005  # of a notch of circular arcs between blocks, which is no hyperbola; seen: 0.24 % in tension at 0.3
 
@@ -88,6 +89,6 @@ def test_a_force_on_the_platform_bends_a_neck_by_its_arm_and_pulls_along_the_axi
     centres[2, 1] = 7.0, -4.0
     axes = np.zeros((3, 3))
     axes[2, 1] = np.radians(30.0)
-    found = neck_wrenches(Frames(centres, axes), np.broadcast_to(np.eye(3), (3, 3, 3)))
+    found = at_necks(Frames(centres, axes), np.broadcast_to(np.eye(3), (9, 3, 3)))
     np.testing.assert_allclose(found.moment[2, 1], [-4.0, -7.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(found.normal[2, 1], [0.8660254, 0.5, 0.0], atol=1e-7)

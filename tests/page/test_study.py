@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
 import pytest
 from markupsafe import Markup
 
-from flexfem.page.assemble import Page, html_of
+from flexfem.mechanism.bodies import Segment
+from flexfem.mechanism.drawing import part_of
+from flexfem.mechanism.stage import load_stage
+from flexfem.page.section import Page, html_of
 from flexfem.page.study import study_parts
 from flexfem.page.study_asked import range_of
 from flexfem.page.study_designs import outline_paths, path_of
@@ -19,9 +23,6 @@ from flexfem.page.study_tables import marks_table
 from flexfem.plot.study import named
 from flexfem.plot.study_chart import chart_figure
 from flexfem.plot.study_records import Source, map_of
-from flexfem.stage.contour import part_of
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import load_stage
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Marks, findings
 from flexfem.study.loaded import LoadedStudy
@@ -214,7 +215,7 @@ def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_const
     source = source_of(loaded, kxx_n_per_mm=stiffness, range_x_um=stiffness)
     status = np.array(["refused", *["ok"] * 11], dtype=object)
     feasible = (status == "ok") & (stiffness <= 90.0)
-    source = source._replace(table=source.table._replace(status=status, feasible=feasible))
+    source = source._replace(table=replace(source.table, status=status, feasible=feasible))
     (found,) = findings(loaded, source.table, {})
     points = of_front(source, loaded.study.figure[0], found, 10)
     assert points.rows.tolist() == [8] and points.at.tolist() == [[89.0, 89.0]]

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexfem.mechanism.keys import keys
 from flexfem.plot.text import percent, round_factor, scientific, significant
-from flexfem.stage.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.units import (
     COMMANDS,
@@ -111,7 +111,7 @@ def test_units_are_spelled_in_one_place() -> None:
     others = (
         "commands/tables",
         "commands/comparisons",
-        "verify/warning",
+        "questions/warnings",
         "verdicts/measures",
         "verdicts/second_order",
         "verdicts/shares",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.synthesis.result import (
     Designed,
     FrontDesign,

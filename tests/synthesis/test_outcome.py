@@ -13,8 +13,8 @@ import pytest
 
 import flexfem
 from flexfem.commands.design import print_design
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
 from flexfem.synthesis.mapping import proof
