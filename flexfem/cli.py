@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -26,10 +27,10 @@ from flexfem.terminal import people, working
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
-    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
-    "Measure": ("experiment", "identify"),
+    "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
@@ -37,7 +38,22 @@ GROUPS = {
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
-    **{name: name for name in ("check", "view", "summary", "stiffness", "drift", "life", "export", "mesh")},
+    "as-built": "as_built",
+    **{
+        name: name
+        for name in (
+            "check",
+            "view",
+            "summary",
+            "stiffness",
+            "drift",
+            "life",
+            "experiment",
+            "identify",
+            "export",
+            "mesh",
+        )
+    },
 }
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OF_PYTHON = ("progress", "law")  # parameters that are no options
@@ -63,6 +79,14 @@ class Commands(TyperGroup):
         if name in RENAMED:
             ctx.fail(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
         return command(name) if name in MADE else super().get_command(ctx, name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments begin with; an unknown one is refused with the nearest names."""
+        known = self.list_commands(ctx)
+        if args and args[0] not in known and args[0] not in RENAMED:
+            near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
+            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the sections, each command with its first sentence."""

@@ -1,30 +1,27 @@
-"""Finite displacements: equilibrium under load, and stacks under preload.
+"""Finite displacements: equilibrium under a load or at a pose, and the stage with its stacks pushing.
 
-Exact equilibrium under a load or at a pose, with closed loops at finite joint displacements.
+Equilibrium is exact, with closed loops. What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth
+away from rest follows from it.
 
-What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth away from rest follows from it.
-
-Stiffness of the driven stage with its stacks pushing: what internal forces, those of preloads too, add to (16).
-
-A stack that pushes with N against its opening g has the potential `-N g`. To the tangent stiffness it adds `-N g''`,
-beside the `k g' g'` of its own stiffness: in the terms of (16) the antagonistic load times the second-order influence
-coefficients of its contact.
+Internal forces, those of preloads too, add to (16). A stack that pushes with N against its opening g has the potential
+`-N g`. To the tangent stiffness it adds `-N g''`, beside the `k g' g'` of its own stiffness: in the terms of (16) the
+antagonistic load times the second-order influence coefficients of its contact.
 
 Two stacks on one line that push a body from both sides with equal forces leave no force in any neck. Their own terms
 remain: when the body turns by phi about a hinge of a still carrier, a push with a fixed direction through a point of
 the body that is h before the hinge, measured along the push, has the moment `N h phi` with the turn; a push that turns
 with the body, through a fixed point, has it against the turn. The partner has the same. Which of the two is meant, and
 which point, is `Stack.pivot`: normal to a smooth flat of the pushed body, through the centre of a ball on the carrier
-("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends
-is neither.
+("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends is
+neither.
 
 Single stacks, unequal preloads and commands load the necks. Chains that carry a wrench w then add `-w x''` of their
 pose x, as in (16), and the stage is no longer where it was: the joints are taken to exact equilibrium first. An axial
 force of 10 N in the base hinges of the reference stage alone changes K_xx by 1.2 %.
 
 Here a chain is elastic joints in series, base to platform: hinges by rotation, axial and shear, in this order, as in
-`kinematics`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force
-along a notch does to the stiffness of the notch itself is not in.
+`paper`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force along a
+notch does to the stiffness of the notch itself is not in.
 """
 
 from __future__ import annotations
@@ -284,7 +281,6 @@ STACK_ITERATIONS = 25
 STACK_STEP = 1e-11  # of the energies' roots, of the last Newton step
 STACK_LARGEST_TURN = 0.3  # rad, of a joint: beyond it the stage has buckled, or the forces are far too large
 ROUND_OFF = 1e-12  # of the largest
-BLOCK = 256  # joints: as many rows of a matrix of all joints of a chain as are held at a time
 
 
 class ChainStack(NamedTuple):
@@ -329,34 +325,17 @@ class Serial(NamedTuple):
     basis: Array
 
 
-class Pulls(NamedTuple):
-    """A symmetric matrix (k, k): the upper triangle, diagonal included, is that of the product of two (m, k)."""
-
-    before: Array
-    after: Array
-
-    def reduced(self, V: Array) -> Array:
-        """V' M V of the matrix M with columns V (k, r), in blocks: M itself is large where there are many stacks."""
-        r = V.shape[1]
-        total, earlier = np.zeros((r, r)), np.zeros((len(self.before), r))
-        for start in range(0, len(V), BLOCK):
-            B, A, here = (part[..., start : start + BLOCK] for part in (self.before, self.after, V.T))
-            total += earlier.T @ (A @ here.T) + here @ np.triu(B.T @ A) @ here.T
-            earlier += B @ here.T
-        return np.asarray(total + total.T - (V.T * np.sum(self.before * self.after, axis=0)) @ V)
-
-
 class JointState(NamedTuple):
     """Chains at joint displacements.
 
     pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
-    pulls : by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
+    pulls : (k, k) by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
     """
 
     pose: Array
     G: Array
     J: Array
-    pulls: list[Pulls]
+    pulls: list[Array]
 
 
 class Loaded(NamedTuple):
@@ -475,7 +454,8 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
             at.J[contact.stack, chain.place], nearer, farther = _opening(chain, contact, spun, origin, v)
             before.append(force[contact.stack] * nearer)
             after.append(farther)
-        at.pulls.append(Pulls(np.array(before), np.array(after)))
+        upper = np.triu(np.array(before).T @ np.array(after))  # the first by the joint nearer the base
+        at.pulls.append(upper + np.triu(upper, 1).T)
     return at
 
 
@@ -510,7 +490,7 @@ def loaded(of: Serial, force: Array, load: Array) -> Loaded:
         at = moved(of, V @ q, wrench, force)
         G, J, inner = at.G @ V, at.J @ V, np.eye(r)
         for chain, pulls in zip(of.chains, at.pulls, strict=True):
-            inner -= pulls.reduced(V[chain.place])
+            inner -= V[chain.place].T @ pulls @ V[chain.place]
         missing = np.concatenate([J.T @ force + G.T @ wrench - q, one @ u - at.pose, load - one.T @ wrench])
         rows = [inner, -G.T, np.zeros((r, 3))], [G, np.zeros((9, 9)), -one], [np.zeros((3, r)), one.T, np.zeros((3, 3))]
         step = np.linalg.solve(np.block(list(rows)), missing)

@@ -1,9 +1,4 @@
-"""Piezo stacks with their catalogue, and the actuators of a stage file.
-
-Piezo stacks: their numbers, their stiffness in series with a contact, and the shipped catalogue.
-
-Actuators as a stage file says them: a piezo stack, or an antagonistic pair, between two bodies of every chain.
-"""
+"""Actuators of a stage file: piezo stacks, alone or in antagonistic pairs, with the shipped catalogue."""
 
 from __future__ import annotations
 
@@ -18,7 +13,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-from flexfem.files.json_schema import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted

@@ -1,14 +1,6 @@
-"""What a stage file says, validated: its tables, overrides, and where they come from.
-
-The tables of a stage: chain, hinges, platform and frame, in N-mm-MPa-rad.
+"""What a stage file says, validated, in N-mm-MPa-rad: its tables, overrides, and where they come from.
 
 File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
-
-What differs at one of the nine hinges, or at an actuator of one chain.
-
-What a stage file says, validated, and what is read of it before anything is computed: overrides applied, keys.
-
-Where a stage comes from, and refusals that say so.
 """
 
 from __future__ import annotations
@@ -21,10 +13,9 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from flexfem.files.json_schema import Rule, both, has, ruled, when, without
-from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import place_of, problem_of, refusal, shown, suggestion
+from flexfem.files.quantities import Rule, both, has, ruled, when, without
+from flexfem.files.refusals import key_path, path_of, place_of, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Label, read_toml
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator, Coordinate, Force, Friction, Preload, Rate, StackName, Stroke, Tilt

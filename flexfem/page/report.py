@@ -18,7 +18,7 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
-from flexfem.page.section import Content, Page, PageSection, facts, html_of, notes, sentence, shown_figure, table
+from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
 from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, percent, significant, verification_tables
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
@@ -88,12 +88,12 @@ def report(
     through: Through = iter,
     folder: PathLike = REPORTS,
 ) -> PageReport:
-    """Write one self-contained page, which opens offline, of a stage, of a study or of stored results and claims.
+    """Write one self-contained page, which opens offline, of a stage, of a study or of stored results.
 
     Parameters
     ----------
-    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify`, claims of
-        `flexfem claims` and records of `flexfem design`, all JSON.
+    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify` and
+        records of `flexfem design`, all JSON.
     output : the file to write, .html.
     sections : of a stage, of `STANDARD` and `MORE`; the drawing and the sources of its numbers are always there.
     amplitude : (3,), mm, mm, rad, of the platform, fully reversed, for the section `life`.
@@ -201,13 +201,10 @@ def _study(path: Path, folder: Path) -> Subject:
 def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.page.design import design_parts
     from flexfem.synthesis.stored import is_design, read_design
-    from flexfem.verdicts.records import ClaimsReport
-    from flexfem.verify.result_files import read_record, read_result, stores
+    from flexfem.verify.result_files import read_result
 
-    claims = [path for path in files if stores(path, "verdicts")]
-    drawn = [path for path in files if path not in claims and is_design(path)]
-    results = [read_result(path) for path in files if path not in (*claims, *drawn)]
-    reports = [read_record(path, ClaimsReport, "flexfem claims") for path in claims]
+    drawn = [path for path in files if is_design(path)]
+    results = [read_result(path) for path in files if path not in drawn]
     designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
@@ -218,13 +215,12 @@ def _stored(files: Sequence[Path]) -> Subject:
         parts.append(("errors", partial(_section, "errors", first.title, first, warnings)))
         parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
         parts.append(("models", partial(_section, "models", "Models and meshes", *others)))
-    parts += [("claims", partial(_claims, each, number)) for number, each in enumerate(reports, start=1)]
-    every: list[Any] = [*results, *reports, *designs]
+    every: list[Any] = [*results, *designs]
     rows = doubt_rows([(each.name, each) for each in every])
     parts.append(("sources", partial(_sources, rows, ["key of the file", "kind", "in"])))
     found = ([key for each in every for key in getattr(each, kind)] for kind in ("assumed", "not_stated"))
     assumed, not_stated = (list(dict.fromkeys(keys)) for keys in found)
-    title = every[0].name if len(every) == 1 else "Verification" if results or reports else "Designs"
+    title = every[0].name if len(every) == 1 else "Verification" if results else "Designs"
     return Subject(title, "Stored results", assumed, not_stated, parts)
 
 
@@ -256,17 +252,6 @@ def _curves(result: Result, number: int) -> PageSection:
     said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
     figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
     return _section(f"case-{number}", result.name, figure)
-
-
-def _claims(of: Any, number: int) -> PageSection:
-    """The verdicts on the claims of a file."""
-    rows: list[list[Content]] = []
-    for each in of.verdicts:
-        claim = each.statement + (f" Read as: {each.reading}." if each.reading else "")
-        found = " ".join(sentence(text) for text in (each.found, each.ensemble, each.argument, each.missing) if text)
-        rows.append([claim, each.where, Markup("<strong>{}</strong>").format(each.verdict), found])
-    head = ["claim", "where in the paper", "verdict", "found"]
-    return _section(f"claims-{number}", "Verdicts", table(head, rows, caption="Verdicts"), notes(of.warnings))
 
 
 def _sources(rows: Sequence[Sequence[str]], head: Sequence[str]) -> PageSection:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.files.digest import digest
+from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels

@@ -9,8 +9,8 @@ import numpy as np
 
 from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
-from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.refusals import key_path, path_of
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.study.designs import stage_of

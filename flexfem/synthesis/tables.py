@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, ruled, when, without
+from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
 from flexfem.study.columns import MANY, Factor, Number, Step

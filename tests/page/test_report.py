@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 from html import unescape
 from html.parser import HTMLParser
@@ -31,8 +29,6 @@ from flexfem.page.section import (
 )
 from flexfem.plot.style import house_style, new_figure
 from flexfem.refused import BadInput
-from flexfem.verdicts.records import ClaimsReport
-from flexfem.verify.result import write_record
 
 from ..plot.conftest import result
 
@@ -186,28 +182,13 @@ def test_a_page_never_replaces_what_it_is_of(tmp_path):
     assert stage.read_text() == STAGE.read_text()
 
 
-@pytest.mark.parametrize("content", [b"", 100_000 * b"[", b'{"verdicts":' + 100_000 * b"[", b"\xff\x00"])
+@pytest.mark.parametrize("content", [b"", 100_000 * b"[", b"\xff\x00"])
 def test_stored_json_that_is_no_answer_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "two\nlines.json"
     path.write_bytes(content)
     with pytest.raises(BadInput, match="not a result of flexfem verify: no JSON") as refused:
         report(path, tmp_path / "page.html")
     assert "\n" not in str(refused.value) and list(tmp_path.iterdir()) == [path]
-
-
-def test_verdicts_of_a_file_stand_with_what_was_found_where_a_name_is_not_utf_8(tmp_path):
-    folder = tmp_path / os.fsdecode(b"\xff<b>")
-    folder.mkdir()
-    accepted = json.loads((ROOT / "tests/baselines/claims.json").read_text())["record"]["claims"]
-    accepted |= {"verdicts": accepted["verdicts"][:1], "assumed": ["one", "two"], "not_stated": []}
-    accepted["verdicts"][0] |= {"statement": HOSTILE, "verdict": "does not hold", "found": "in 12.3 % of 45 stages"}
-    write_record(ClaimsReport.model_validate(accepted), folder / "claims.json")
-    found = report(folder / "claims.json", folder / "page.html")
-    assert found.sections == ["Verdicts", "Where the numbers come from"] and len(found.assumed) == 2
-    page = (folder / "page.html").read_text()
-    row = cells(page)[cells(page).index(HOSTILE) :]
-    assert row[2] == "does not hold" and row[3].startswith("In 12.3 % of 45 stages.")
-    assert "\\udcff&lt;b&gt;/claims.json" in page
 
 
 def test_a_study_that_is_not_done_has_no_page(tmp_path):

@@ -178,8 +178,8 @@ def test_designs_of_a_map_are_where_its_axes_have_their_ticks(tmp_path):
     found = {
         which: {float(value): float(place) for place, value in re.findall(pattern, html, re.S)}
         for which, pattern in (
-            ("x", r'-xtick_\d+">.*?<use x="([\d.]+)".*?>([\d.]+)</text>'),
-            ("y", r'-ytick_\d+">.*?<use x="[\d.]+" y="([\d.]+)".*?>([\d.]+)</text>'),
+            ("x", r'-xtick_\d+">.*?<use [^>]*?x="([\d.]+)".*?>([\d.]+)</text>'),
+            ("y", r'-ytick_\d+">.*?<use [^>]*?y="([\d.]+)".*?>([\d.]+)</text>'),
         )
     }
     targets = targets_of(html)

@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.commands.study import print_status
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
-from flexfem.verdicts.page import markdown_claims
-from flexfem.verdicts.records import ClaimsReport, Verdict
-from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.answers import LoadReport, StiffnessReport
-from flexfem.verify.hinges import KnownFormula
 from flexfem.verify.result import Triple
 from flexfem.verify.solid_report import SolidReport
 from flexfem.verify.stage_report import PlacedHinge, StageReport
@@ -249,48 +244,6 @@ def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypat
     code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
     assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
     assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
-
-
-def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
-    verdict = Verdict(
-        id="a",
-        statement="it is",
-        where="p. 3",
-        reading=None,
-        verdict="does not hold",
-        found="12 %",
-        values=[],
-        missing=None,
-    )
-    other = Alternative(name="another mesh", mobility=3, along=ALONG, across=ACROSS)
-    report = ClaimsReport(name="", file="", verdicts=[verdict], alternatives=[other], versions={}, **DOUBTS)
-    rows = cells(comparisons.print_claims, report)
-    assert rows[:2] == [["does not hold: it is (p. 3)"], ["12 %"]]
-    at = rows.index(["alternative", "model", "X", "Y", "theta"])
-    assert rows[at + 1] == ["another mesh", "mobility 3", "14.071, 0.125", "13.500, 0.375", "-12.250, 0.875"]
-    page = markdown_alternatives([other]).splitlines()
-    assert page[0] == "| alternative | model | X along | across | Y along | across | theta along | across |"
-    assert page[2] == "| another mesh | 3 | 14.071 | 0.125 | 13.500 | 0.375 | -12.250 | 0.875 |"
-    page = markdown_claims([verdict.model_copy(update={"reading": "so"})]).splitlines()
-    assert page[0] == "| claim | where | verdict | found |"
-    assert page[2] == "| it is *Read as: so.* | p. 3 | **does not hold** | 12 % |"
-
-
-def test_formulas_have_their_range_of_t_over_r(cells):
-    known = KnownFormula(("rotation", "axial"), (0.05, 0.65), "A book", "As printed.")
-    rows = cells(stage_tables.print_formulas, {"one": known})
-    assert rows == [["one: rotation, axial; t/R 0.05 to 0.65"], ["A book. As printed."]]
-
-
-def test_the_counts_of_a_study_are_in_their_places(cells):
-    facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
-    facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
-    facts |= {"under_way": 5}
-    facts |= {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": [], "stress_accuracy": "off"}
-    rows = cells(print_status, facts)
-    assert rows[0] == ["S: 12,345 designs, 11 open"]
-    assert rows[1] == ["done 12,334: 12,311 ok, 7 refused, 16 failed"]
-    assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows and ["stress: off"] in rows
 
 
 def test_every_cell_of_the_page_is_its_own_number(made):

@@ -18,7 +18,7 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from flexfem.files.json_schema import UNIT
+from flexfem.files.quantities import UNIT
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.materials import read_materials
 from flexfem.mechanism.stage import load_stage
@@ -39,7 +39,6 @@ SHIPPED = {
         ROOT / "flexfem/data/new-study.toml",
     ],
     "requirements": sorted((ROOT / "cases").glob("design-*.toml")),
-    "claims": [ROOT / "cases/claims.toml"],
     "fixture": [ROOT / "cases/fixture.toml"],
     "material": [ROOT / "flexfem/data/materials.toml"],
     "stack": [ROOT / "flexfem/data/stacks.toml"],
@@ -214,9 +213,6 @@ CONTRADICTIONS = {
     "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
     "drive without a stroke": ("requirements", (("drive",), {"lever_arm_mm": 9.0})),
     "life without an amplitude": ("requirements", (("life", "amplitude_x_um"), None)),
-    "claim with two expectations": ("claims", (("claim", 0, "equals"), [3.0]), (("claim", 0, "missing"), "a table")),
-    "unknown measure": ("claims", (("claim", 0, "measure"), "mobilty")),
-    "points of an ensemble": ("claims", (("ensemble", "factor", 0, "points"), 5)),
     "pole drawn and sprung": ("fixture", (("pole", "bending_stiffness_n_per_mm"), 4e3)),
     "half of a bar": ("fixture", (("bar", "width_mm"), None)),
     "confidence of 100 %": ("fixture", (("run", "confidence_percent"), 100.0)),

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.files.keypath import KeyPath, key_path
+from flexfem.files.refusals import KeyPath, key_path
 
 Leaf: TypeAlias = float | int | str | bool | None
 MISSING = "\0missing"
@@ -21,8 +21,6 @@ JOINTS = 1e-11  # least `Gate.zero` with joints commanded: their zeros were 1e-1
 NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
 UNORDERED = ("assumed", "not_stated")  # lists of keys
 SENTENCES = (  # their numbers are rounded
-    ("claims", "verdicts", "#", "found"),
-    ("claims", "verdicts", "#", "ensemble"),
     ("*", "warnings", "#"),
     ("*", "*", "warnings", "#"),
 )

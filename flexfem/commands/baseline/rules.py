@@ -13,7 +13,7 @@ import numpy as np
 
 from flexfem import units
 from flexfem.commands.baseline.moves import Dimension, Gate, Rule, Size, at, matches
-from flexfem.files.keypath import KeyPath
+from flexfem.files.refusals import KeyPath
 
 # What was observed: gmsh 4.13 to 4.15 mesh the reference stages alike. Sizes that grow by 1.402 instead of 1.4 from a
 # neck, another mesh as good, move compliances by 1.4e-6 at resolution 8, by 4.4e-5 at resolution 4, stresses by 5e-4.
@@ -174,13 +174,6 @@ RULES = _rules(
     ("converge unknowns #", MESH_SIZE, NUMBER),
     ("converge compliance # # #", COARSER, COMPLIANCE),
     *_uncertainty("converge uncertainty *", NUMBER),
-    # claims
-    ("claims verdicts # values #", FRESH, PERCENT),
-    ("claims verdicts # shares # *", SOLVED, NUMBER),
-    ("claims verdicts # shares # reference #", FRESH, PERCENT),
-    ("claims ensemble metal_off", FRESH, PERCENT),
-    ("claims alternatives # along *", UNLIKE, PERCENT),
-    ("claims alternatives # across *", UNLIKE, PERCENT),
     # studies: the collected table and what the figures show
     *((f"analytic table k{axes}_* #", EXACT, COUPLED) for axes in ("xy", "xt", "yt")),
     *((f"* table k{axes}_* #", COARSER, COUPLED) for axes in ("xy", "xt", "yt")),
