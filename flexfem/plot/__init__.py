@@ -31,9 +31,7 @@ _HOMES = {
     "solid_modes": ("plot_solid_mode",),
     "sensitivity": ("plot_sensitivity",),
     "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
-    "study_map": ("plot_map",),
-    "study_pareto": ("plot_front",),
-    "study_scatter": ("plot_histogram", "plot_shares"),
+    "study_figures": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
     "workspace": ("plot_across", "plot_along", "plot_tangents"),
 }
 __all__ = sorted(name for names in _HOMES.values() for name in names)
