@@ -16,9 +16,21 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.provenance import is_assumed
 from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.drawing import part_of
-from flexfem.page.assemble import file_text
-from flexfem.page.inline import inline_svg
-from flexfem.page.section import Cell, PageFigure, PageSection, facts, figure_html, json_data, markup, notes, table
+from flexfem.page.section import (
+    POINTS,
+    Cell,
+    PageFigure,
+    PageSection,
+    facts,
+    figure_html,
+    file_text,
+    inline_svg,
+    json_data,
+    markup,
+    notes,
+    places_on,
+    table,
+)
 from flexfem.plot.study import Record, named, page_of, record_of
 from flexfem.plot.study_figures import (
     CHART_HEIGHT,
@@ -33,7 +45,6 @@ from flexfem.plot.study_figures import (
     thousands,
 )
 from flexfem.plot.text import SPACE, round_factor, significant
-from flexfem.plot.vector import POINTS, Spot, placed_spots
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, columns_of
 from flexfem.study.findings import Best, Cells, Extremes, Marks, Refused, Shares, Shown, round_off_in, spread
@@ -527,9 +538,12 @@ def _targets(source: Source, figure: Figure, axes: Axes, points: PointedDesigns)
     values = values_at(source, names, points.rows)
     numbers = source.table.design[points.rows].tolist()
     told = [f"Design {number}: {_told(quantities, row)}" for number, row in zip(numbers, values, strict=True)]
-    spots = [Spot(axes, x, y, str(place)) for place, (x, y) in enumerate(points.at.tolist())]
-    placed = ((int(one.text), one) for one in placed_spots(axes, spots))
-    return [Target(numbers[place], f"{one.x:.1f}", f"{one.y:.1f}", told[place]) for place, one in placed]
+    places = places_on(axes, points.at).tolist()
+    return [
+        Target(number, f"{x:.1f}", f"{y:.1f}", text)
+        for number, (x, y), text in zip(numbers, places, told, strict=True)
+        if np.isfinite(x)  # inside the axes
+    ]
 
 
 def _told(quantities: Sequence[Quantity], row: Array) -> str:

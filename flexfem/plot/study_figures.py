@@ -20,13 +20,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from flexfem.arrays import AnyArray, Array, Index, wide
 from flexfem.files.refusals import path_of
-from flexfem.plot.curves import DASHES
 from flexfem.plot.stage import Outline, draw_outline
 from flexfem.plot.style import (
+    DASHES,
     GREY,
     INK,
     NOTE_COLOUR,
-    SteadyLayout,
     add_axes,
     header,
     in_house_style,
@@ -801,7 +800,7 @@ CHART_ACROSS, UP, CHART_LETTERS = 4.2, 3.2, 9.5  # in, room for the names of the
 def chart_figure(shown: StudyMap | ParetoFront) -> matplotlib.figure.Figure:
     """Draw a map, or a front without letters: its designs are not drawn below it. The figure has one axes first."""
     figure = new_figure(CHART_WIDTH, CHART_HEIGHT)
-    figure.set_layout_engine(SteadyLayout(w_pad=0.1, h_pad=0.1))
+    figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.1)
     axes = figure.subplots()
     if isinstance(shown, StudyMap):
         plot_map(axes, shown)
