@@ -14,10 +14,7 @@ from matplotlib import pyplot
 import flexfem
 from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study_labels import Caption, Quantity
-from flexfem.plot.study_map import StudyMap
-from flexfem.plot.study_pareto import Chosen, ParetoFront
-from flexfem.plot.study_scatter import Scatter, Share
+from flexfem.plot.study_figures import Caption, Chosen, ParetoFront, Quantity, Scatter, Share, StudyMap
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.study.findings import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
