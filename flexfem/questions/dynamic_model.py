@@ -135,7 +135,7 @@ class DynamicModel(NamedTuple):
             raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
 
 
-def dynamic_model(of: VibratingStructure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
+def reduced_dynamics(of: VibratingStructure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
     """The reduced dynamics of a structure by some of its modes; drive : engaged, its commands are inputs."""
     loads = np.zeros((of.size, 3))
     loads[-3:] = np.eye(3)
