@@ -203,7 +203,6 @@ def test_refusals_name_the_file_and_where_it_is_still_the_file_its_line(tmp_path
         flexfem.solve,
         flexfem.errors,
         lambda stage: flexfem.analyse(stage, links=True, formula="calibrated"),
-        lambda stage: stage.plot(),
     ],
 )
 def test_a_stage_that_cannot_be_made_is_refused_by_every_question(ask):
@@ -380,7 +379,7 @@ def test_stage_and_displacement_draw_on_given_axes(stage, fe):
     from matplotlib.figure import Figure
 
     left, right = Figure().subplots(1, 2)
-    assert stage.plot(ax=left) is left and fe.plot([1.0, 0, 0], ax=right) is right
+    assert flexfem.plot.plot_stage(left, stage) is left and fe.plot([1.0, 0, 0], ax=right) is right
     assert left.collections and right.collections
     with pytest.raises(flexfem.BadInput):
         fe.plot([[1.0, 0, 0]], ax=right)
