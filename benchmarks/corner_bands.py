@@ -25,7 +25,7 @@ from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.fem.heat import heat_response
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands

@@ -12,9 +12,9 @@ from flexfem.page.answers import alone_table
 import flexfem as package
 from flexfem.commands.drive import print_command
 from flexfem.commands.reach import print_reach
-from flexfem.fem.drive import driven_response
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.response import driven_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.terminal import people
 from flexfem.verify.driven import driven
