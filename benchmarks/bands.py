@@ -18,9 +18,9 @@ from random_stages import unlike
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify.errors import ORDER, command_convergence, error_matrix
 from flexfem.verify.protocol import solve_stage
 

@@ -21,14 +21,15 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import dimensions, scattered
 
-from flexfem.analytic.heat import rates_of
+from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.clock import Limit
+from flexfem.design.proof import OF_CORNERS, quantity_band
 from flexfem.fem.heat import heat_response
 from flexfem.fem.response import plate_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.outputs import (
     DRIFTS,
     DRIVE_RANGES,
@@ -40,7 +41,6 @@ from flexfem.study.outputs import (
     outputs_of,
     values_of,
 )
-from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.corners import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.verify.drift import expansion_of
 from flexfem.verify.driven_models import metal_answers
@@ -165,7 +165,11 @@ def judged(found: Solved) -> dict[str, Judged]:
 def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
     values = found.columns[:, :, [COLUMNS.index(name) for name in names]]
     bands = [
-        [quantity_band(frozenset({name}), RESOLUTIONS, each[:3, k]) for k, name in enumerate(names)] for each in values
+        [
+            quantity_band(frozenset({name}), np.array(RESOLUTIONS, dtype=float), each[:3, k])
+            for k, name in enumerate(names)
+        ]
+        for each in values
     ]
     order = CORNER_ORDER if names[0] in OF_CORNERS else STRESS_ORDER
     sizes = np.max(np.abs(values[:, -1]), axis=1, keepdims=True) if names == DRIFTS else np.abs(values[:, -1])

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.chains import chain_compliance, chain_wrenches
-from flexfem.analytic.formulas import FORMULAS
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.stage.designs import frames
+from flexfem.analytic.network import chain_compliance, chain_wrenches
+from flexfem.analytic.paper import freedoms_of
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.designs import frames
 
 
 def draw(count: int) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from random_drives import with_drive
 from random_stages import drawn
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import Stage
 from flexfem.verify.driven import commands_for, moved
 from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, stresses
 

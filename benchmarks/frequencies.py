@@ -19,15 +19,15 @@ from typing import NamedTuple
 import numpy as np
 from random_stages import unlike
 
-from flexfem.analytic.dynamics import dynamics
 from flexfem.analytic.model import analyse
+from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
 from flexfem.fem.modes import modes
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.bodies import Payload
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.inertia import Payload
-from flexfem.stage.schema import Stage
 from flexfem.verify.errors import ORDER
 from flexfem.verify.modes import uncertainty, vibration
 

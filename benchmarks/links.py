@@ -20,8 +20,8 @@ from flexfem.clock import Limit
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import mesh_sectors
-from flexfem.stage.overrides import Override
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage, load_stage
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage, load_stage
+from flexfem.mechanism.stage_file import Override
 
 ROOT = Path(__file__).parents[1]
 MODELS: dict[str, Callable[[Stage], object]] = {

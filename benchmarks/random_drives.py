@@ -15,11 +15,11 @@ from random_stages import described, drawn
 
 from flexfem.analytic.model import CALIBRATED
 from flexfem.arrays import Array
+from flexfem.mechanism.bodies import centrelines
+from flexfem.mechanism.contacts import middle_at, tangent_at
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import centrelines
-from flexfem.stage.contacts import middle_at, tangent_at
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import Stage
 from flexfem.verify.driven import commands_for, moved
 from flexfem.verify.driven_models import commanding, driven_metal, engaged_stiffness, push_spread
 

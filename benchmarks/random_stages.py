@@ -15,9 +15,9 @@ import numpy as np
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.errors import grid_convergence
 from flexfem.verify.protocol import solve_stage
 

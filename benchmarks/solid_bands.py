@@ -17,9 +17,9 @@ import numpy as np
 from random_stages import unlike
 
 from flexfem.arrays import Array
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify.errors import ORDER
 from flexfem.verify.solid import SolidLevels, bands_of, solid_levels, solve_solid
 

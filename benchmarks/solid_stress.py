@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from random_stages import dimensions
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.solid import neck_stress_of, solve_solid
 from flexfem.verify.summary import analytic_limits
 

@@ -157,7 +157,7 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     from flexfem.commands.baseline.committed import write_mesh
     from flexfem.fem.response import tie_hub
     from flexfem.fem.sectors import mesh_sectors, welded
-    from flexfem.stage.schema import load_feasible
+    from flexfem.mechanism.stage import load_feasible
 
     path = folder / f"{resolution}.npz"
     sectors = mesh_sectors(load_feasible(STAGE), resolution, time_limit=600.0)

@@ -44,7 +44,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.plane_stress import integration, tied_lower
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.fem.sectors import build_mesh
-    from flexfem.stage.schema import load_feasible
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.verify.errors import compare
 
     clock = Clock()

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from random_stages import drawn
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.summary import Limits, analytic_limits, element_limits
 

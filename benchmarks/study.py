@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from flexfem.analytic.model import analyse
+from flexfem.mechanism.feasibility import check_closed_form
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_closed_form
 from flexfem.study.answer import answer
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy, load_study

@@ -23,10 +23,10 @@ from random_stages import draw
 
 from flexfem.arrays import Array
 from flexfem.fem import cyclic, response, sectors
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import Override
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.overrides import Override
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.study.answer import solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study

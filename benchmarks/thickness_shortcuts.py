@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, analyse, at_rest, hinge_compliances
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array, inverse
 from flexfem.fem.extrusion import displacement, line_integrals, plane_stiffness, section_integrals, solid_stiffness
 from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.thick import ThickHinge, _extruded, _held, _loads, layers
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import Stage, load_feasible
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.verify.errors import error_matrix
 from flexfem.verify.solid_budget import BUDGET, _change
 

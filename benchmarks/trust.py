@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, analyse
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.plot.study_labels import Caption, factor, output
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample

@@ -18,10 +18,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexfem.analytic.fatigue import Basquin as Basquin
-    from flexfem.analytic.fatigue import fit_basquin as fit_basquin
-    from flexfem.analytic.formulas import formulas as formulas
-    from flexfem.analytic.formulas import register_formula as register_formula
     from flexfem.api import Errors as Errors
     from flexfem.api import analyse as analyse
     from flexfem.api import errors as errors
@@ -29,7 +25,21 @@ if TYPE_CHECKING:
     from flexfem.api import solve as solve
     from flexfem.commands.baseline.regression import baseline as baseline
     from flexfem.commands.baseline.regression import regression as regression
-    from flexfem.designs import design as design
+    from flexfem.design.run import run_design as run_design
+    from flexfem.hinges.formulas import formulas as formulas
+    from flexfem.hinges.formulas import register_formula as register_formula
+    from flexfem.hinges.strength import Basquin as Basquin
+    from flexfem.hinges.strength import fit_basquin as fit_basquin
+    from flexfem.mechanism.actuators import Actuator as Actuator
+    from flexfem.mechanism.materials import Material as Material
+    from flexfem.mechanism.materials import materials as materials
+    from flexfem.mechanism.materials import register_material as register_material
+    from flexfem.mechanism.stage import Stage as Stage
+    from flexfem.mechanism.stage_file import Chain as Chain
+    from flexfem.mechanism.stage_file import Hinge as Hinge
+    from flexfem.mechanism.stage_file import Hinges as Hinges
+    from flexfem.mechanism.stage_file import Override as Override
+    from flexfem.mechanism.stage_file import Platform as Platform
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
@@ -68,16 +78,6 @@ if TYPE_CHECKING:
     from flexfem.reports.verification import claims as claims
     from flexfem.reports.verification import converge as converge
     from flexfem.reports.verification import verification as verification
-    from flexfem.stage.actuators import Actuator as Actuator
-    from flexfem.stage.materials import Material as Material
-    from flexfem.stage.materials import materials as materials
-    from flexfem.stage.materials import register_material as register_material
-    from flexfem.stage.overrides import Override as Override
-    from flexfem.stage.schema import Stage as Stage
-    from flexfem.stage.tables import Chain as Chain
-    from flexfem.stage.tables import Hinge as Hinge
-    from flexfem.stage.tables import Hinges as Hinges
-    from flexfem.stage.tables import Platform as Platform
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -93,17 +93,16 @@ __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
-    "designs": ("design",),
+    "design.run": ("run_design",),
     "models": ("AnalyticModel", "ElementModel"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
-    "stage.actuators": ("Actuator",),
-    "stage.materials": ("Material", "materials", "register_material"),
-    "stage.overrides": ("Override",),
-    "stage.schema": ("Stage",),
-    "stage.tables": ("Chain", "Hinge", "Hinges", "Platform"),
-    "analytic.fatigue": ("Basquin", "fit_basquin"),
-    "analytic.formulas": ("formulas", "register_formula"),
+    "mechanism.actuators": ("Actuator",),
+    "mechanism.materials": ("Material", "materials", "register_material"),
+    "mechanism.stage": ("Stage",),
+    "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
+    "hinges.strength": ("Basquin", "fit_basquin"),
+    "hinges.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),
     "reports.experiment": ("experiment", "identify"),
     "reports.heat": ("drift", "drift_fields", "drift_fields_solid", "drift_solid"),
@@ -125,7 +124,7 @@ def __getattr__(name: str) -> Any:
     for home, names in _HOMES.items():
         if name in names:
             return getattr(import_module(f"flexfem.{home}"), name)
-    if name in ("plot", "study"):
+    if name in ("design", "plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 

@@ -12,9 +12,9 @@ from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.toml import Path
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.models import AnalyticModel, ElementModel, solved
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verify.errors import error_bands, levels
 
 

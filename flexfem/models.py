@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.analytic.chains import range_at_yield
 from flexfem.analytic.model import AnalyticResult, ModelChoice
-from flexfem.analytic.stiffness import apply
+from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import load_case
-from flexfem.stage.cache import once
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import Stage
+from flexfem.hinges.strength import range_at_yield
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage import Stage
 from flexfem.verify import warning
 from flexfem.verify.errors import compliance_bands, levels
 from flexfem.verify.protocol import Solved, solve_stage

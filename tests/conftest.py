@@ -27,7 +27,7 @@ from typer.main import get_command
 import flexfem as flexfem_package
 from flexfem.commands import cli
 from flexfem.fem.solid_modes import solid_modes
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid_modes as verify_solid_modes
 

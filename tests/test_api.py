@@ -21,8 +21,8 @@ from matplotlib import pyplot
 
 import flexfem
 from flexfem import own
-from flexfem.analytic.formulas import FORMULAS
-from flexfem.stage.materials import REGISTERED
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.materials import REGISTERED
 
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
@@ -216,7 +216,7 @@ def test_a_stage_that_cannot_be_made_is_refused_by_every_question(ask):
 def test_a_joint_of_known_springs_gives_the_stiffness_of_the_sum_over_chains(stage):
     """Hinges in series, chains in parallel, summed here hinge by hinge, against the model by loops."""
     model = flexfem.analyse(stage, mobility=21)
-    from flexfem.stage.designs import stage_frames
+    from flexfem.mechanism.designs import stage_frames
 
     placed, K = stage_frames(stage), np.zeros((3, 3))
     for chain in range(3):

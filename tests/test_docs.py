@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.stage.schema import load_stage
+from flexfem.design.requirements import load_requirements
+from flexfem.mechanism.stage import load_stage
 from flexfem.study.loaded import load_study
-from flexfem.synthesis.requirements import load_requirements
 from flexfem.verify.fixture import read_fixture
 
 ROOT = Path(__file__).parent.parent

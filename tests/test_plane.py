@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.chart import thickness_factors as factors
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
+from flexfem.hinges.chart import thickness_factors as factors
+from flexfem.mechanism.designs import elastic
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import elastic
-from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.protocol import solve_stage
 
 REFERENCE = load_stage(Path(__file__).parents[1] / "geometry" / "mobility6.toml")

@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.analytic.model import analyse
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.stage import load_stage
 
 ROOT = Path(__file__).parent.parent
 PAGES = "\n".join(page.read_text() for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))])

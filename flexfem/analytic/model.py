@@ -7,34 +7,31 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic import chart, formulas
-from flexfem.analytic.chains import (
-    Concentration,
-    Wrench,
-    chain_compliance,
-    chain_wrenches,
-    neck_stress,
-    neck_wrenches,
-    stress_raised,
+from flexfem.analytic.elastic_bodies import body_compliance
+from flexfem.analytic.network import chain_compliance, chain_wrenches, neck_wrenches
+from flexfem.analytic.paper import (
+    Freedoms,
+    Mechanism,
+    freedoms_of,
+    mechanism,
+    rank_revealing,
+    stage_freedoms,
+    stiffness,
 )
-from flexfem.analytic.kinematics import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.kinematics import mobility as mobility_of
-from flexfem.analytic.links import body_compliance
-from flexfem.analytic.loops import rank_revealing
-from flexfem.analytic.notch import ChartedFormula, Compliance
-from flexfem.analytic.stiffness import Mechanism, mechanism, stiffness
+from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
+from flexfem.hinges import chart, formulas
+from flexfem.hinges.formulas import ChartedFormula, Compliance
+from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
+from flexfem.mechanism.designs import Designs, lower, stage_frames
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.feasibility import Broken, check_closed_form
+from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of, located
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.cache import once
-from flexfem.stage.content import key_of
-from flexfem.stage.designs import Designs, lower, stage_frames
-from flexfem.stage.feasibility import Broken, check_closed_form
-from flexfem.stage.origin import located
-from flexfem.stage.tables import HINGE_NAMES, Plane
 from flexfem.units import PLANES
 
 if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
 
 DEFAULT_FORMULA, CALIBRATED = "paros-weisbord", "calibrated"
 OFF_CHART = "t/R off the hinge chart"

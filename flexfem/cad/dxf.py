@@ -16,7 +16,7 @@ from flexfem.cad.sheet import COLOURS, MARKS, METAL, SIZES, Sheet
 if TYPE_CHECKING:
     from ezdxf.layouts import Modelspace
 
-    from flexfem.stage.outline import Segment
+    from flexfem.mechanism.bodies import Segment
 
 VERSION = "R2010"  # UTF-8, and read by what is in use
 MILLIMETRE = 4  # of $INSUNITS

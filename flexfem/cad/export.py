@@ -12,9 +12,9 @@ from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.step import Extruded
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
+from flexfem.mechanism.drawing import Part, cut_path, part_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.contour import Part, cut_path, part_of
-from flexfem.stage.schema import Stage
 
 FORMATS = (".dxf", ".svg", ".step")
 TIME_LIMIT = 120.0  # s, for gmsh

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from flexfem.files.refusals import one_line
-from flexfem.stage.bodies import necks
-from flexfem.stage.contour import Hole, Part, cut_path
-from flexfem.stage.designs import CHAIN_TURN
-from flexfem.stage.dimensions import Dimensions, dimensions_of
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import CHAINS, Stage
-from flexfem.stage.tables import counted
+from flexfem.mechanism.bodies import Segment, necks
+from flexfem.mechanism.designs import CHAIN_TURN
+from flexfem.mechanism.drawing import Dimensions, Hole, Part, cut_path, dimensions_of
+from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.stage_file import counted
 
 METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"

@@ -8,8 +8,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from flexfem.cad.sheet import COLOURS, MARKS, SIZES, Sheet
-from flexfem.stage.dimensions import LETTER
-from flexfem.stage.outline import Segment
+from flexfem.mechanism.bodies import Segment
+from flexfem.mechanism.drawing import LETTER
 
 LINE = 0.1  # mm, width of the lines
 HEAD = 3.0  # length of an arrow per half of its width

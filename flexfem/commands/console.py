@@ -24,7 +24,7 @@ from flexfem.studies import processors
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.case import LoadedCase
     from flexfem.verify.protocol import Solved
     from flexfem.verify.result import Fields, Record, Result

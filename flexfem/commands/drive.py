@@ -40,9 +40,9 @@ def command(
 
     By default the model has calibrated hinges and elastic links.
     """
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import drive as reports
     from flexfem.reports.given import LARGEST_LOAD, LARGEST_POSE
-    from flexfem.stage.schema import load_feasible
 
     check_within("--pose", pose, LARGEST_POSE)
     check_within("--load", load, LARGEST_LOAD)

@@ -44,8 +44,8 @@ def experiment(
     json: Json = False,
 ) -> None:
     """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11), and Table II."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import experiment as reports
-    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     console.check_links(links, mobility)
@@ -74,8 +74,8 @@ def identify(
     json: Json = False,
 ) -> None:
     """Which offset of all necks and which soft fixture fit measured slopes, and whether these can tell them apart."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import experiment as reports
-    from flexfem.stage.schema import load_feasible
 
     console.check_finite(confidence=confidence)
     if unknown not in (None, "pole", "springs"):

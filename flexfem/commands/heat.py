@@ -49,9 +49,9 @@ def drift(
     By default the model has calibrated hinges and elastic links. With an output folder also the figure of the warm
     stage, but with --analytic; in three dimensions displacements and stresses as VTU instead.
     """
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.refused import BadInput
     from flexfem.reports import heat as reports
-    from flexfem.stage.schema import load_feasible
 
     if layers is not None and not three_dimensional:
         raise BadInput("--layers without --three-dimensional, expected both: layers are through the thickness")

@@ -15,7 +15,7 @@ from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, STRESS
 
 if TYPE_CHECKING:
-    from flexfem.analytic.fatigue import BasquinFit
+    from flexfem.hinges.strength import BasquinFit
     from flexfem.verify.life import Law, Life, Witness
 
 app = typer.Typer()
@@ -47,8 +47,8 @@ def life(
     json: Json = False,
 ) -> None:
     """Cycles that the necks bear at an amplitude, and the amplitude for a wanted life; or the fit of S-N points."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import life as reports
-    from flexfem.stage.schema import load_feasible
 
     fitted = None if fit is None else _fitted(fit)
     if stage is None:
@@ -82,7 +82,7 @@ def _check_poses(amplitude: Pose, mean: Pose | None, ratio: float | None) -> Non
 
 
 def _fitted(path: Path) -> BasquinFit:
-    from flexfem.analytic.fatigue import fit_basquin
+    from flexfem.hinges.strength import fit_basquin
     from flexfem.verify.sn_points import read_points
 
     stress, cycles = read_points(path)

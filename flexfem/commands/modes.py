@@ -55,9 +55,9 @@ def modes(
     of each, the frequency response drawn, and state space and Craig-Bampton matrices as .npz and .mat.
     """
     from flexfem import arguments
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import modes as reports
     from flexfem.reports.given import RESOLUTION
-    from flexfem.stage.schema import load_feasible
 
     arguments.positive("damping", damping, reports.MOST_DAMPING)
     loaded = load_feasible(stage)

@@ -47,8 +47,8 @@ def export(
     json: Json = False,
 ) -> None:
     """Write the stage as a drawing or a solid for the workshop, in mm."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import part
-    from flexfem.stage.schema import load_feasible
 
     console.show(part.export(load_feasible(stage), output, kerf, holes), json, print_part)
 

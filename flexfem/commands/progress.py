@@ -79,7 +79,7 @@ def size_of(count: int) -> str:
 
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
-    from flexfem.stage.tables import doubts_said
+    from flexfem.mechanism.stage_file import doubts_said
 
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""

@@ -19,8 +19,8 @@ Triple = tuple[float, float, float]
 @app.command()
 def check(stage: StageFile, json: Json = False) -> None:
     """Validate a stage file; print dimensions, hinges, mobility and where the numbers come from."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import stage as reports
-    from flexfem.stage.schema import load_feasible
 
     console.show(reports.check(load_feasible(stage)), json, stage_tables.print_stage)
 
@@ -36,9 +36,9 @@ def summary(
     json: Json = False,
 ) -> None:
     """How far a stage may go before a neck yields, the force that takes, its stiffness, and warnings."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import stage as reports
     from flexfem.reports.given import RESOLUTION
-    from flexfem.stage.schema import load_feasible
 
     wanted = elements or resolution is not None
     found = reports.summary(load_feasible(stage), formula, wanted, resolution or RESOLUTION)
@@ -62,8 +62,8 @@ def stiffness(
 
     By default the model has calibrated hinges, corrected for thickness, and elastic links.
     """
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import stage as reports
-    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     console.check_links(links, mobility)
@@ -86,9 +86,9 @@ def mesh(
     json: Json = False,
 ) -> None:
     """Mesh a stage and write it with the groups stage, ground and hub."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import stage as reports
     from flexfem.reports.given import RESOLUTION
-    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     with working("meshing"):
@@ -116,9 +116,9 @@ def solve(
 ) -> None:
     """Platform compliance by finite elements in the plane, and what a force or a displacement of the platform does."""
     from flexfem.arguments import LARGEST_DISPLACEMENT, LARGEST_FORCE
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import load as reports
     from flexfem.reports.given import RESOLUTION
-    from flexfem.stage.schema import load_feasible
 
     loaded = load_feasible(stage)
     if force is not None and displacement is not None:

@@ -60,7 +60,7 @@ def _hinge(h: PlacedHinge) -> Iterator[str]:
 
 def print_summary(of: Summary) -> None:
     """Print how far a stage may go, by every model that was asked."""
-    from flexfem.stage.tables import counted, of_drive
+    from flexfem.mechanism.stage_file import counted, of_drive
 
     out = people()
     strength = f"yield strength {of.yield_strength:g} {STRESS}"

@@ -163,7 +163,7 @@ def _print_matrix(out: Console, title: str, matrix: Array) -> None:
 
 def print_ending(out: Console, of: Any) -> None:
     """Print the warnings of a record, and how many numbers are in doubt."""
-    from flexfem.stage.tables import doubts_said
+    from flexfem.mechanism.stage_file import doubts_said
 
     for text in of.warnings:
         out.print(f"warning: {text}")

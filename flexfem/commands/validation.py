@@ -28,8 +28,8 @@ def cross_check(
     json: Json = False,
 ) -> None:
     """Solve the same mesh by another program and compare pose, displacements, neck stresses and natural frequencies."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import validation as reports
-    from flexfem.stage.schema import load_feasible
 
     found = reports.cross_check(load_feasible(stage), solver, resolution, three_dimensional)
     console.show(found, json, comparisons.print_cross_check)

@@ -64,8 +64,8 @@ def budget(
     json: Json = False,
 ) -> None:
     """Split the error of the stage's own analytic model into named shares that add up to it."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import verification as reports
-    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
@@ -99,9 +99,9 @@ def workspace(
 
     Of a driven stage also the poses that strokes, contacts, blocking forces and yield allow together.
     """
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import drive as reports
     from flexfem.reports.given import LARGEST_LOAD
-    from flexfem.stage.schema import load_feasible
     from flexfem.units import unit_of
 
     loaded = load_feasible(stage)
@@ -133,8 +133,8 @@ def converge(
     json: Json = False,
 ) -> None:
     """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band."""
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.reports import verification as reports
-    from flexfem.stage.schema import load_feasible
     from flexfem.verify.converge import RESOLUTIONS
 
     loaded, resolutions = load_feasible(stage), level or RESOLUTIONS
@@ -178,9 +178,9 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.design.result import is_design, read_design
     from flexfem.files.refusals import place_of
     from flexfem.plot.write import write_design_figures, write_figures
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_fields, read_result
 
     designs = [(path, read_design(path)) for path in results if is_design(path)]

@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.model import hinge_compliances
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
 from flexfem.design.scatter import REFUSED, NeckScatter
+from flexfem.mechanism.bodies import drawn_inertia
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.feasibility import check_feasible, conditions
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs
-from flexfem.stage.feasibility import check_feasible, conditions
-from flexfem.stage.inertia import drawn_inertia
 from flexfem.study.answer import answer_designs
 from flexfem.study.columns import Column
 from flexfem.study.designs import designs_of, evaluated, stage_of
@@ -80,7 +80,7 @@ class FreeDimension(NamedTuple):
         """Places (n,) of values (n,)."""
         if self.listed:
             assert self.allowed is not None
-            return (np.argmin(np.abs(self.allowed - x[:, None]), axis=1) + 0.5) / len(self.allowed)
+            return np.asarray((np.argmin(np.abs(self.allowed - x[:, None]), axis=1) + 0.5) / len(self.allowed))
         if self.log:
             return np.asarray(np.log(x / self.low) / np.log(self.high / self.low))
         return np.asarray((x - self.low) / (self.high - self.low))
@@ -88,6 +88,13 @@ class FreeDimension(NamedTuple):
     def snapped(self, x: Array) -> Array:
         """The nearest values (n,) that can be made."""
         return x if self.allowed is None else self.allowed[np.argmin(np.abs(self.allowed - x[:, None]), axis=1)]
+
+    def around(self, x: float) -> list[float]:
+        """The values that can be made on either side of one; of a list the nearest three."""
+        if self.allowed is None or self.listed:
+            return self.beside(x)
+        place = int(np.clip(np.searchsorted(self.allowed, x), 1, max(len(self.allowed) - 1, 1)))
+        return [float(each) for each in self.allowed[place - 1 : place + 1]]
 
     def beside(self, x: float) -> list[float]:
         """The value and those made next to it; of a continuous dimension the value alone."""

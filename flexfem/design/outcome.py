@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.fatigue import required_law
 from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design.model import MISSED, ROUND_OFF, Model
-from flexfem.design.proof import Elements, Mapped, Proof, mapped, proof, searched
+from flexfem.design.proof import Mapped, Proof, ProposedElements, mapped, proof, searched
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Tolerance
 from flexfem.design.result import (
     Checked,
@@ -28,11 +27,12 @@ from flexfem.design.result import (
     Verdict,
 )
 from flexfem.design.scatter import OTHERS, deviations
-from flexfem.design.search import Say, beside, optimum, silent
+from flexfem.design.search import Say, optimum, silent
 from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
-from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.stage.tables import of_heat
+from flexfem.hinges.strength import required_law
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import of_heat
 from flexfem.study.answer import answer_designs, doubted
 from flexfem.study.columns import Column, Factor
 from flexfem.study.designs import stage_of
@@ -63,7 +63,7 @@ APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
 
 
-def designed(loaded: LoadedRequirements, elements: Elements, say: Say = silent) -> Designed:
+def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> Designed:
     """The best stage that meets requirements, or the one that misses least.
 
     Raises
@@ -133,9 +133,9 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
     sources, members = dict(base.provenance), dict[str, list[int]]()
     for column in loaded.columns:
         for path in column.keys:
-            *place, last = path_of(path)
-            if isinstance(last, int):
-                members.setdefault(key_path(place), []).append(last)
+            place = path_of(path)
+            if isinstance(place[-1], int):
+                members.setdefault(key_path(place[:-1]), []).append(place[-1])
             else:
                 sources[path] = source
     for path, indices in members.items():  # one that is assumed in part goes on being assumed
@@ -164,7 +164,9 @@ def _quantity(found: Mapped, place: int, text: str, label: str) -> dict[str, Any
     names = loaded.requirements.names_of(text)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     noise = _moved(found, {n: float(x.max()) for n, x in round_off_of(_arrays(of.columns)).items() if n in of.columns})
-    value, uncorrected = (0.0 if abs(x) <= noise[place] else float(x) for x in (of.elements[place], of.uncorrected[place]))
+    value, uncorrected = (
+        0.0 if abs(x) <= noise[place] else float(x) for x in (of.elements[place], of.uncorrected[place])
+    )
     spread = None
     if names & {*ENGAGED}:
         stage = stage_of(loaded.study, of.values)
@@ -192,7 +194,7 @@ def _moved(found: Mapped, steps: dict[str, float]) -> Array:
     """By how much quantities (q,) of the design move when columns of it move by `steps`."""
     of = found.rounds[-1]
     columns = of.columns | {name: of.columns[name] + step for name, step in steps.items()}
-    return np.abs(found.model.quantities(_arrays(columns))[0] - of.elements)
+    return np.asarray(np.abs(found.model.quantities(_arrays(columns))[0] - of.elements))
 
 
 def _requirements(found: Mapped) -> list[Requirement]:
@@ -238,7 +240,7 @@ def relaxations(model: Model, near: Array) -> list[SoleRelaxation]:
     return found
 
 
-def front_of(model: Model, first: Array, count: int, elements: Elements, say: Say = silent) -> list[Array]:
+def front_of(model: Model, first: Array, count: int, elements: ProposedElements, say: Say = silent) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
 
     Notes
@@ -248,10 +250,10 @@ def front_of(model: Model, first: Array, count: int, elements: Elements, say: Sa
     overlap part what can be made.
     """
     seed, store = model.loaded.requirements.seed, elements.store
-    last = searched(model.changed(objective=1), first, store, say)
+    last = searched(model.changed(objective=1), first, store, say=say)
     if last.merit >= MISSED:
         return []
-    designs = [_in_turn(model, each, seed) for each in (beside(model, first, seed).values, last.values)]
+    designs = [_in_turn(model, each, seed) for each in (optimum(model, seed, first, False).values, last.values)]
     closed = set[float]()
     while len(designs) < count:
         designs = _best_of(model, designs)
@@ -265,7 +267,7 @@ def front_of(model: Model, first: Array, count: int, elements: Elements, say: Sa
         k = int(open_gaps[0])
         closed.add(float(bounds[k]))
         near = designs[k + 1]
-        between = searched(model.changed(bounds={1: float(bounds[k])}), near, store, say)
+        between = searched(model.changed(bounds={1: float(bounds[k])}), near, store, say=say)
         if between.merit < MISSED:
             designs.append(between.values)
         say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
@@ -277,7 +279,7 @@ def _in_turn(model: Model, values: Array, seed: int) -> Array:
     for k in range(model.objectives):
         own = model.signed(model.found(values[None]).quantities)[0]
         bounded = model.changed(objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
-        best = beside(bounded, values, seed)
+        best = optimum(bounded, seed, values, False)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
     return values

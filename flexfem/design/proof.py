@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
 from flexfem.arrays import Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, correction_of
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
@@ -26,8 +26,8 @@ from flexfem.design.search import BestDesign, Say, optimum, silent
 from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import write_atomically
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.study.answer import solved_values
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy
@@ -39,6 +39,7 @@ from flexfem.verify.result import versions
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
 LIMIT = 600.0  # s for one mesh
+LOCAL = 0.01  # gap of both models below which the next search is beside the last design alone
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
@@ -100,14 +101,18 @@ class Meshed(NamedTuple):
 
 def solved(loaded: LoadedStudy, stage: Stage) -> list[float]:
     """The outputs of a study for one stage, by finite elements. Raises BadInput or ComputationFailed."""
-    return solved_values(stage, loaded, False).tolist()
+    return [float(value) for value in solved_values(stage, loaded, False)]
 
 
-class Elements:
+class ProposedElements:
     """Finite elements of designs; without an executor one after the other in this process."""
 
     def __init__(
-        self, loaded: LoadedRequirements, counts: Counter[str], executor: Executor | None = None, store: Store | None = None
+        self,
+        loaded: LoadedRequirements,
+        counts: Counter[str],
+        executor: Executor | None = None,
+        store: Store | None = None,
     ) -> None:
         self.loaded, self.counts, self.executor, self.store = loaded, counts, executor, store or Store()
         self._counted = set[str]()
@@ -132,7 +137,9 @@ class Elements:
         necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
         for resolution in SCATTER:
             study = self._study(resolution, 2)
-            study = replace(study, study=study.study.model_copy(update=dict.fromkeys(("drive", "frequencies", "life", "drift"))))
+            study = replace(
+                study, study=study.study.model_copy(update=dict.fromkeys(("drive", "frequencies", "life", "drift")))
+            )
             rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks], say))
             found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
         return found
@@ -153,7 +160,9 @@ class Elements:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
         questions = [[study.study.model_dump(mode="json"), stage.model_dump(mode="json")] for study, stage in tasks]
         names = {digest(question) for question in questions}
-        self.counts[f"finite elements{' in three dimensions' if self.loaded.solid else ''}"] += len(names - self._counted)
+        self.counts[f"finite elements{' in three dimensions' if self.loaded.solid else ''}"] += len(
+            names - self._counted
+        )
         self._counted |= names
         waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
         futures = {k: self.executor.submit(solved, *tasks[k]) for k in waiting} if self.executor else {}
@@ -213,21 +222,23 @@ class Mapped(NamedTuple):
     agreed: bool
 
 
-def mapped(model: Model, elements: Elements, say: Say = silent) -> Mapped:
+def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mapped:
     """Search, solve, correct, until the model agrees with finite elements at its optimum and all ends are kept there.
 
     Requirements are tightened by the bands and, where dimensions are continuous, by the accuracy besides, as far as
     that leaves any design.
     """
     accuracy, steps_alone = model.loaded.requirements.accuracy_percent / 100, not model.space.continuous.any()
-    rounds, optima, near, guards = list[Proof](), list[BestDesign](), None, list[Array | None]([None])
+    rounds, optima, guards = list[Proof](), list[BestDesign](), list[Array | None]([None])
+    near, everywhere = None, True
     for _ in range(ROUNDS):
-        model, best = _guarded(model, guards, elements.store, near, say)
+        model, best = _guarded(model, guards, elements.store, near, everywhere, say)
         optima.append(best)
         rounds.append(proof(model, elements, best.values, say))
         last, near = rounds[-1], best.values
         side = -1.0 if model.guard is None and rounds[1:] else 1.0
         corrected = model.changed(corrections=last.corrections, shifts=last.shifts)
+        everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or is_kept(model, last, side)):
             return Mapped(corrected, model, rounds, optima, True)
         bands = last.bands[model.objectives :] / model.sizes
@@ -239,7 +250,7 @@ def mapped(model: Model, elements: Elements, say: Say = silent) -> Mapped:
 
 
 def _guarded(
-    model: Model, guards: list[Array | None], store: Store, near: Array | None, say: Say
+    model: Model, guards: list[Array | None], store: Store, near: Array | None, everywhere: bool, say: Say
 ) -> tuple[Model, BestDesign]:
     """The optimum with the widest of `guards` that leave a design, the last being none, and the model with it.
 
@@ -248,10 +259,8 @@ def _guarded(
     tried = list[tuple[Model, BestDesign]]()
     for guard in (guards[0], *guards[:0:-1]):  # the widest, then none, then from narrow to wide
         guarded = model.changed(guard=guard)
-        tried.append((guarded, searched(guarded, near, store, say)))
-        if len(tried) == 1 and tried[0][1].merit < MISSED:
-            return tried[0]
-        if len(tried) == 2 and tried[1][1].merit >= MISSED:
+        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
+        if (len(tried) == 1) is (tried[-1][1].merit < MISSED) and len(tried) < 3:
             return tried[0]
         near = tried[-1][1].values
     return next((each for each in reversed(tried) if each[1].merit < MISSED), tried[0])
@@ -263,18 +272,18 @@ def is_kept(model: Model, of: Proof, side: float = 1.0) -> bool:
     return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
 
 
-def searched(model: Model, near: Array | None, store: Store, say: Say) -> BestDesign:
+def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True, say: Say = silent) -> BestDesign:
     """`search.optimum`, from what is kept where the same was searched before. Raises BadInput: none has an answer."""
     seed = model.loaded.requirements.seed
 
     def search() -> list[Any]:
-        of = optimum(model, seed, near, say)
+        of = optimum(model, seed, near, everywhere, say)
         if of.merit >= REFUSED_MERIT:
             reason = model.found(of.values[None]).reason[0] or "its bodies cannot be drawn"
             raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
         return [of.values.tolist(), of.relaxed.tolist(), of.merit, [list(each) for each in of.history]]
 
-    question = [question_of(model), None if near is None else near.tolist()]
+    question = [question_of(model), None if near is None else near.tolist(), everywhere]
     values, relaxed, merit, history = store.searched(question, model.counts, search)
     return BestDesign(np.array(values), np.array(relaxed), merit, [tuple(each) for each in history])
 
@@ -287,7 +296,7 @@ def question_of(model: Model) -> list[Any]:
             sorted(model.bounds.items()), model.yielding]  # fmt: skip
 
 
-def proof(model: Model, elements: Elements, values: Array, say: Say = silent) -> Proof:
+def proof(model: Model, elements: ProposedElements, values: Array, say: Say = silent) -> Proof:
     """Finite elements of a design (d,), and the corrections that make the model agree with them there."""
     meshed, scattered = elements.of(values, say), scattered_stages(model, elements, values, say)
     shifts = {} if scattered is None else named(scattered.others / scattered.searched)
@@ -319,7 +328,9 @@ def proof(model: Model, elements: Elements, values: Array, say: Say = silent) ->
     )  # fmt: skip
 
 
-def scattered_stages(model: Model, elements: Elements, values: Array, say: Say = silent) -> ScatteredStages | None:
+def scattered_stages(
+    model: Model, elements: ProposedElements, values: Array, say: Say = silent
+) -> ScatteredStages | None:
     """Couplings of a design (d,) whose nine necks scatter; None where that is not asked. Raises ComputationFailed."""
     scatter, of = model.scatter, model.loaded.requirements
     if scatter is None or of.tolerance is None:

@@ -20,9 +20,9 @@ from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, ruled, says
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.mechanism.keys import keys, meant
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys, meant
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import MANY, Column, Factor, Number, Step, acting, columns_of
 from flexfem.study.expression import names_in

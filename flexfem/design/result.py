@@ -207,7 +207,9 @@ class Designed(Record):
     @property
     def notes(self) -> list[str]:
         """By how much the search tightened requirements, and what scatter does, in sentences."""
-        tight = [f"{each.label} by {each.tightened_percent:.2g} %" for each in self.requirements if each.tightened_percent]
+        tight = [
+            f"{each.label} by {each.tightened_percent:.2g} %" for each in self.requirements if each.tightened_percent
+        ]
         found = list[str]()
         if tight:
             by = f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ"

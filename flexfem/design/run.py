@@ -10,11 +10,13 @@ from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext, suppress
 from glob import escape
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from flexfem.arguments import integer
 from flexfem.design.outcome import designed
-from flexfem.design.proof import Elements, Store
+from flexfem.design.proof import ProposedElements, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
 from flexfem.design.search import silent
@@ -81,7 +83,7 @@ def run_design(
             check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with executor_of(workers, scheduler) as executor:
-        found = designed(loaded, Elements(loaded, Counter(), executor, store), say)
+        found = designed(loaded, ProposedElements(loaded, Counter(), executor, store), say)
     if folder is not None:
         _remove_older(folder, write_design(found, folder), base)
         store.forget()
@@ -120,7 +122,7 @@ def executor_of(workers: int, scheduler: str | None) -> AbstractContextManager[E
     if not re.fullmatch(r"(tcp://)?[^/\s]+:[0-9]{1,5}", scheduler):
         raise BadInput(f"--scheduler {scheduler}, expected host:port, such as tcp://127.0.0.1:8786")
     try:
-        import distributed
+        distributed: Any = import_module("distributed")
     except ImportError:
         raise BadInput(f"--scheduler {scheduler}: Dask is not installed, expected flexfem[dask]") from None
     try:

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from flexfem.analytic.chains import chain_compliance
-from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.network import chain_compliance
+from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
-from flexfem.stage.designs import Designs, Frames
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import Designs, Frames
 from flexfem.study.sampling import INSIDE, monte_carlo
 
 LEVEL = 0.95  # of stages whose coupling is at most the one that is asked
@@ -137,7 +137,8 @@ class ScatteredStages(NamedTuple):
     @property
     def half_widths(self) -> Array:
         """By how much sampling may be off (4,): half the interval of the stages, and the misfit of those checked."""
-        return np.maximum(self.high - self.others, self.others - self.low) * self.factors[-1] + self.misfit
+        half = np.maximum(self.high - self.others, self.others - self.low)
+        return np.asarray(half * self.factors[-1] + self.misfit)
 
 
 def stated(searched: Array, couplings: Array, checked: list[Array]) -> ScatteredStages:

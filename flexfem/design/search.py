@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
@@ -17,6 +17,7 @@ LEAST, MOST, EACH = 24, 96, 12  # designs of a generation: so many a dimension, 
 GENERATIONS, AGREED = 150, 1e-4  # at most; the spread of a generation's merits over their mean that ends it
 LOCAL, NARROW = 40, 0.06  # generations, and part of every range either way, of the search beside a design
 MOVES = 200  # at most, from one design that can be made to a neighbour
+BEAM = 4  # designs that are kept while dimensions take their steps
 RESOLVED = 6  # neighbours whose continuous dimensions are found anew
 STEP = 1e-5  # of differences, of the range of a dimension
 ITERATIONS = 60
@@ -50,19 +51,17 @@ class BestDesign(NamedTuple):
     history: list[tuple[int, float | None, float]]
 
 
-def optimum(model: Model, seed: int, near: Array | None = None, say: Say = silent) -> BestDesign:
-    """Search all designs; `near` (d,), a design to begin with besides, may be the last answer to nearly the same."""
-    search = _Search(model, seed)
-    relaxed = search.beside(search.everywhere(near, say))
-    values, merit = search.made(relaxed[None] if near is None else np.vstack([relaxed, near]))
-    return BestDesign(values, relaxed, merit, search.history)
+def optimum(
+    model: Model, seed: int, near: Array | None = None, everywhere: bool = True, say: Say = silent
+) -> BestDesign:
+    """The best design of all, or with `everywhere` false that beside `near` (d,) alone.
 
-
-def beside(model: Model, start: Array, seed: int) -> BestDesign:
-    """The best design beside `start` (d,), without a search of all."""
+    With `everywhere`, `near` is a design to begin with besides: the last answer to nearly the same.
+    """
     search = _Search(model, seed)
+    start = search.everywhere(near, say) if near is None or everywhere else near
     relaxed = search.beside(start)
-    values, merit = search.made(relaxed[None])
+    values, merit = search.made(relaxed, near)
     return BestDesign(values, relaxed, merit, search.history)
 
 
@@ -72,8 +71,7 @@ class _Search:
     def __init__(self, model: Model, seed: int) -> None:
         self.model, self.space, self.seed = model, model.space, seed
         self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
-        self.drawn, self.snapping = dict[bytes, bool](), False
-        self.began = model.counts["analytic"]
+        self.drawn, self.began = dict[bytes, bool](), model.counts["analytic"]
 
     def merit(self, values: Array) -> Array:
         """Merits (n,) of designs (n, d); one that would be the best is drawn first."""
@@ -98,52 +96,47 @@ class _Search:
         self.history.append((self.model.counts["analytic"] - self.began, objective, float(missed)))
 
     def everywhere(self, near: Array | None, say: Say) -> Array:
-        """The best design (d,) of differential evolution over all, from a Sobol sample."""
-        d = self.space.size
-        u = qmc.Sobol(d, rng=np.random.default_rng(self.seed)).random(SAMPLE)
+        """The best design (d,), as if steps were none, of differential evolution over all from a Sobol sample."""
+        d, best = self.space.size, np.inf
         own = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
-        u = np.vstack([self.space.to_unit(np.array(own)), u])
-        order = np.argsort(self.merit(self._decoded(u)), kind="stable")
+        u = np.vstack([self.space.to_unit(np.array(own)), self._sample()])
+
+        def merit(u: Array) -> Array:
+            nonlocal best
+            found = self.merit(self.space.from_unit(u))
+            best = min(best, float(found.min()))
+            self.note(best)
+            *_, (evaluations, objective, _) = self.history
+            shown = "none that meets all" if objective is None else f"{objective:.6g}"
+            say(f"{evaluations:,} designs by the analytic model, best {shown}")
+            return found
+
+        order = np.argsort(merit(u), kind="stable")
         population = u[order[: int(np.clip(EACH * d, LEAST, MOST))]]
-        return self._evolved(population, np.zeros(d), np.ones(d), GENERATIONS, say)
+        found = self._evolved(merit, population, np.zeros(d), np.ones(d), GENERATIONS)
+        return np.asarray(self.space.from_unit(found[None])[0])
+
+    def _sample(self) -> Array:
+        """Places (SAMPLE, d) of a Sobol sample."""
+        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(SAMPLE))
 
     def beside(self, start: Array) -> Array:
-        """The best design (d,) beside one: by evolution, which passes kinks, and the polish before and after it."""
+        """The best design (d,) beside one, as if steps were none: by evolution, which passes kinks, and the polish."""
         start = self.polished(start)
         place = self.space.to_unit(start[None])[0]
         low = np.clip(place - NARROW, 0, 1)
         high = np.clip(low + 2 * NARROW, 0, 1)
         sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(32)
         population = low + (high - low) * sample
-        population[0] = place
-        found = self.polished(self._evolved(population, low, high, LOCAL, silent))
-        return self._best_of(np.vstack([start, found]))
+        population[0] = np.clip(place, low, high)
+        best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, LOCAL)
+        found = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
+        return np.asarray(found[int(np.argmin(self.merit(found)))])
 
-    def _decoded(self, u: Array) -> Array:
-        """Designs (n, d) at places (n, d), those that can be made where the search is of these alone."""
-        values = self.space.from_unit(u)
-        return self.space.snapped(values) if self.snapping else values
-
-    def _best_of(self, values: Array) -> Array:
-        return np.asarray(values[int(np.argmin(self.merit(values)))])
-
-    def _evolved(self, population: Array, low: Array, high: Array, most: int, say: Say) -> Array:
-        """The best design (d,) of differential evolution of a population (n, d) of places between two ends."""
-        best = [np.inf]
-
-        def merit(u: Array) -> Array:
-            found = self.merit(self._decoded(u.T))
-            best[0] = min(best[0], float(found.min()))
-            self.note(best[0])
-            return found
-
-        def progress(intermediate_result: Any) -> None:
-            *_, (evaluations, objective, _) = self.history
-            shown = "none that meets all" if objective is None else f"{objective:.6g}"
-            say(f"{evaluations:,} designs by the analytic model, best {shown}")
-
+    def _evolved(self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int) -> Array:
+        """The best place (d,) of differential evolution of a population (n, d) of places between two ends."""
         found = differential_evolution(
-            merit,
+            lambda u: merit(u.T),
             list(zip(low, np.where(high > low, high, low + 1e-9), strict=True)),
             init=np.clip(population, low, high),
             maxiter=most,
@@ -153,9 +146,8 @@ class _Search:
             updating="deferred",
             polish=False,
             rng=np.random.default_rng(self.seed + 1),
-            callback=progress,
         )
-        return np.asarray(self._decoded(found.x[None])[0])
+        return np.asarray(found.x)
 
     def polished(self, start: Array, free: AnyArray | None = None) -> Array:
         """The design (d,) that a quadratic program leads to from `start` (d,), or `start` where that is as good.
@@ -167,18 +159,35 @@ class _Search:
             return start
         found = polished(self.model, start, free)
         merits = self.merit(np.vstack([start, found]))
-        self.note(float(merits.min()))
         return found if merits[1] < merits[0] else start
 
-    def made(self, starts: Array) -> tuple[Array, float]:
-        """The best design that can be made beside any of `starts` (k, d), and its merit: step by step downhill."""
-        if not self.space.continuous.all():
-            self.noted = np.inf
-        values, merit = min(map(self._downhill, np.unique(self.space.snapped(starts), axis=0)), key=lambda end: end[1])
+    def made(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
+        """The best design that can be made beside the one without steps, or beside `near`, and its merit.
+
+        Dimensions take their steps one after the other, the coarsest first, while the others are found anew; the best
+        few designs are kept at each. Then step by step downhill.
+        """
+        self.best, space = np.inf, self.space
+        if space.continuous.all():
+            merit = float(self.merit(relaxed[None])[0])
+            self.note(merit)
+            return relaxed, merit
+        self.noted, free, beam = np.inf, ~space.listed, relaxed[None]
+        coarseness = [np.inf if each.allowed is None else len(each.allowed) for each in space.dimensions]
+        for k in np.argsort(coarseness, kind="stable")[: np.sum(~space.continuous)]:
+            free[k] = False
+            started = {
+                (*each[:k], value, *each[k + 1 :]) for each in beam for value in space.dimensions[k].around(each[k])
+            }
+            ends = np.array([self.polished(np.array(start), free) for start in sorted(started)])
+            beam = ends[np.argsort(self.merit(ends), kind="stable")[:BEAM]]
+        starts = space.snapped(np.vstack([beam] if near is None else [beam, near]))
+        values, merit = min(map(self._downhill, np.unique(starts, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
             return values, merit
-        self.snapping, self.best, self.noted = True, np.inf, np.inf  # nothing beside them can be drawn
-        return self._downhill(self.everywhere(None, silent))
+        sample = space.snapped(space.from_unit(self._sample()))  # nothing beside them can be drawn
+        self.best = np.inf
+        return self._downhill(sample[int(np.argmin(self.merit(sample)))])
 
     def _downhill(self, values: Array) -> tuple[Array, float]:
         self.best, continuous = np.inf, self.space.continuous  # those that can be made are drawn anew
@@ -195,14 +204,14 @@ class _Search:
             if not merits[least] < merit - 1e-12 * abs(merit):
                 break
             values, merit = ends[least], float(merits[least])
-            self.note(merit)
+        self.note(merit)
         return values, merit
 
 
 def polished(model: Model, start: Array, free: AnyArray) -> Array:
     """The end (d,) of sequential quadratic programming from `start` (d,); the dimensions `free` (d,) may change.
 
-    Differences are of all dimensions in one batch for each iterate.
+    Differences are of all dimensions in one batch for each iterate. SLSQP overwrites arrays that it is given: copies.
     """
     space, places, known = model.space, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
     d, u0 = len(places), space.to_unit(start[None])[0]
@@ -225,9 +234,9 @@ def polished(model: Model, start: Array, free: AnyArray) -> Array:
     found = minimize(
         lambda x: float(rows(x)[0][0]),
         u0[places],
-        jac=lambda x: rows(x)[1][0],
+        jac=lambda x: rows(x)[1][0].copy(),
         bounds=Bounds(np.zeros(d), np.ones(d)),
-        constraints=[{"type": "ineq", "fun": lambda x: rows(x)[0][1:], "jac": lambda x: rows(x)[1][1:]}],
+        constraints=[{"type": "ineq", "fun": lambda x: rows(x)[0][1:].copy(), "jac": lambda x: rows(x)[1][1:].copy()}],
         method="SLSQP",
         options={"maxiter": ITERATIONS, "ftol": 1e-10},
     )
@@ -242,10 +251,10 @@ def _differences(f: Array, u: Array) -> tuple[Array, Array]:
     One side without an answer is left out; without any, a value that no step leads to.
     """
     d = u.shape[1]
-    lost = ~np.isfinite(f).all(axis=1)
+    lost = np.asarray(~np.isfinite(f).all(axis=1))
     if lost[0]:
         return np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d))
     below, above = np.arange(1, d + 1), np.arange(d + 1, 2 * d + 1)
     a, b = np.where(lost[below], 0, below), np.where(lost[above], 0, above)
     width = u[b, np.arange(d)] - u[a, np.arange(d)]
-    return f[0], ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T
+    return np.asarray(f[0]), ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T

@@ -37,7 +37,7 @@ from flexfem.fem.response import (
 )
 from flexfem.fem.sectors import Sector, joined, welded
 from flexfem.fem.turns import chain_turn, made_alike, turn_of_points, under_loads
-from flexfem.stage.designs import CHAIN_TURN, chain_rotation, turned
+from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
 
 
 @dataclass(frozen=True)

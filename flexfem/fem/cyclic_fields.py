@@ -14,9 +14,9 @@ from flexfem.fem.plane_stress import Plate, stress_tensor, von_mises
 from flexfem.fem.response import out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import Sector
 from flexfem.fem.turns import under_loads
-from flexfem.stage.bodies import BODIES, necks
-from flexfem.stage.designs import chain_rotation
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.mechanism.bodies import BODIES, necks
+from flexfem.mechanism.designs import chain_rotation
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 
 BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.stage.outline import Face, Segment
+from flexfem.mechanism.bodies import Face, Segment
 
 SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
 

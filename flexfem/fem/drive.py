@@ -16,10 +16,10 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate, integration, internal_forces, matrices_of, tied_lower
 from flexfem.fem.problem import shape_values
 from flexfem.fem.response import BALANCE, MOST_SOLVES, SETTLED, Tied, tie_hub
+from flexfem.mechanism.contacts import Push, Stack, spread
+from flexfem.mechanism.designs import CHAIN_TURN, turned
+from flexfem.mechanism.stage_file import HINGE_NAMES
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Push, Stack, spread
-from flexfem.stage.designs import CHAIN_TURN, turned
-from flexfem.stage.tables import HINGE_NAMES
 
 DEGREE = 8  # of the quadrature of pushes, whose weights are no polynomials in a triangle
 

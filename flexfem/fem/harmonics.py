@@ -15,7 +15,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.fem.factor import Condensed, dense
 from flexfem.fem.layers import Layers
 from flexfem.fem.solid import Solid
-from flexfem.stage.designs import CHAIN_TURN
+from flexfem.mechanism.designs import CHAIN_TURN
 
 
 class Space(NamedTuple):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 
 POINTS = 3  # of Gauss in every layer: exact for products of two quadratic shape functions
 

@@ -14,10 +14,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index
+from flexfem.mechanism.bodies import area, draw_sector
+from flexfem.mechanism.stage import HINGE_NAMES, Hinge, Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.bodies import draw_sector
-from flexfem.stage.outline import area
-from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
 NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])  # on the reference triangle
 

@@ -19,7 +19,7 @@ import numpy as np
 from flexfem.arrays import AnyArray
 from flexfem.fem.drawing import DrawnCurve, draw_loops
 from flexfem.fem.step import Extruded, write_extruded
-from flexfem.stage.outline import Face
+from flexfem.mechanism.bodies import Face
 
 
 class Cone(NamedTuple):

@@ -31,9 +31,9 @@ from flexfem.fem.tangent import (
     rest,
     tangent,
 )
+from flexfem.mechanism.contacts import Follows, Push, Stack, middle_at
+from flexfem.mechanism.designs import chain_rotation
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Follows, Push, Stack, middle_at
-from flexfem.stage.designs import chain_rotation
 
 ITERATIONS = 25
 CONVERGED = 1e-9  # root of energy of a Newton step, over that stored and that of every force alone

@@ -15,7 +15,7 @@ from flexfem.fem.mesh import StageMesh, ordered, quadrature, shape_functions
 from flexfem.fem.mesher import Cone, Job
 from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix, stress_tensor
 from flexfem.fem.sectors import curved
-from flexfem.stage.outline import Face
+from flexfem.mechanism.bodies import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh
 SIDES = ("left", "right", "bottom", "top")

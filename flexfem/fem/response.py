@@ -19,10 +19,10 @@ from flexfem.fem.plane_stress import (
     tied_lower,
     von_mises,
 )
+from flexfem.mechanism.designs import out_of_plane, stage_frames
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.designs import out_of_plane, stage_frames
-from flexfem.stage.origin import located
-from flexfem.stage.schema import HINGE_NAMES, Stage
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
 MOST_SOLVES = 12  # with iterative refinement; three do for necks of some um and more

@@ -31,12 +31,11 @@ from flexfem.fem.mesh import (
     rim_of,
 )
 from flexfem.fem.mesher import Cone, Job, mesh_faces
+from flexfem.mechanism.bodies import Face, area, draw_sector, necks
+from flexfem.mechanism.designs import CHAIN_TURN, turned
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import HINGE_NAMES, Hinge, Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.bodies import draw_sector, necks
-from flexfem.stage.designs import CHAIN_TURN, turned
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.outline import Face, area
-from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 
 BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
 GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it

@@ -26,7 +26,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import CACHED, ElementBatch, Plate, integration
 from flexfem.fem.problem import shape_values
 from flexfem.fem.response import Tied
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 
 DEGREE = 4  # of the quadrature in the plane: of products of two quadratic shape functions
 

@@ -14,8 +14,8 @@ from flexfem.fem.mesh import NODES, StageMesh, gradients
 from flexfem.fem.plane_stress import CACHED, Plate
 from flexfem.fem.solid import gathering, solid_lame, solid_stress
 from flexfem.fem.solid_response import SolidResponse
-from flexfem.stage.designs import chain_rotation
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.designs import chain_rotation
+from flexfem.mechanism.stage import Stage
 
 
 class OnLayers(OnSectors, Protocol):

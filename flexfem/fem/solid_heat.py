@@ -26,8 +26,8 @@ from flexfem.fem.sectors import Sector, joined
 from flexfem.fem.solid import Solid, solid
 from flexfem.fem.solid_response import refuse_unknowns, spin_of, turned_solid, whole_fields
 from flexfem.fem.turns import under_loads
+from flexfem.mechanism.designs import chain_rotation
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import chain_rotation
 
 
 class WarmHalf(NamedTuple):

@@ -27,7 +27,7 @@ from flexfem.fem.sectors import Sector, joined
 from flexfem.fem.solid import DEGREE as STIFFNESS
 from flexfem.fem.solid import Solid, solid
 from flexfem.fem.solid_response import refuse_unknowns, spin_of, whole_fields
-from flexfem.stage.designs import CHAIN_TURN
+from flexfem.mechanism.designs import CHAIN_TURN
 
 
 class SolidMass(NamedTuple):

@@ -22,8 +22,8 @@ from flexfem.fem.response import resultants, tie_hub
 from flexfem.fem.sectors import Sector, joined
 from flexfem.fem.solid import DEGREE, Solid, solid
 from flexfem.fem.turns import turn_of_points, under_loads
+from flexfem.mechanism.designs import chain_rotation
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import chain_rotation
 
 MOST_UNKNOWNS = 600_000  # of one factorisation: about 6 GB
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.fem.drawing import draw_loops
-from flexfem.stage.outline import Face, Segment
+from flexfem.mechanism.bodies import Face, Segment
 
 
 class Extruded(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.designs import chain_rotation
+from flexfem.mechanism.designs import chain_rotation
 
 
 def under_loads(values: Sequence[Array]) -> list[Array]:

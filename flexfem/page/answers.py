@@ -8,20 +8,20 @@ import numpy as np
 from markupsafe import Markup
 
 from flexfem.arrays import Array, alone, without_round_off
+from flexfem.mechanism.designs import stage_frames
 from flexfem.page.drawn import sentence, shown_figure
 from flexfem.page.section import PageSection, notes, table
 from flexfem.plot.accuracy import budget_figure
 from flexfem.plot.commanded import CommandedStage, commanded_figure, neck_spots
 from flexfem.plot.text import SPACE, banded, percent, significant
 from flexfem.plot.told import budget_spots
-from flexfem.stage.designs import stage_frames
 from flexfem.units import COMMANDS, COMPLIANCE, DIRECTIONS, FORCES, STIFFNESS, STRESS, STRESSES, Unit
 from flexfem.verify.result import Fields
 
 if TYPE_CHECKING:
     from flexfem.api import Errors
+    from flexfem.mechanism.stage import Stage
     from flexfem.models import ElementModel
-    from flexfem.stage.schema import Stage
     from flexfem.verify.answers import StiffnessReport
     from flexfem.verify.budget import Budget
     from flexfem.verify.summary import ModelSummary, Summary

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem import api
-from flexfem.analytic.fatigue import required_law
-from flexfem.analytic.heat import require_expansion
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.analytic.responses import require_expansion
+from flexfem.hinges.strength import required_law
+from flexfem.mechanism.stage_file import located
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
 from flexfem.reports import drive, heat, life, modes, verification
 from flexfem.reports.stage import stiffness, summary
-from flexfem.stage.origin import located
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.stage_report import StageReport
 
 Part = tuple[str, Callable[[], PageSection | None]]

@@ -14,20 +14,20 @@ from flexfem.files.inputs import require_unread
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
+from flexfem.mechanism.stage_file import doubts_said
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
 from flexfem.page.stored_claims import is_claims, read_claims
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
 from flexfem.reports.life import checked_amplitude
-from flexfem.stage.tables import doubts_said
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexfem.synthesis.result import Designed
+    from flexfem.design.result import Designed
     from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.result import Result
 
@@ -184,10 +184,10 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: ArrayLik
             f"{place_of(files[0])}: this is a {kind or 'TOML file'}, expected a stage file, a study file or results as "
             ".json"
         )
+    from flexfem.mechanism.stage import load_feasible
     from flexfem.page.of_stage import stage_parts
     from flexfem.page.stage import doubted
     from flexfem.reports.stage import check
-    from flexfem.stage.schema import load_feasible
 
     stage = load_feasible(files[0])
     found = check(stage)
@@ -209,9 +209,9 @@ def _study(path: Path, folder: Path) -> Subject:
 
 
 def _stored(files: Sequence[Path]) -> Subject:
+    from flexfem.design.result import is_design, read_design
     from flexfem.page import results as of_results
     from flexfem.page.design import design_parts
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_result
 
     claims = [path for path in files if is_claims(path)]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from flexfem.design.result import Designed
+from flexfem.mechanism.stage_file import counted
 from flexfem.page.drawn import sentence, shown_figure
 from flexfem.page.section import Content, PageSection, notes, table
 from flexfem.plot.curves import driven_by, error_figure
 from flexfem.plot.text import banded, significant
 from flexfem.plot.told import error_spots
-from flexfem.stage.tables import counted
-from flexfem.synthesis.result import Designed
 from flexfem.units import LENGTH, STRESS, unit_for
 from flexfem.verdicts.page import said_of_ensemble
 from flexfem.verdicts.records import ClaimsReport

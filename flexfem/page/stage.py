@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from flexfem.files.provenance import is_assumed, values_by_key
+from flexfem.mechanism.stage_file import counted
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import Content, PageSection, facts, notes, table
 from flexfem.plot.dimensions import drawing_figure
 from flexfem.plot.told import hinge_spots
-from flexfem.stage.tables import counted
 from flexfem.units import DEGREE, LENGTH, MICROMETRE, PLANES, RATE, STRESS, UNITS
 
 if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.stage_report import PlacedActuator, StageReport
 
 TAG = Markup('<span class="tag">{}</span>')

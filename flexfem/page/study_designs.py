@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array, Index
+from flexfem.mechanism.bodies import Segment
+from flexfem.mechanism.drawing import part_of
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
-from flexfem.stage.contour import part_of
-from flexfem.stage.outline import Segment
 from flexfem.study.designs import stage_of
 from flexfem.study.statistics import round_off_in
 
 if TYPE_CHECKING:
+    from flexfem.mechanism.stage import Stage
     from flexfem.plot.study_labels import Quantity
     from flexfem.plot.study_records import Source
-    from flexfem.stage.schema import Stage
 
 PARTS = 100  # of a mm: coordinates of a path are whole numbers of them
 DIGITS = 5

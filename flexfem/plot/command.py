@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.files.refusals import shown
+from flexfem.mechanism.stage import Stage
 from flexfem.plot.accuracy import HATCHES
 from flexfem.plot.curves import COLOURS, NAMES
 from flexfem.plot.drive_sketch import platform_factor, plot_drive
 from flexfem.plot.style import GREY, INK, PALE, below_header, in_house_style, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, unit_for
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.command import Command

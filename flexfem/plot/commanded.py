@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.plot.displacement import PANEL, SCALE, draw_scale, exaggeration, panel_height, plot_displacement
 from flexfem.plot.displacement import stress_scale as scale_of
 from flexfem.plot.style import in_house_style, panels
 from flexfem.plot.text import significant
 from flexfem.plot.vector import Spot
-from flexfem.stage.schema import HINGE_NAMES
 from flexfem.units import STRESS
 from flexfem.verify.result import Fields
 

@@ -13,16 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from flexfem.arrays import Array
+from flexfem.mechanism.bodies import necks, polygon_points
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.drawing import LETTER, TURNS, Dimensions, dimensions_of, part_of
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
 from flexfem.plot.marks import arrow, clear_spot
 from flexfem.plot.stage import plot_stage
 from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels
-from flexfem.stage.bodies import necks
-from flexfem.stage.contour import part_of
-from flexfem.stage.designs import CHAIN_TURN, stage_frames
-from flexfem.stage.dimensions import LETTER, TURNS, Dimensions, dimensions_of
-from flexfem.stage.outline import polygon_points
-from flexfem.stage.partial import PartialStage
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.units import LENGTH
 
 COLOUR = "#00664A"

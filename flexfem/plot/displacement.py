@@ -14,12 +14,12 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
+from flexfem.mechanism.bodies import BODIES
 from flexfem.plot.curves import NAMES
 from flexfem.plot.driven_text import SHOWN_OF_SOLID
 from flexfem.plot.marks import clear_spot, edges_of, loops_of, polygon, quarters
 from flexfem.plot.style import INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import round_factor, significant
-from flexfem.stage.bodies import BODIES
 from flexfem.units import STRESS, unit_for
 from flexfem.verify.result import CurveModels, Fields, Result
 

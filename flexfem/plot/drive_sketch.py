@@ -10,14 +10,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import shown
+from flexfem.mechanism.bodies import Segment, draw_sector, turn
+from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.marks import clear_spot, write
 from flexfem.plot.stage import draw_outline, fit, outline_of
 from flexfem.plot.style import GREY, INK, inches
 from flexfem.plot.text import round_factor
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector, turn
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import CHAINS, Stage
 from flexfem.units import FORCES, LENGTH, MICROMETRE
 from flexfem.verify.command import Command, Strokes
 from flexfem.verify.driven import Criterion

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from flexfem.analytic.fatigue import Basquin
+from flexfem.hinges.strength import Basquin
 from flexfem.plot.curves import COLOURS
 from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import scientific, significant

@@ -7,10 +7,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.files.refusals import shown
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.result import CurveModels, HingeDrawing
 from flexfem.verify.stage_report import PlacedHinge, StageReport
 

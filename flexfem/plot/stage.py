@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from flexfem.arrays import Array, Index
+from flexfem.mechanism.bodies import Segment, draw_sector, polygon_points, turn
+from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.marks import (
     Edges,
     arrow,
@@ -26,9 +28,6 @@ from flexfem.plot.marks import (
 )
 from flexfem.plot.style import GREY, INK, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import SPACE
-from flexfem.stage.bodies import draw_sector, turn
-from flexfem.stage.outline import Segment, polygon_points
-from flexfem.stage.schema import CHAINS, Stage
 from flexfem.units import LENGTH
 from flexfem.verify.result import CurveModels, Fields, HingeDrawing
 

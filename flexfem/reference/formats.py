@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
+from flexfem.design.requirements import Requirements
 from flexfem.files.refusals import SHOWN, one_line
+from flexfem.mechanism.actuators import Catalogue
+from flexfem.mechanism.materials import Entry
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.material_files import Entry
-from flexfem.stage.schema import Stage
-from flexfem.stage.stacks import Catalogue
 from flexfem.study.plan import Study
-from flexfem.synthesis.requirements import Requirements
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.as_built import Necks
 from flexfem.verify.case import Case

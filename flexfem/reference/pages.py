@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from flexfem.files.provenance import is_assumed
 from flexfem.files.writing import markdown_table
+from flexfem.mechanism.actuators import catalogue
+from flexfem.mechanism.materials import KEYS, REGISTERED, materials
 from flexfem.reference.formats import format_of
 from flexfem.reference.keys import KeyRow, KeyTable, tables_of
 from flexfem.refused import BadInput
-from flexfem.stage.materials import KEYS, REGISTERED, materials
-from flexfem.stage.stacks import catalogue
 from flexfem.study.meanings import MEANINGS
 from flexfem.units import unit_of
 

@@ -6,6 +6,8 @@ from numpy.typing import ArrayLike
 
 from flexfem import arguments
 from flexfem.analytic.model import model_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.reports.given import (
     LARGEST_AMPLITUDE,
@@ -16,8 +18,6 @@ from flexfem.reports.given import (
     finest_of,
     solver,
 )
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify import command as verify_command
 from flexfem.verify import reach as verify_reach
 from flexfem.verify import workspace as verify_workspace

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from flexfem import arguments
-from flexfem.analytic import formulas
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files.refusals import checked_path
+from flexfem.hinges import formulas
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, PathLike, finest_of, solver
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify import experiment as verify_experiment
 from flexfem.verify import identify as verify_identify
 from flexfem.verify.experiment import Experiment

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flexfem import arguments
 
 if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.protocol import Solved
 
 RESOLUTION = 8  # quadratic triangles across every neck: the default of `flexfem.solve`

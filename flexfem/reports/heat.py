@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from flexfem.analytic.model import model_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.reports.given import RESOLUTION, Progress, finest_of, meshed_solid
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify import drift as verify_drift
 from flexfem.verify import solid_drift as verify_solid_drift
 from flexfem.verify.drift import Drift, DriftFields

@@ -5,13 +5,13 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from flexfem import arguments
-from flexfem.analytic.fatigue import Basquin, BasquinFit, checked_law, required_law
 from flexfem.arrays import Array
+from flexfem.hinges.strength import Basquin, BasquinFit, checked_law, required_law
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.reports.given import LARGEST_LIFE, LARGEST_POSE, RESOLUTION, Progress, finest_of, solver
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.materials import STRENGTHS, UNLIKELY, unlikely
-from flexfem.stage.schema import Stage
 from flexfem.verify import life as verify_life
 from flexfem.verify.life import Life
 from flexfem.verify.strained import Repeated, scaled

@@ -16,10 +16,10 @@ from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, PathLike, meshed_solid
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify.answers import LoadReport, report_load
 from flexfem.verify.solid import solve_solid
 from flexfem.verify.solid_report import SolidReport, report_solid

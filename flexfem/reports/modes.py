@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from flexfem import arguments
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.reports.given import LARGEST_PAYLOAD, MOST_MODES, RESOLUTION, Progress, meshed_solid
-from flexfem.stage.drives import drive_of
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify import dynamic_model as verify_dynamic_model
 from flexfem.verify import modes as verify_modes
 from flexfem.verify import solid_modes as verify_solid_modes

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.files.refusals import checked_path
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
-from flexfem.stage.feasibility import check_feasible
 
 if TYPE_CHECKING:
     from flexfem.cad.export import PartReport
     from flexfem.files.templates import NewFiles
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
 
 SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
 LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
@@ -107,9 +107,9 @@ def view(path: PathLike, folder: PathLike | None = None) -> View:
     from pathlib import Path
 
     from flexfem.files.writing import check_folder
+    from flexfem.mechanism.stage import load_partly
     from flexfem.plot import dimensions
     from flexfem.plot.write import write_beside
-    from flexfem.stage.partial import load_partly
 
     source = checked_path(path)
     target = None if folder is None else checked_path(folder)

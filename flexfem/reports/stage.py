@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from flexfem import arguments
 from flexfem.files.refusals import checked_path
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, PathLike, finest_of, solver
-from flexfem.stage.feasibility import check_feasible
 
 if TYPE_CHECKING:
-    from flexfem.stage.schema import Stage
+    from flexfem.mechanism.stage import Stage
     from flexfem.verify.answers import MeshReport, StiffnessReport
     from flexfem.verify.as_built import AsBuilt
     from flexfem.verify.stage_report import StageReport
@@ -58,8 +58,8 @@ def stiffness(
     >>> found.formula_in_range, found.stiffness.shape
     (True, (3, 3))
     """
-    from flexfem.analytic.kinematics import freedoms_of
     from flexfem.analytic.model import analyse, choose, model_of
+    from flexfem.analytic.paper import freedoms_of
     from flexfem.verify.answers import report_stiffness
 
     check_feasible(stage)
@@ -98,8 +98,8 @@ def summary(stage: Stage, formula: str | None = None, elements: bool = False, re
     >>> round(found.analytic.limits["x"].range_at_yield, 3), found.analytic.limits["x"].hinge
     (0.641, 'elbow')
     """
-    from flexfem.analytic import formulas
     from flexfem.analytic.model import CALIBRATED
+    from flexfem.hinges import formulas
     from flexfem.verify import summary as verify
 
     check_feasible(stage)

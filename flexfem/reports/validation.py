@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexfem import arguments
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.reports.given import RESOLUTION, Progress
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.validate import compare, compare_solid
 from flexfem.validate.compare import CrossCheck
 from flexfem.validate.registry import BenchmarkTable, run_benchmarks

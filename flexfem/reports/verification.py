@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from flexfem import arguments
 from flexfem.files.refusals import checked_path
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.reports.given import LARGEST_AMPLITUDE, RESOLUTION, PathLike, Progress, solver
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verdicts.records import ClaimsReport
 from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import budget as verify_budget

@@ -7,17 +7,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexfem.analytic.fatigue import KEY, required_law
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
+from flexfem.hinges.strength import KEY, required_law
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.feasibility import Broken, broken, check_feasible, conditions
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.designs import Designs
-from flexfem.stage.feasibility import Broken, broken, check_feasible, conditions
-from flexfem.stage.keys import keys
-from flexfem.stage.materials import STRENGTHS, UNLIKELY, unlikely
-from flexfem.stage.schema import Stage
 from flexfem.study import drawn
 from flexfem.study.designs import designs_of, refusals_of, stage_of
 from flexfem.study.loaded import LoadedStudy

@@ -11,9 +11,9 @@ from flexfem.files import quantities
 from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
+from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
-from flexfem.stage.schema import Stage
 
 MANY = 100_000  # values of one factor; more are a range
 MANY_KEYS = 100  # more than the format has

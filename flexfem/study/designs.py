@@ -9,12 +9,11 @@ from typing import Any, NamedTuple, Protocol, cast
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.keys import Key, keys
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.refused import BadInput
-from flexfem.stage.content import actuators_of
-from flexfem.stage.designs import Designs, lower
-from flexfem.stage.keys import Key, keys
-from flexfem.stage.schema import Stage
-from flexfem.stage.tables import merged_changes
 from flexfem.study.columns import Column
 from flexfem.study.expression import names_in, value_of
 from flexfem.study.loaded import LoadedStudy

@@ -9,21 +9,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexfem.analytic.drive import LinkParts, link_parts
-from flexfem.analytic.dynamics import ON_BODIES, elastic_bodies
-from flexfem.analytic.heat import WarmBodies
-from flexfem.analytic.kinematics import Freedoms
-from flexfem.analytic.links import body_compliance
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.warm_pad import edge_motions
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
+from flexfem.analytic.paper import Freedoms
+from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
 from flexfem.arrays import AnyArray, Array
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.drives import StageDrive, drive_of, drives_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs
-from flexfem.stage.driven_designs import drives_of
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.inertia import Payload, body_moments, hub_moments
-from flexfem.stage.schema import Stage
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study
 from flexfem.verify.drive_ranges import DriveAnswers

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexfem.arrays import Array
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.designs import stage_of
 from flexfem.study.reductions import Front, cells_of, drawable_front, spread, wide
 from flexfem.study.sampling import sample

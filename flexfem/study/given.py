@@ -14,8 +14,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, place_of, shown, suggestion
+from flexfem.mechanism.keys import keys
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
 
 if TYPE_CHECKING:
     from flexfem.study.columns import Column

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from flexfem.analytic.fatigue import required_law
-from flexfem.analytic.heat import require_expansion
+from flexfem.analytic.responses import require_expansion
 from flexfem.files.digest import digest
 from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.files.refusals import shown
 from flexfem.files.toml import bad_key, validate
+from flexfem.hinges.strength import required_law
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.columns import Column, acting, columns_of, with_mean
 from flexfem.study.expression import names_in
 from flexfem.study.given import Given, given_of

@@ -14,7 +14,7 @@ from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label
-from flexfem.stage.keys import keys, meant
+from flexfem.mechanism.keys import keys, meant
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.keys import keys
+from flexfem.mechanism.keys import keys
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.designs import judge
 from flexfem.study.expression import names_in

@@ -10,7 +10,7 @@ import numpy as np
 from flexfem.files.json_schema import Rule, both, has, only, says, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import refusal, shown, suggestion
-from flexfem.stage.keys import keys
+from flexfem.mechanism.keys import keys
 from flexfem.study.columns import NAMED, WAYS, Factor, columns_of
 from flexfem.study.outputs import FEASIBLE, RESERVED
 from flexfem.study.tables import Correlation, Figure, Method, normal_correlation

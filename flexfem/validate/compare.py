@@ -13,9 +13,9 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import Response, neck_maxima, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import of_stage
 from flexfem.refused import BadInput
-from flexfem.stage.origin import of_stage
-from flexfem.stage.schema import Stage
 from flexfem.validate import calculix, frequencies, ngsolve
 from flexfem.validate.calculix import DIGITS
 from flexfem.validate.frequencies import FULL

@@ -12,10 +12,10 @@ from flexfem.fem.sectors import Sector, mesh_sectors, welded
 from flexfem.fem.solid import DEGREE, sheet_of
 from flexfem.fem.solid_modes import solid_modes
 from flexfem.fem.solid_response import solid_response
+from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.inertia import Payload, carried, carried_out_of_plane
-from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY
 from flexfem.validate import frequencies, prisms, solids
 from flexfem.validate.calculix import DIGITS

@@ -30,7 +30,7 @@ from flexfem.fem.problem import (
     traction_of,
     uniform,
 )
-from flexfem.stage.outline import Face, Segment
+from flexfem.mechanism.bodies import Face, Segment
 from flexfem.validate.records import Finding, order
 
 MANUFACTURED = "manufactured solution"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from flexfem.analytic.fatigue import fit_basquin, required_law
-from flexfem.stage.materials import materials
+from flexfem.hinges.strength import fit_basquin, required_law
+from flexfem.mechanism.materials import materials
 from flexfem.validate.records import Finding
 
 BOOK = "N. E. Dowling, Mechanical Behavior of Materials, 4th ed., Pearson (2013)"

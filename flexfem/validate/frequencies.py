@@ -33,9 +33,9 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import DEGREE, modes, structure
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, tie_hub
+from flexfem.mechanism.bodies import Payload, carried
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.inertia import Payload, carried
-from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY, UNITS
 from flexfem.validate import calculix, ngsolve
 from flexfem.validate.records import Check

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Cone
@@ -34,7 +33,8 @@ from flexfem.fem.problem import (
 )
 from flexfem.fem.response import platform_response
 from flexfem.fem.sectors import cone, notch_sizes
-from flexfem.stage.outline import Face, Segment
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.bodies import Face, Segment
 from flexfem.validate.records import Finding, order
 
 KIRSCH = "E. G. Kirsch, Z. Ver. Dtsch. Ing. 42, 797-807 (1898); Timoshenko and Goodier, Theory of Elasticity, art. 35"

@@ -24,7 +24,7 @@ from flexfem.fem.response import Tied
 from flexfem.fem.sectors import Sector
 from flexfem.fem.solid import solid
 from flexfem.fem.solid_modes import SolidModes, solid_mass, solid_modes, whole_modes
-from flexfem.stage.designs import CHAIN_TURN
+from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.validate.records import Finding
 from flexfem.validate.vibrating import BEAM_ROOTS, RODS
 from flexfem.validate.wedges import curved_cells

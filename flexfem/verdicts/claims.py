@@ -16,8 +16,8 @@ from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.study.columns import FACTOR_RULES, WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
 from flexfem.verify.case import CommandMrad, CommandUm

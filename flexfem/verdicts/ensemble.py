@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, at_rest, hinge_compliances, in_range, unanswered
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.toml import bad_key
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs, lower
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.study.columns import Column
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.sampling import INSIDE, at_quantile, monte_carlo

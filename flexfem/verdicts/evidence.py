@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of
 from flexfem.analytic.model import at_rest, hinge_compliances
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array
-from flexfem.stage.designs import Designs
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import error_matrix
 

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of, mobility
 from flexfem.analytic.model import hinge_compliances
+from flexfem.analytic.paper import freedoms_of, mobility
 from flexfem.arrays import Array, inverse
-from flexfem.stage.designs import Designs
+from flexfem.mechanism.designs import Designs
 from flexfem.units import LENGTH
 from flexfem.verdicts import arguments
 from flexfem.verdicts.evidence import Evidence, ModelErrors, along, diagonals, listed, stiffness_of

@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexfem.analytic.equilibrium import Missed, at_every, at_pose, missed
-from flexfem.analytic.kinematics import freedoms_of
+from flexfem.analytic.large import Missed, at_every, at_pose, missed
 from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.stiffness import Mechanism, apply, inverse_kinematics, mechanism, stiffness
+from flexfem.analytic.paper import Mechanism, apply, freedoms_of, inverse_kinematics, mechanism, stiffness
 from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
 from flexfem.units import COMMANDS

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.verdicts.claims import Claim
 from flexfem.verdicts.ensemble import Population
 from flexfem.verdicts.measures import Measure

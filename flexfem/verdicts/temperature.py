@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.heat import WarmBodies, WarmModel, drift
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import CALIBRATED, hinge_compliances
-from flexfem.analytic.warm_pad import edge_motions
+from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.verdicts.evidence import Evidence, Metal
 from flexfem.verify.drift import UNLIKE, UNLIKE_CHAINS
 

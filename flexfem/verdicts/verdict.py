@@ -8,15 +8,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexfem.analytic.formulas import formulas
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.provenance import doubts
+from flexfem.hinges.formulas import formulas
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import Stage
 from flexfem.verdicts.claims import Claim, LoadedClaims, load_claims
 from flexfem.verdicts.ensemble import Population, Watch, answered, metal_of_stage, populate
 from flexfem.verdicts.evidence import Evidence, Metal, ModelErrors, modelled

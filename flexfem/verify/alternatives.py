@@ -12,7 +12,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA, analyse
 from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.writing import markdown_table
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import error_matrix
 from flexfem.verify.other_elements import other_elements

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.notch import Compliance
 from flexfem.arrays import Array
-from flexfem.stage.origin import of_stage
-from flexfem.stage.schema import Stage
-from flexfem.stage.tables import Plane
+from flexfem.hinges.formulas import FORMULAS, Compliance
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import Plane, of_stage
 from flexfem.verify import warning
 
 if TYPE_CHECKING:

@@ -11,18 +11,18 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
 from flexfem.files.toml import Table, read_text, read_toml, validate
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.dimensioned import converted
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import HingeName
 from flexfem.refused import BadInput
-from flexfem.stage.designs import lower
-from flexfem.stage.inside import converted
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
-from flexfem.stage.tables import HingeName
 from flexfem.units import MICROMETRE
 from flexfem.verify import warning
 from flexfem.verify.result import Matrix, OfStage, about

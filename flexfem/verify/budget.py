@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import (
     CALIBRATED,
     DEFAULT_FORMULA,
@@ -22,12 +21,13 @@ from flexfem.analytic.model import (
     hinge_compliances,
     on_thickness_chart,
 )
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import command_errors, error_matrix, levels, percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage

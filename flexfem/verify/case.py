@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from flexfem.analytic.formulas import formula, formulas
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
@@ -19,8 +18,9 @@ from flexfem.files.json_schema import Keywords, both, either, has, ruled, says, 
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table, validate
+from flexfem.hinges.formulas import formula, formulas
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.units import DIRECTIONS as DIRECTIONS
 from flexfem.units import Direction as Direction
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from flexfem.analytic.large import Serial
 from flexfem.analytic.model import choose
-from flexfem.analytic.preload import Serial
 from flexfem.arrays import Array
+from flexfem.mechanism.contacts import Follows
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import actuators_of
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Follows
-from flexfem.stage.content import actuators_of
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
 from flexfem.units import MICROMETRE
 from flexfem.verify import friction, preloaded, warning
 from flexfem.verify.driven import (

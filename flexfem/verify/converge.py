@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import COARSER, grid_convergence

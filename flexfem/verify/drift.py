@@ -12,24 +12,23 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from flexfem.analytic.chains import von_mises_along
-from flexfem.analytic.heat import WarmBodies, in_plane, require_expansion
-from flexfem.analytic.heat import drift as analytic_drift
-from flexfem.analytic.kinematics import freedoms_of, stage_freedoms
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, choose, hinge_compliance
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.warm_pad import edge_motions
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
+from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.heat import HeatResponse, edge_maxima, heat_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
+from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.strength import von_mises_along
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput
-from flexfem.stage.designs import lower, stage_frames
-from flexfem.stage.origin import located
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
 from flexfem.verify import warning
 from flexfem.verify.corners import corner_bands, pose_bands
 from flexfem.verify.errors import levels

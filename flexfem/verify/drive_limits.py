@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.designs import lower, stage_frames
-from flexfem.stage.drives import StageDrive
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.drives import StageDrive
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.verify.command import stack_names
 from flexfem.verify.driven import DriveLimits, Driven, limits_of_forces, limits_of_strokes, moved
 from flexfem.verify.driven_models import Commanding, stresses

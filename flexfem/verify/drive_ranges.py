@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic.chains import concentration
 from flexfem.arrays import Array, Index, inverse
-from flexfem.stage.designs import Designs
-from flexfem.stage.drives import StageDrive
+from flexfem.hinges.strength import concentration
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.drives import StageDrive
 from flexfem.verify.driven import SINGULAR, Driven, limits_of
 from flexfem.verify.neck_limits import (
     BESIDE,

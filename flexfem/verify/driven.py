@@ -16,9 +16,9 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.arrays import Array, inverse
+from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
+from flexfem.mechanism.drives import StageDrive
 from flexfem.refused import ComputationFailed
-from flexfem.stage.actuators import BLOCKING_ROUND_OFF
-from flexfem.stage.drives import StageDrive
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
 CRITERIA: tuple[Criterion, ...] = get_args(Criterion)

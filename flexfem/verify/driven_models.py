@@ -6,18 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.drive import DrivenModel, driven_model
 from flexfem.analytic.model import AnalyticResult, analyse
+from flexfem.analytic.responses import DrivenModel, driven_model
 from flexfem.arrays import Array
 from flexfem.fem.drive import DrivenResponse, driven_response, neck_wrenches
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.contacts import PLAUSIBLE, Stack
-from flexfem.stage.designs import lower, stage_frames
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.contacts import PLAUSIBLE, Stack
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
 from flexfem.verify.driven import Driven, Motion, driven, moved
 from flexfem.verify.neck_limits import NeckForces, NeckSections, neck_forces, sections_of, stress_along

@@ -15,9 +15,9 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.modes import Modes, Structure, lowest
 from flexfem.files.writing import replacing, write_atomically
+from flexfem.mechanism.drives import StageDrive
+from flexfem.mechanism.stage_file import counted
 from flexfem.refused import BadInput
-from flexfem.stage.drives import StageDrive
-from flexfem.stage.tables import counted
 from flexfem.units import FORCES, LENGTH, POSES
 
 DIRECTIONS = ("x", "y", "theta")

@@ -9,8 +9,8 @@ import numpy as np
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.schema import Stage
 from flexfem.units import DIRECTIONS, PLANES, Direction
 from flexfem.verify import warning
 from flexfem.verify.fixture import Fixture, Measurement

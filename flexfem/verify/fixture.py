@@ -15,9 +15,8 @@ from flexfem.files.json_schema import both, has, ruled, when, without
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, read_toml, validate
-from flexfem.stage.actuators import Coordinate
-from flexfem.stage.inside import Angle, Dimensioned, Length, Modulus, Poisson, converted
-from flexfem.stage.stacks import Rate, Stroke
+from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
 from flexfem.verify.measured import MEASURED, MeasuredSlopes, Spring, Torsion
 
 POINTS = 100_000  # readings of one direction, repeats included

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.drives import StageDrive
+from flexfem.mechanism.drives import StageDrive
 from flexfem.verify.driven import Driven
 
 

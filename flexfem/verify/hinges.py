@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.chart import thickness_chart, thickness_factors
-from flexfem.analytic.formulas import FORMULAS, over_calibrated
 from flexfem.arrays import Array
+from flexfem.hinges.chart import thickness_chart, thickness_factors
+from flexfem.hinges.formulas import FORMULAS, over_calibrated
 
 POINTS = 121  # of a curve
 HIGHEST = 1e6  # H/h that is asked for; the chart has no largest

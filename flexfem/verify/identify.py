@@ -8,15 +8,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
-from flexfem.analytic.formulas import formula as known
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, at_rest, best_model, hinge_compliances
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
+from flexfem.hinges.formulas import formula as known
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import Stage
 from flexfem.units import DIRECTIONS
 from flexfem.verify import warning
 from flexfem.verify.fixture import Fixture, Measurement

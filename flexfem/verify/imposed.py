@@ -13,18 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.drive import driven_model
 from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.drive import DrivenResponse, driven_response
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.contacts import Stack
-from flexfem.stage.couples import couple_names, hinge_couples
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Drive
 from flexfem.verify.command import of_limits

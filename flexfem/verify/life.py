@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.fatigue import KEY, Basquin
 from flexfem.analytic.model import CALIBRATED, analyse, best_model
 from flexfem.arrays import first_highest
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.hinges.strength import KEY, Basquin
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.units import STRESS
 from flexfem.verify import warning
 from flexfem.verify.corners import stress_bands

@@ -11,7 +11,7 @@ from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.json_schema import Rule, beside, either, has, ruled
 from flexfem.files.refusals import refusal
-from flexfem.stage.inside import Dimensioned
+from flexfem.mechanism.dimensioned import Dimensioned
 
 Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
 Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]

@@ -7,19 +7,19 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from flexfem.analytic.dynamics import dynamics, engaged
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
+from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
 from flexfem.fem.drive import stack_loads
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import Modes, Structure, fields_of, modes, structure, total_mass
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, hub_moments, mass_per_area, payload_matrix
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput
-from flexfem.stage.drives import drive_of
-from flexfem.stage.inertia import Payload, carried, drawn_inertia, hub_moments, mass_per_area, payload_matrix
-from flexfem.stage.origin import located
-from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY, UNITS
 from flexfem.verify import warning
 from flexfem.verify.errors import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence, levels

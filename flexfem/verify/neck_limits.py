@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import stress_raised
 from flexfem.arrays import Array
-from flexfem.stage.designs import Designs, Frames
+from flexfem.hinges.strength import stress_raised
+from flexfem.mechanism.designs import Designs, Frames
 from flexfem.verify.driven import DriveLimits, Driven
 
 BESIDE, SECTIONS = 0.7, 141  # how far beside the centre, per radius of the notch, and at how many places

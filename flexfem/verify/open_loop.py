@@ -6,9 +6,9 @@ import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
 from flexfem.verify.driven import Driven, commands_for, moved
 from flexfem.verify.driven_models import Commanding, DrivenMetal, commanding
 from flexfem.verify.result import Record

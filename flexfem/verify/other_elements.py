@@ -12,7 +12,7 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import uneven_sectors, welded
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.protocol import Solve
 
 ACROSS = (1, 2, 4, 8)  # linear triangles across every neck

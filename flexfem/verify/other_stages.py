@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem import units
-from flexfem.analytic.equilibrium import at_pose
-from flexfem.analytic.formulas import FORMULAS
-from flexfem.analytic.kinematics import AXIAL, freedoms_of
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
+from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, assemble, at_rest, hinge_compliances
-from flexfem.analytic.stiffness import dot, split, stiffness
+from flexfem.analytic.paper import AXIAL, dot, freedoms_of, split, stiffness
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import HINGE_NAMES, Hinge, Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import HINGE_NAMES, Hinge, Stage
 from flexfem.units import LENGTH, MICROMETRE
 from flexfem.verify.case import Drive
 from flexfem.verify.errors import error_matrix

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.stage.drives import StageDrive
+from flexfem.mechanism.drives import StageDrive
 from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify.driven import Driven
 from flexfem.verify.polytope import LinearLimits, NothingAllowed, Polytope, Programs, image

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.preload import Serial, loaded, serial
+from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.arrays import Array
+from flexfem.mechanism.contacts import FOLLOWS, Follows
+from flexfem.mechanism.drives import StageDrive
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import FOLLOWS, Follows
-from flexfem.stage.drives import StageDrive
-from flexfem.stage.schema import Stage
 from flexfem.verify.driven_models import Commanding
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.equilibrium import at_pose
+from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.fem.cyclic import CyclicResponse, cyclic_response
@@ -21,9 +21,9 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response, load_case, plate_of
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.files.provenance import Doubts, doubts
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
 from flexfem.verify.errors import Comparison, Convergence, command_errors, compare, levels, percentages

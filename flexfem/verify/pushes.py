@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.stage.designs import direction
+from flexfem.mechanism.designs import direction
 from flexfem.verify.fixture import Bar, Fixture, Pole
 
 SHEAR = 10 / 9  # of a round section: energy of the parabolic shear stress of beam theory

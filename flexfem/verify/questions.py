@@ -6,22 +6,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.chains import travel
-from flexfem.analytic.drive import LinkParts
-from flexfem.analytic.drive import driven as driven_compliance
-from flexfem.analytic.dynamics import many, mass_matrix
-from flexfem.analytic.heat import DriftRates, WarmBodies, in_plane, rates_of
-from flexfem.analytic.heat import drift as analytic_drift
-from flexfem.analytic.kinematics import Freedoms
 from flexfem.analytic.model import at_rest
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.paper import Freedoms
+from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_plane, many, mass_matrix, rates_of
+from flexfem.analytic.responses import drift as analytic_drift
+from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
 from flexfem.clock import Limit
+from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.strength import travel
+from flexfem.mechanism.bodies import Payload
+from flexfem.mechanism.designs import Designs, envelope, lower
+from flexfem.mechanism.drives import StageDrive
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import Designs, envelope, lower
-from flexfem.stage.drives import StageDrive
-from flexfem.stage.inertia import Payload
-from flexfem.stage.schema import Stage
 from flexfem.units import DENSITY
 from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
 from flexfem.verify.driven import driven

@@ -12,9 +12,9 @@ import numpy as np
 
 from flexfem.analytic.model import choose
 from flexfem.arrays import Array
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage
 from flexfem.units import STRESS, Direction
 from flexfem.verify import warning
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress

@@ -15,7 +15,7 @@ from flexfem.arrays import AnyArray, Array, first_highest
 from flexfem.files.digest import digest
 from flexfem.files.toml import Label
 from flexfem.files.writing import write_atomically
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
 from flexfem.verify.errors import Convergence, Verdict
 

@@ -21,9 +21,9 @@ from flexfem.fem.sectors import mesh_sectors
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import NeckStress, solid_neck_stresses
 from flexfem.fem.solid_response import SolidResponse, solid_response
-from flexfem.stage.cache import once
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.energy import RelativeError
 from flexfem.verify.errors import ROUND_OFF, SAFETY, compliance_bands, levels, mesh_band
 

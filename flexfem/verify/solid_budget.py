@@ -8,7 +8,7 @@ from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.arrays import Array
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.units import DIRECTIONS
 from flexfem.verify.budget import Budget, ThreeDimensional, thick_compliance
 from flexfem.verify.errors import SAFETY, error_matrix, levels

@@ -9,7 +9,7 @@ from flexfem.arrays import Array
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.fem.solid_response import SolidResponse
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.case import DIRECTIONS, Case
 from flexfem.verify.errors import (
     ROUND_OFF,

@@ -20,7 +20,7 @@ from flexfem.fem.sectors import Sector, mesh_sectors
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
 from flexfem.fem.solid_heat import WarmHalf, free_solid, warm_half
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.corners import pose_bands
 from flexfem.verify.drift import expansion_of, frame_expansion_of, sources_of, warnings_of
 from flexfem.verify.errors import ROUND_OFF, SAFETY, levels

@@ -18,8 +18,8 @@ from flexfem.fem.response import tie_hub
 from flexfem.fem.sectors import Sector, mesh_sectors
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_modes import SolidModes, solid_modes
-from flexfem.stage.inertia import Payload, carried, carried_out_of_plane
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
+from flexfem.mechanism.stage import Stage
 from flexfem.units import DENSITY
 from flexfem.verify import warning
 from flexfem.verify.errors import SAFETY, levels

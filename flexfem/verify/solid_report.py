@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from flexfem.arrays import Array, inverse
 from flexfem.fem.solid_response import SolidResponse
-from flexfem.stage.origin import of_stage
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import of_stage
 from flexfem.verify import warning
 from flexfem.verify.answers import UNITS
 from flexfem.verify.solid import MODEL, bounding, held_faces, neck_stress_of, solid_bands

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.stage.actuators import Body
-from flexfem.stage.designs import CHAIN_TURN
-from flexfem.stage.drives import contacts, drive_of
-from flexfem.stage.schema import CHAINS, Stage
+from flexfem.mechanism.actuators import Body
+from flexfem.mechanism.designs import CHAIN_TURN
+from flexfem.mechanism.drives import contacts, drive_of
+from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.verify.result import Record
 
 

@@ -6,12 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.stage.content import actuators_of
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.drives import contacts
-from flexfem.stage.origin import of_stage
-from flexfem.stage.schema import CHAINS, HINGE_NAMES, Stage
-from flexfem.stage.tables import Plane, of_drive, of_heat
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.drives import contacts
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
 from flexfem.verify import warning
 
 

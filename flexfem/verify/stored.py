@@ -6,8 +6,8 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult
 from flexfem.files.provenance import Doubts
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.schema import HINGE_NAMES, Stage
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.verify.case import DIRECTIONS, Curve, LoadedCase
 from flexfem.verify.imposed import CurveAnswer
 from flexfem.verify.result import CurveModels, Fields, HingeDrawing, NeckPeak, Triple

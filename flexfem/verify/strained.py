@@ -7,13 +7,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from flexfem.analytic.chains import Wrench, stress_raised, surface_stress
-from flexfem.analytic.fatigue import Basquin, amplitude_at, counted, cycles_at, equivalent
 from flexfem.analytic.model import AnalyticResult
 from flexfem.arrays import Array, Index
-from flexfem.stage.designs import Designs, lower
-from flexfem.stage.drives import contacts
-from flexfem.stage.schema import Stage
+from flexfem.hinges.strength import (
+    Basquin,
+    Wrench,
+    amplitude_at,
+    counted,
+    cycles_at,
+    equivalent,
+    stress_raised,
+    surface_stress,
+)
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.drives import contacts
+from flexfem.mechanism.stage import Stage
 
 if TYPE_CHECKING:
     from flexfem.fem.cyclic import CyclicResponse

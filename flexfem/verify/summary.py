@@ -9,9 +9,9 @@ import numpy as np
 from flexfem.analytic.model import ModelChoice, analyse, best_model
 from flexfem.arrays import Array, alone, first_highest
 from flexfem.fem.response import load_case
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import ComputationFailed
-from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.stage.tables import Plane
 from flexfem.units import PLANES
 from flexfem.verify import warning
 from flexfem.verify.answers import BandedStress

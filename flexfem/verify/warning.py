@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, in_range, thick
 from flexfem.arrays import Array
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.designs import envelope, lower
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.cache import once
-from flexfem.stage.designs import envelope, lower
-from flexfem.stage.schema import HINGE_NAMES, Stage
-from flexfem.stage.tables import Plane
 from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, Direction
 
 if TYPE_CHECKING:

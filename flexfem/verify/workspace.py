@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from flexfem.analytic.equilibrium import Missed, along, at_pose, missed, summed_loads, tangents
+from flexfem.analytic.large import Missed, along, at_pose, missed, summed_loads, tangents
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.stiffness import Mechanism, stiffness
+from flexfem.analytic.paper import Mechanism, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import plate_of
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.errors import percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage

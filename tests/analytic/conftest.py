@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.analytic.formulas import formula
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, Freedoms
-from flexfem.analytic.notch import Compliance
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms
 from flexfem.arrays import Array
-from flexfem.stage.designs import Frames, frames
+from flexfem.hinges.formulas import Compliance, formula
+from flexfem.mechanism.designs import Frames, frames
 
 R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")
 TABLES: dict[str, Freedoms] = {

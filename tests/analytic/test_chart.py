@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.chart import beam_integrals, hinge_chart, read_patch
-from flexfem.analytic.formulas import FORMULAS, formula, over_calibrated
 from flexfem.analytic.model import analyse
 from flexfem.fem.chart import LOW, RATIOS, chart_path
 from flexfem.fem.hinge import PlaneHinge, sample
+from flexfem.hinges.chart import beam_integrals, hinge_chart, read_patch
+from flexfem.hinges.formulas import FORMULAS, formula, over_calibrated
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import load_stage
 
 ROOT = Path(__file__).parents[2]
 E, NU, B, R = 68.9e3, 0.29, 9.3, 1.7

@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.drive import driven, driven_model, link_parts
-from flexfem.analytic.kinematics import chain_poses, freedoms_of
-from flexfem.analytic.loops import in_joint_order
 from flexfem.analytic.model import analyse
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.stiffness import mechanism, stiffness
-from flexfem.stage.contacts import placed_stack
-from flexfem.stage.designs import Frames
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import load_stage
+from flexfem.analytic.paper import chain_poses, freedoms_of, in_joint_order, mechanism, stiffness
+from flexfem.analytic.responses import driven, driven_model, link_parts
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.contacts import placed_stack
+from flexfem.mechanism.designs import Frames
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 BODIES = ("frame", "link 1", "link 2", "platform")

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexfem.analytic.drive import driven_model
-from flexfem.analytic.dynamics import dynamics, engaged, many
-from flexfem.analytic.kinematics import chain_poses, first_order
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.stiffness import stiffness
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.drives import drive_of
-from flexfem.stage.inertia import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
-from flexfem.stage.schema import load_stage
+from flexfem.analytic.paper import chain_poses, first_order, stiffness
+from flexfem.analytic.responses import driven_model, dynamics, engaged, many
+from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.verify.modes import payload_of
 
 from ..conftest import ROOT, UNLIKE, with_changes

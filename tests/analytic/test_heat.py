@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.heat import drift, misfits
-from flexfem.analytic.kinematics import freedoms_of
+from flexfem.analytic.elastic_bodies import _of_pad
 from flexfem.analytic.model import hinge_compliance
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.warm_pad import _of_pad
-from flexfem.stage.designs import lower
+from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.responses import drift, misfits
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import lower
 
 ROUND_OFF = 1e-12
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order, joints_of, second_order
-from flexfem.stage.designs import frames
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, chain_poses, first_order, joints_of, second_order
+from flexfem.mechanism.designs import frames
 
 H = 1e-5  # step of the central differences, rad and mm: truncation and rounding are both near 1e-9 for 30 mm links
 DIFFERENCE = 1e-7  # relative to the link length, two orders above H's own error

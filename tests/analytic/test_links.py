@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexfem.analytic.chains import chain_compliance, chain_wrenches
-from flexfem.analytic.kinematics import freedoms_of
-from flexfem.analytic.links import _bar, body_compliance
+from flexfem.analytic.elastic_bodies import _bar, body_compliance
 from flexfem.analytic.model import analyse, hinge_compliance
+from flexfem.analytic.network import chain_compliance, chain_wrenches
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import inverse
-from flexfem.stage.designs import CHAIN_TURN, stage_frames
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.bodies import Segment
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.protocol import solve_stage
 
 ROOT = Path(__file__).parents[2]

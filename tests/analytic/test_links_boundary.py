@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flexfem.analytic.boundary import Boundary, _moments, displacements, divided
-from flexfem.stage.outline import Segment, polyline
+from flexfem.analytic.elastic_bodies import Boundary, _moments, displacements, divided
+from flexfem.mechanism.bodies import Segment, polyline
 
 NU = 0.29
 EXACT = 1e-10  # fields that the elements hold: round-off

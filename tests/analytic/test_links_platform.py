@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic import platform
-from flexfem.analytic.boundary import displacements
+from flexfem.analytic import elastic_bodies as platform
+from flexfem.analytic.elastic_bodies import _body, _circulant, _half_hinge, displacements, platform_compliance
 from flexfem.analytic.model import hinge_compliance
-from flexfem.analytic.platform import _body, _circulant, _half_hinge, platform_compliance
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
 
 ROOT = Path(__file__).parents[2]
 SIZES = ("ACROSS", "GROWTH", "COARSEST", "RING", "TURN")

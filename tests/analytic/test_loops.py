@@ -5,12 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import close_loops
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order, joints_of
-from flexfem.analytic.loops import choose, chosen, influence, rank_revealing
-from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.analytic.large import close_loops
+from flexfem.analytic.paper import (
+    FREEDOMS_BY_MOBILITY,
+    chain_poses,
+    choose,
+    chosen,
+    first_order,
+    influence,
+    joints_of,
+    mechanism,
+    rank_revealing,
+    stiffness,
+)
 from flexfem.arrays import inverse
-from flexfem.stage.designs import Frames
+from flexfem.mechanism.designs import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
 DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3

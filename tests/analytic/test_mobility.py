@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.kinematics import (
+from flexfem.analytic.paper import (
     FREEDOMS_BY_MOBILITY,
     freedoms_of,
     gruebler_kutzbach,

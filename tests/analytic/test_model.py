@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.formulas import FORMULAS, formula
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.analytic.paper import mechanism, stiffness
+from flexfem.hinges.formulas import FORMULAS, formula
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.schema import load_stage
 
 REFERENCE = Path(__file__).parents[2] / "geometry/mobility6.toml"
 STAGE = """

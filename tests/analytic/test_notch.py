@@ -10,9 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from flexfem.analytic.beam import quadrature
-from flexfem.analytic.formulas import FORMULAS, formula
-from flexfem.analytic.notch import ChartedFormula
+from flexfem.hinges.beam import quadrature
+from flexfem.hinges.formulas import FORMULAS, ChartedFormula, formula
 from flexfem.refused import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3

@@ -8,18 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import under_load
-from flexfem.analytic.kinematics import freedoms_of, joints_of
-from flexfem.analytic.loops import influence
+from flexfem.analytic.large import loaded, serial, under_load
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.preload import loaded, serial
-from flexfem.analytic.stiffness import mechanism, stiffness
+from flexfem.analytic.paper import freedoms_of, influence, joints_of, mechanism, stiffness
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.contacts import FOLLOWS, placed_stack
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import FOLLOWS, placed_stack
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import load_stage
 from flexfem.verify.driven_models import commanding
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"

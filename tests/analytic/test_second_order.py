@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import along, at_pose, missed, summed_loads, tangents, without_terms
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY
-from flexfem.analytic.loops import rank_revealing
-from flexfem.analytic.stiffness import dot, mechanism, split, stiffness
+from flexfem.analytic.large import along, at_pose, missed, summed_loads, tangents, without_terms
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, dot, mechanism, rank_revealing, split, stiffness
 
 POSE = np.array([0.31, -0.24, 0.012])  # mm, mm, rad
 LEVER = 24.0  # mm

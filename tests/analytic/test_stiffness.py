@@ -9,13 +9,22 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexfem.analytic.chains import chain_compliance, chain_wrenches
-from flexfem.analytic.equilibrium import close_loops
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY, chain_poses, first_order
-from flexfem.analytic.loops import chosen, influence, rank_revealing
-from flexfem.analytic.notch import Compliance
-from flexfem.analytic.stiffness import effective_load, inverse_kinematics, mechanism, stiffness
-from flexfem.stage.designs import Frames, turned
+from flexfem.analytic.large import close_loops
+from flexfem.analytic.network import chain_compliance, chain_wrenches
+from flexfem.analytic.paper import (
+    FREEDOMS_BY_MOBILITY,
+    chain_poses,
+    chosen,
+    effective_load,
+    first_order,
+    influence,
+    inverse_kinematics,
+    mechanism,
+    rank_revealing,
+    stiffness,
+)
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import Frames, turned
 
 SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while G_p stays below LEVER
 LEVER = (

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.chains import Concentration, Wrench, concentration, neck_stress, neck_wrenches, stress_raised
+from flexfem.analytic.network import neck_wrenches
 from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import Support, edge_force, nearest_node, nodes_on, solve
-from flexfem.stage.designs import Frames
+from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
+from flexfem.mechanism.designs import Frames
 
 NEUBER = 0.005  # of a notch of circular arcs between blocks, which is no hyperbola; seen: 0.24 % in tension at 0.3
 

@@ -8,12 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.analytic.chart import on_thickness_chart, read_thickness_chart, thickness_chart
-from flexfem.analytic.chart import thickness_factors as factors
 from flexfem.fem.hinge import PlaneHinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.thick import ThickHinge, sample
 from flexfem.fem.thick_chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
+from flexfem.hinges.chart import on_thickness_chart, read_thickness_chart, thickness_chart
+from flexfem.hinges.chart import thickness_factors as factors
 
 R, NU = 1.7, 0.29
 INTERPOLATION = 1e-3  # of the compliance; measured: 8e-5 in the median of random points, 8e-4 at the worst corner

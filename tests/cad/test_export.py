@@ -28,10 +28,9 @@ from flexfem.cad.dxf import dxf_text
 from flexfem.cad.sheet import sheet_of
 from flexfem.cad.svg import svg_text
 from flexfem.fem.mesher import gmsh_session
+from flexfem.mechanism.bodies import area, draw_sector
+from flexfem.mechanism.drawing import part_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.bodies import draw_sector
-from flexfem.stage.contour import part_of
-from flexfem.stage.outline import area
 
 from ..conftest import UNLIKE, with_changes
 from ..stage.test_bodies import CHANGES, OVERRIDES

@@ -11,9 +11,9 @@ import pytest
 
 from flexfem.commands import at_work
 from flexfem.commands.at_work import working
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
 from flexfem.reports import drive
-from flexfem.stage.schema import load_stage
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 

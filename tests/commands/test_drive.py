@@ -15,8 +15,8 @@ from flexfem.commands.tables import people
 from flexfem.fem.drive import driven_response
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.drives import drive_of
 from flexfem.page.answers import alone_table
-from flexfem.stage.drives import drive_of
 from flexfem.verify.driven import driven
 from flexfem.verify.driven_models import engaged_stiffness
 

@@ -19,7 +19,7 @@ from flexfem.verdicts.records import ClaimsReport
 from flexfem.verify.result import write_record
 
 from ..conftest import COMMAND_OF, ROOT
-from ..synthesis.recorded import recorded
+from ..design.recorded import recorded
 
 STUDY = """name = "study"
 stage = "s.toml"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.stage.schema import load_feasible
+from flexfem.mechanism.stage import load_feasible
 from flexfem.study.loaded import load_study
 from flexfem.verify.case import LoadedCase
 

@@ -13,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.mechanism.stage import Stage, load_stage
 
 from ..conftest import UNLIKE, with_changes
 

@@ -16,9 +16,8 @@ from flexfem.fem.mesher import Cone, Job
 from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
 from flexfem.fem.sectors import curved
-from flexfem.stage.bodies import notch_side
-from flexfem.stage.outline import Face, Pose, Segment, reverse
-from flexfem.stage.schema import Hinge, load_stage
+from flexfem.mechanism.bodies import Face, Pose, Segment, notch_side, reverse
+from flexfem.mechanism.stage import Hinge, load_stage
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 ST_VENANT = 1e-6  # what the ends of a bar three heights long feel of each other

@@ -17,9 +17,9 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, load_case, plate_of, platform_response
 from flexfem.fem.sectors import mesh_sectors, welded
 from flexfem.fem.turns import under_loads
+from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import CHAIN_TURN, chain_rotation, turned
-from flexfem.stage.schema import HINGE_NAMES, Stage
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both
 LOADS = np.array([[1.3, -0.7, 0.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm

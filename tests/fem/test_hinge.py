@@ -15,7 +15,7 @@ from flexfem.fem.hinge import sample as sample_anew
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.fem.problem import meshed
 from flexfem.fem.sectors import cone, notch_sizes
-from flexfem.stage.outline import Face, Segment, area
+from flexfem.mechanism.bodies import Face, Segment, area
 from flexfem.validate.holes import differences
 from flexfem.verify.errors import grid_convergence
 

@@ -30,12 +30,11 @@ from flexfem.fem.mesh import (
 )
 from flexfem.fem.mesher import Job
 from flexfem.fem.sectors import build_mesh, sector_drawing
+from flexfem.mechanism.bodies import BODIES, area, draw_sector
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.bodies import BODIES, draw_sector
-from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.outline import area
-from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-12  # mm on coordinates up to 70 mm: a few roundings
 ON_ARC = 1e-8  # mm; OpenCASCADE draws to its own tolerance

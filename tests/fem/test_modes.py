@@ -29,10 +29,10 @@ from flexfem.fem.plane_stress import Plate, integration, matrices_of, stiffness_
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import plate_of, tie_hub
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, payload_matrix
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.drives import drive_of
-from flexfem.stage.inertia import Payload, carried, drawn_inertia, payload_matrix
-from flexfem.stage.schema import load_stage
 from flexfem.units import DENSITY as DENSITY_UNIT
 from flexfem.validate.vibrating import tapered
 from flexfem.verify.modes import payload_of, vibration

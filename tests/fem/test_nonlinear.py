@@ -37,8 +37,8 @@ from flexfem.fem.tangent import (
     tangent,
     tangent_matrices,
 )
+from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import CHAIN_TURN, turned
 from flexfem.validate.bending import PRINTED, tip
 
 BEAM = 3e-5  # a bar 400 times as long as high is a Bernoulli beam to (h/L)^2, and its mesh is as fine

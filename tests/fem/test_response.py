@@ -19,9 +19,9 @@ from flexfem.fem.response import (
     platform_response,
     tie_hub,
 )
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.designs import CHAIN_TURN, stage_frames, turned
-from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off
 THREEFOLD = 1e-10  # symmetry of the solution on an exactly symmetric mesh: conditioning times round-off

@@ -21,11 +21,10 @@ from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.plane_stress import integration
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
+from flexfem.mechanism.bodies import area, draw_sector, necks
+from flexfem.mechanism.designs import CHAIN_TURN, turned
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.bodies import draw_sector, necks
-from flexfem.stage.designs import CHAIN_TURN, turned
-from flexfem.stage.outline import area
-from flexfem.stage.schema import HINGE_NAMES, Stage
 from flexfem.verify.errors import grid_convergence
 
 CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area

@@ -17,7 +17,7 @@ from flexfem.fem.response import platform_response
 from flexfem.fem.sectors import Sector, joined, mesh_sectors
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress
 from flexfem.fem.solid_response import solid_response
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.validate.wedges import curved_cells, unsupported
 
 SAME = 1e-9  # relative; the same equations by another route, both refined until their balances hold

@@ -9,9 +9,9 @@ import pytest
 
 from flexfem.commands.baseline.inputs import keys_of
 from flexfem.files.keypath import key_path, path_of
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import load_feasible, load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
-from flexfem.stage.schema import load_feasible, load_stage
 from flexfem.study.loaded import load_study
 
 ENTRIES = ((3, "base", "radius_mm", 3.7), (1, "platform", "neck_mm", 0.43), (2, "base", "neck_mm", 0.57))

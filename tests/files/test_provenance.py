@@ -10,8 +10,8 @@ import pytest
 
 from flexfem.commands.comparisons import print_results
 from flexfem.files.provenance import is_assumed
+from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import doubt_note, markdown_report
-from flexfem.stage.schema import load_stage
 from flexfem.study.loaded import load_study
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+from flexfem.mechanism.bodies import Segment
+from flexfem.mechanism.drawing import part_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.study import study_parts
 from flexfem.page.study_asked import range_of
@@ -19,9 +22,6 @@ from flexfem.page.study_tables import marks_table
 from flexfem.plot.study import named
 from flexfem.plot.study_chart import chart_figure
 from flexfem.plot.study_records import Source, map_of
-from flexfem.stage.contour import part_of
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import load_stage
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Marks, findings
 from flexfem.study.loaded import LoadedStudy

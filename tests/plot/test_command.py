@@ -11,10 +11,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
 import flexfem as package
+from flexfem.mechanism.drives import drive_of
 from flexfem.plot.command import command_figure, plot_forces, plot_open_loop, plot_strokes
 from flexfem.plot.drive_sketch import plot_drive
 from flexfem.plot.stage import outline_of
-from flexfem.stage.drives import drive_of
 from flexfem.verify.open_loop import OpenLoop
 
 from ..conftest import stored

@@ -12,6 +12,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
+from flexfem.mechanism.stage import load_feasible
 from flexfem.plot import style
 from flexfem.plot.displacement import deformed_figure, largest_stress, name_of_place, plot_displacement
 from flexfem.plot.hinge_sketch import hinge_rows, hinge_sketch
@@ -19,7 +20,6 @@ from flexfem.plot.marks import clamped_edges, curves, edges_of, hatch_ground, lo
 from flexfem.plot.model_sketch import links_of_chain, mobility_line, model_sketch
 from flexfem.plot.stage import neck_figure, plot_stage, stage_figure
 from flexfem.plot.style import rendered
-from flexfem.stage.schema import load_feasible
 
 PICTURES = {
     "stage": lambda made, model: stage_figure(model, made.fields()),

@@ -12,6 +12,7 @@ import pytest
 from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
+from flexfem.mechanism.keys import keys
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study import named, write_study_figures
 from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
@@ -30,7 +31,6 @@ from flexfem.plot.study_scatter import (
 )
 from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Refused, Shown, findings
 from flexfem.study.loaded import LoadedStudy, load_study

@@ -11,8 +11,8 @@ import pytest
 from flexfem.commands import comparisons, stage_tables, tables
 from flexfem.commands.plain import plain
 from flexfem.commands.progress import print_status
+from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
-from flexfem.stage.schema import load_stage
 from flexfem.validate.compare import CrossCheck
 from flexfem.validate.records import Check, Finding
 from flexfem.validate.registry import BenchmarkTable, markdown_page

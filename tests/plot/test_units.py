@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexfem.mechanism.keys import keys
 from flexfem.plot.text import percent, round_factor, scientific, significant
-from flexfem.stage.keys import keys
 from flexfem.study.outputs import outputs_of
 from flexfem.units import (
     COMMANDS,

@@ -16,7 +16,7 @@ from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
 from flexfem.verify.result_files import write_result
 
-from ..synthesis.recorded import recorded
+from ..design.recorded import recorded
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 

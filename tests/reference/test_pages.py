@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.analytic.formulas import formulas
 from flexfem.files.refusals import Problem, needed
+from flexfem.hinges.formulas import formulas
+from flexfem.mechanism.actuators import catalogue
+from flexfem.mechanism.materials import materials
 from flexfem.reference.formats import FORMATS
 from flexfem.reference.keys import tables_of
 from flexfem.reference.pages import PAGES, page
 from flexfem.refused import BadInput
-from flexfem.stage.materials import materials
-from flexfem.stage.stacks import catalogue
 from flexfem.study.meanings import MEANINGS
 from flexfem.study.outputs import outputs_of
 from flexfem.validate.manual import VERIFIES, manual

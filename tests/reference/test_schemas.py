@@ -20,12 +20,12 @@ from pydantic import ValidationError
 
 from flexfem.files.json_schema import UNIT
 from flexfem.files.writing import toml_text
+from flexfem.mechanism.materials import read_materials
+from flexfem.mechanism.stage import load_stage
 from flexfem.reference.formats import FORMATS
 from flexfem.reference.keys import example_of, tables_of
 from flexfem.reference.schemas import FILE, schema_of, write_schemas
 from flexfem.refused import BadInput
-from flexfem.stage.material_files import read_materials
-from flexfem.stage.schema import load_stage
 from flexfem.units import UNITS
 
 ROOT = Path(__file__).parents[2]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.mechanism.actuators import Actuator, CataloguedStack, catalogue, hertz
+from flexfem.mechanism.drives import contacts, drive_of
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.actuators import Actuator
-from flexfem.stage.drives import contacts, drive_of
-from flexfem.stage.schema import Stage, load_feasible
-from flexfem.stage.stacks import CataloguedStack, catalogue, hertz
 from flexfem.verify.driven import Driven, limits_of_forces
 
 BASE = {"name": "base", "between": ("frame", "link 1"), "point": (44.0, -36.5), "direction": np.pi / 2, "pair": True}

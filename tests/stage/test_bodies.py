@@ -12,12 +12,22 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexfem.mechanism.bodies import (
+    BODIES,
+    Face,
+    Segment,
+    area,
+    centrelines,
+    draw_sector,
+    necks,
+    notch_side,
+    polygon_points,
+    turn,
+)
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import BODIES, centrelines, draw_sector, necks, notch_side, turn
-from flexfem.stage.designs import CHAIN_TURN, stage_frames
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.outline import Face, Segment, area, polygon_points
-from flexfem.stage.schema import HINGE_NAMES, Stage
 
 ROUND_OFF = 1e-9  # mm; coordinates near 70 mm, after a dozen turns and tangents
 GRID = 1e-9  # mm; polygons of neighbouring thirds differ by a rounding where they meet

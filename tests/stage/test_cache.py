@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.stage.bodies import cut_angle, draw_sector, lug_side, necks
-from flexfem.stage.cache import once
-from flexfem.stage.designs import frames, stage_frames
-from flexfem.stage.schema import CHAINS, Stage
+from flexfem.mechanism.bodies import cut_angle, draw_sector, lug_side, necks
+from flexfem.mechanism.designs import frames, stage_frames
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage import CHAINS, Stage
 
 from ..conftest import UNLIKE, StageMaker
 

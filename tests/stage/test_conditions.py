@@ -10,10 +10,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.feasibility import PAIRS, broken, check_closed_form, conditions, describe
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.designs import Designs, lower
-from flexfem.stage.feasibility import PAIRS, broken, check_closed_form, conditions, describe
-from flexfem.stage.schema import Stage
 
 COUNT = 300
 

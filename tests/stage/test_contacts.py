@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.stage.bodies import centrelines
-from flexfem.stage.contacts import SPREAD, bend_stresses, share_beyond, spread, station
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.bodies import centrelines
+from flexfem.mechanism.contacts import SPREAD, bend_stresses, share_beyond, spread, station
+from flexfem.mechanism.stage import load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 GRID = 0.05  # of the sums below: cells cross the edges of the strip, which reaches a hundredth beyond

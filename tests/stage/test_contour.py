@@ -10,11 +10,10 @@ import shapely
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
+from flexfem.mechanism.bodies import Segment, area, draw_sector, polygon_points
+from flexfem.mechanism.drawing import cut_path, part_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector
-from flexfem.stage.contour import cut_path, part_of
-from flexfem.stage.outline import Segment, area, polygon_points
-from flexfem.stage.schema import Stage
 
 from .test_bodies import CHANGES, OVERRIDES, about
 

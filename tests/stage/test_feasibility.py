@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import Stage, load_feasible
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.stage.designs import CHAIN_TURN, Frames, direction, frames, stage_frames, turned
-from flexfem.stage.schema import HINGE_NAMES
+from flexfem.mechanism.designs import CHAIN_TURN, Frames, direction, frames, stage_frames, turned
+from flexfem.mechanism.stage import HINGE_NAMES
 
 ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings
 LENGTHS = np.array([31.0, 33.5, 25.0])

@@ -7,17 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from flexfem.stage.bodies import draw_sector
-from flexfem.stage.inertia import (
+from flexfem.mechanism.bodies import (
     Payload,
+    Segment,
+    area,
     area_moments,
     body_moments,
     carried,
     carried_out_of_plane,
+    draw_sector,
     drawn_inertia,
     payload_matrix,
+    polygon_points,
+    polyline,
 )
-from flexfem.stage.outline import Segment, area, polygon_points, polyline
 
 from ..conftest import UNLIKE, with_changes
 

@@ -12,7 +12,7 @@ import pytest
 import flexfem
 from flexfem import sources
 from flexfem.commands.baseline.inputs import keys_of
-from flexfem.stage import materials
+from flexfem.mechanism import materials
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.verify.summary import summary

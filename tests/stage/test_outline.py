@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from flexfem.stage.outline import Segment, area, polygon_points, polyline, reverse
+from flexfem.mechanism.bodies import Segment, area, polygon_points, polyline, reverse
 
 ROUND_OFF = 1e-12  # relative; sums of a dozen products of numbers near one
 PLACE = 3.7 - 11.3j  # shapes away from the origin, so that no term of Green's theorem vanishes by luck

@@ -21,15 +21,15 @@ from pydantic import ValidationError
 from flexfem.files.lines import MAX_DEPTH, KeyPath
 from flexfem.files.provenance import key_paths, numeric_key_paths
 from flexfem.files.toml import MAX_BYTES, read_toml
-from flexfem.refused import BadInput
-from flexfem.stage.designs import elastic, out_of_plane
-from flexfem.stage.schema import (
+from flexfem.mechanism.designs import elastic, out_of_plane
+from flexfem.mechanism.stage import (
     CHAINS,
     HINGE_NAMES,
     Stage,
     load_stage,
 )
-from flexfem.stage.tables import scopes_of
+from flexfem.mechanism.stage_file import scopes_of
+from flexfem.refused import BadInput
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 PATIENCE = 15.0  # s of processor time for a hostile file of at most 1 MiB; they take 1.5 s, quadratic reading minutes

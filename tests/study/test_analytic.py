@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.analytic.chains import concentration, neck_stress
-from flexfem.analytic.formulas import FORMULAS
-from flexfem.analytic.kinematics import FREEDOMS_BY_MOBILITY
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.stiffness import inverse_kinematics, stiffness
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
 from flexfem.arrays import Array, inverse
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.hinges.strength import concentration, neck_stress
+from flexfem.mechanism.bodies import draw_sector, polygon_points
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.feasibility import check_closed_form, check_feasible
+from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
-from flexfem.stage.bodies import draw_sector
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.feasibility import check_closed_form, check_feasible
-from flexfem.stage.outline import polygon_points
-from flexfem.stage.tables import Plane
 from flexfem.study.answer import answer
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy

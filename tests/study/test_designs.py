@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import HINGE_NAMES, load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
-from flexfem.stage.schema import HINGE_NAMES, load_stage
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.sampling import sample
 

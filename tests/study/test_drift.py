@@ -11,8 +11,8 @@ import pytest
 
 import flexfem
 from flexfem.files.writing import toml_text
+from flexfem.mechanism.keys import keys
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
 from flexfem.study.answer import answer
 from flexfem.study.designs import judge, stage_of
 from flexfem.study.sampling import sample

@@ -9,10 +9,9 @@ import pytest
 from scipy.optimize import linprog
 
 from flexfem.arrays import Array
+from flexfem.mechanism.drives import drive_of, drives_of
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.driven_designs import drives_of
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import Stage
 from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy, load_study

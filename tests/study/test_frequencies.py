@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.dynamics import dynamics
 from flexfem.analytic.model import analyse
+from flexfem.analytic.responses import dynamics
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.designs import stage_of

@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexfem.stage.overrides import OF_ACTUATORS, Override
-from flexfem.stage.schema import Hinge
+from flexfem.mechanism.stage import Hinge
+from flexfem.mechanism.stage_file import OF_ACTUATORS, Override
 from flexfem.study.loaded import LoadedStudy
 
 Place = tuple[str | int, ...]

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage_file import Override
 from flexfem.refused import BadInput
-from flexfem.stage.keys import keys
-from flexfem.stage.overrides import Override
 from flexfem.study.loaded import load_study
 from flexfem.study.outputs import outputs_of
 

@@ -15,9 +15,9 @@ from flexfem.fem.gmsh_process import MeshTimeout
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import Override
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.overrides import Override
-from flexfem.stage.schema import Stage
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS

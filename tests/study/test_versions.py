@@ -20,7 +20,7 @@ SOURCES = {
     "fem/mesh.py": "def mesh(x, size=4.0):\n    start('flexfem.fem.mesher')\n    return 2.5 * x + size\n",
     "fem/mesher.py": "LIMIT = 3\n",
     "stage/__init__.py": "",
-    "stage/schema.py": "SMALLEST = 1e-6\n",
+    "mechanism/stage.py": "SMALLEST = 1e-6\n",
     "verify/alternatives.py": "ACROSS = 8\n",
     "plot/style.py": "INK = 1\n",
     "data/chart.json": "[1.0]\n",
@@ -41,7 +41,7 @@ OTHER = [
     ("fem/mesh.py", "+", "-"),
     ("fem/mesh.py", "4.0", "5.0"),
     ("fem/mesher.py", "3", "4"),
-    ("stage/schema.py", "1e-6", "1e-7"),
+    ("mechanism/stage.py", "1e-6", "1e-7"),
     ("stage/__init__.py", "", "x = 1"),
     ("data/chart.json", "1.0", "1.1"),
 ]
@@ -73,7 +73,7 @@ def test_what_an_answer_loads_counts_and_what_shows_it_does_not() -> None:
     command = [sys.executable, "-c", script, *map(str, studies)]
     loaded = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True, timeout=60).stdout.split()
     paths = {Path(each).relative_to(ROOT / "flexfem").as_posix() for each in loaded}
-    assert {"fem/factor.py", "analytic/notch.py", "study/sampling.py"} <= paths
+    assert {"fem/factor.py", "hinges/formulas.py", "study/sampling.py"} <= paths
     assert {path for path in paths if not counts(path)} == set()
     for path in ("commands/cli.py", "plot/style.py", "study/run.py", "validate/beams.py", "verify/alternatives.py"):
         assert (ROOT / "flexfem" / path).exists() and not counts(path), path

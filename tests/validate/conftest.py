@@ -15,7 +15,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plane_stress import Plate
 from flexfem.fem.response import Response, plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.schema import Stage, load_stage
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.validate import compare, frequencies
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"

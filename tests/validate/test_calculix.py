@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from flexfem.fem.response import platform_response
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.schema import Stage
 from flexfem.validate import calculix
 from flexfem.validate.compare import cross_check, thin_tolerance
 

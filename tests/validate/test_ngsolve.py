@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexfem.fem.response import platform_response
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import Stage
 from flexfem.validate import ngsolve
 from flexfem.validate.compare import NGSOLVE, cross_check, field_difference, pose_difference
 from flexfem.validate.frequencies import FULL

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, analyse
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.feasibility import check_feasible
-from flexfem.stage.schema import load_stage
 from flexfem.study.designs import stage_of
 from flexfem.verdicts.arguments import ACROSS
 from flexfem.verdicts.claims import load_claims

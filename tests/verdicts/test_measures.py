@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import at_pose
-from flexfem.analytic.links import body_compliance
+from flexfem.analytic.elastic_bodies import body_compliance
+from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import analyse, assemble
-from flexfem.stage.designs import lower
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.stage import load_stage
 from flexfem.verdicts.claims import Claim
 from flexfem.verdicts.evidence import Evidence, Metal, ModelErrors
 from flexfem.verdicts.measures import MEASURES

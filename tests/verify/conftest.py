@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.stage import load_stage
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,16 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import close_loops
-from flexfem.analytic.formulas import FORMULAS
-from flexfem.analytic.kinematics import AXIAL
+from flexfem.analytic.large import close_loops
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.stiffness import stiffness
+from flexfem.analytic.paper import AXIAL, stiffness
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.schema import load_stage
 from flexfem.verify import alternatives as other
 from flexfem.verify import other_elements as meshed
 from flexfem.verify import other_stages as made

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.verdicts import verdict
 from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.errors import command_convergence, compliance_bands, grid_convergence

@@ -11,9 +11,9 @@ import pytest
 
 import flexfem
 from flexfem.analytic.model import analyse
+from flexfem.mechanism import designs
+from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import BadInput
-from flexfem.stage import designs
-from flexfem.stage.schema import load_feasible
 from flexfem.verify import budget as module
 from flexfem.verify.budget import budget, thick_compliance
 from flexfem.verify.case import DIRECTIONS, LoadedCase

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flexfem.fem.response import load_case
+from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.refused import BadInput
-from flexfem.stage.schema import load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 

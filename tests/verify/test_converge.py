@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.stage import load_stage
 from flexfem.verify.converge import converge
 
 PATH = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

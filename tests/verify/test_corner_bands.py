@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 
 ROOT = Path(__file__).parents[2]
 KEPT = np.load(Path(__file__).with_name("corner_bands.npz"))

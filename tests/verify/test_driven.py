@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import assemble
-from flexfem.analytic.stiffness import inverse_kinematics, stiffness
+from flexfem.analytic.paper import inverse_kinematics, stiffness
 from flexfem.fem.drive import neck_wrenches
 from flexfem.fem.response import plate_of
+from flexfem.mechanism.contacts import Push, Stack
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import ComputationFailed
-from flexfem.stage.contacts import Push, Stack
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.command import command as answer
 from flexfem.verify.driven import CRITERIA, commands_for, driven, limits_of_forces, moved, shares
 from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, rotations, stresses

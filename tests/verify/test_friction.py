@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.drive import driven_model
 from flexfem.analytic.model import assemble
-from flexfem.analytic.stiffness import stiffness
+from flexfem.analytic.paper import stiffness
+from flexfem.analytic.responses import driven_model
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import load_stage
 from flexfem.verify.command import command
 from flexfem.verify.driven import driven
 from flexfem.verify.driven_models import across, commanding, driven_metal

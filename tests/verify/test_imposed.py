@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from flexfem.analytic.drive import driven_model
-from flexfem.analytic.kinematics import KINDS, freedoms_of
 from flexfem.analytic.model import analyse, hinge_compliance
+from flexfem.analytic.paper import KINDS, freedoms_of
+from flexfem.analytic.responses import driven_model
 from flexfem.fem.drive import driven_response
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
+from flexfem.mechanism.contacts import couple_names, hinge_couples
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.refused import BadInput
-from flexfem.stage.couples import couple_names, hinge_couples
-from flexfem.stage.designs import stage_frames
-from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.case import LoadedCase
 from flexfem.verify.driven import held
 from flexfem.verify.errors import error_matrix

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 import flexfem
-from flexfem.analytic.fatigue import equivalent
+from flexfem.hinges.strength import equivalent
 from flexfem.plot.life import life_figure, plot_life
 from flexfem.verify.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 

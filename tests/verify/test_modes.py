@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.analytic.dynamics import dynamics
 from flexfem.analytic.model import analyse
+from flexfem.analytic.responses import dynamics
 from flexfem.fem.modes import modes
 from flexfem.fem.sectors import build_mesh
-from flexfem.stage.inertia import Payload
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.bodies import Payload
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.modes import ABOVE_THIRD, frequency_convergence, natural_modes, vibration
 
 from ..conftest import ROOT, UNLIKE, with_changes

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.stage.designs import lower, stage_frames
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.verify.driven import moved
 from flexfem.verify.driven_models import commanding, stresses
 from flexfem.verify.neck_limits import NeckForces, NeckSections, limits_of_necks, neck_forces, per_command, sections_of

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.preload import loaded, serial
+from flexfem.analytic.large import loaded, serial
 from flexfem.fem.preload import preloaded
 from flexfem.fem.response import plate_of
-from flexfem.stage.contacts import FOLLOWS
-from flexfem.stage.drives import drive_of
-from flexfem.stage.schema import load_stage
+from flexfem.mechanism.contacts import FOLLOWS
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import load_stage
 from flexfem.verify.command import command
 from flexfem.verify.driven import Motion, driven
 from flexfem.verify.driven_models import carried_by, commanding, driven_metal

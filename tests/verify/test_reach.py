@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexfem.mechanism.contacts import Push, Stack
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.contacts import Push, Stack
-from flexfem.stage.designs import lower
-from flexfem.stage.drives import StageDrive, drive_of
-from flexfem.stage.schema import Stage, load_stage
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.drive_ranges import drive_answers
 from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares

@@ -13,7 +13,7 @@ import pytest
 import flexfem
 from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.layers import layered
-from flexfem.stage.schema import Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid
 from flexfem.verify.solid_report import SolidReport

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.analytic.chart import thickness_factors
-from flexfem.stage.schema import Stage
+from flexfem.hinges.chart import thickness_factors
+from flexfem.mechanism.stage import Stage
 from flexfem.verify.solid import SolidLevels, bands_of, solve_solid
 
 ROOT = Path(__file__).parents[2]

@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexfem.analytic.formulas import FORMULAS
 from flexfem.analytic.model import analyse
 from flexfem.fem.response import LoadCase
-from flexfem.stage.schema import load_stage
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.stage import load_stage
 from flexfem.verify import warning
 from flexfem.verify.answers import report_load
 from flexfem.verify.protocol import solve_stage

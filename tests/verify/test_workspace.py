@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.equilibrium import at_pose, tangents
+from flexfem.analytic.large import at_pose, tangents
 from flexfem.analytic.model import analyse, assemble
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
+from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import ComputationFailed
-from flexfem.stage.schema import load_feasible
 from flexfem.verdicts.claims import load_claims
 from flexfem.verify import workspace as module
 from flexfem.verify.case import DIRECTIONS

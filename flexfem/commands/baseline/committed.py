@@ -12,10 +12,9 @@ from flexfem.fem.mesh import StageMesh, check_mesh
 from flexfem.fem.sectors import build_mesh
 from flexfem.files.digest import digest_of_arrays
 from flexfem.files.writing import read_arrays, write_atomically
+from flexfem.mechanism.bodies import Segment, draw_sector, turn
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.bodies import draw_sector, turn
-from flexfem.stage.outline import Segment
-from flexfem.stage.schema import Stage
 
 COARSE = 2  # triangles across the necks of a committed mesh
 ON_OUTLINE = 1e-6  # mm

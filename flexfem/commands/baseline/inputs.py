@@ -15,9 +15,9 @@ from pydantic import BaseModel
 from flexfem.commands.baseline.moves import MISSING, Leaf, became, leaves, printable
 from flexfem.files.keypath import key_path
 from flexfem.files.toml import read_toml, validate
+from flexfem.mechanism.stage import load_stage
+from flexfem.mechanism.stage_file import of_drive, of_heat
 from flexfem.refused import BadInput
-from flexfem.stage.schema import load_stage
-from flexfem.stage.tables import of_drive, of_heat
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.case import Case
 

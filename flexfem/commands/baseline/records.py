@@ -23,8 +23,8 @@ from flexfem.fem.drive import driven_response
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.stage.schema import Stage, load_feasible
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed, workspace

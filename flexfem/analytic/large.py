@@ -1,0 +1,519 @@
+"""Finite displacements: equilibrium under load, and stacks under preload.
+
+Exact equilibrium under a load or at a pose, with closed loops at finite joint displacements.
+
+What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth away from rest follows from it.
+
+Stiffness of the driven stage with its stacks pushing: what internal forces, those of preloads too, add to (16).
+
+A stack that pushes with N against its opening g has the potential `-N g`. To the tangent stiffness it adds `-N g''`,
+beside the `k g' g'` of its own stiffness: in the terms of (16) the antagonistic load times the second-order influence
+coefficients of its contact.
+
+Two stacks on one line that push a body from both sides with equal forces leave no force in any neck. Their own terms
+remain: when the body turns by phi about a hinge of a still carrier, a push with a fixed direction through a point of
+the body that is h before the hinge, measured along the push, has the moment `N h phi` with the turn; a push that turns
+with the body, through a fixed point, has it against the turn. The partner has the same. Which of the two is meant, and
+which point, is `Stack.pivot`: normal to a smooth flat of the pushed body, through the centre of a ball on the carrier
+("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends
+is neither.
+
+Single stacks, unequal preloads and commands load the necks. Chains that carry a wrench w then add `-w x''` of their
+pose x, as in (16), and the stage is no longer where it was: the joints are taken to exact equilibrium first. An axial
+force of 10 N in the base hinges of the reference stage alone changes K_xx by 1.2 %.
+
+Here a chain is elastic joints in series, base to platform: hinges by rotation, axial and shear, in this order, as in
+`kinematics`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force
+along a notch does to the stiffness of the notch itself is not in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexfem.analytic.elastic_bodies import platform_compliance
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.paper import (
+    ROTATION,
+    Mechanism,
+    Stiffness,
+    apply,
+    chain_poses,
+    effective_load,
+    in_joint_order,
+    open_loops,
+    stiffness,
+    transposed,
+)
+from flexfem.analytic.responses import allowed_in, beyond, hinge_twists, link_pieces
+from flexfem.arrays import AnyArray, Array, Index, inverse
+from flexfem.mechanism.contacts import Follows, Push, Stack
+from flexfem.mechanism.designs import Frames, chain_rotation, stage_frames
+from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.refused import ComputationFailed
+
+STEP = 1e-9  # relative size of the last Newton step; the error it leaves is of second order, that is rounding
+ITERATIONS = 25
+LOAD_STEPS = (1, 4, 16, 64)
+LARGEST_TURN = 0.5  # rad in one iteration; beyond it Newton may land on another branch, so the load is divided
+
+
+class Equilibrium(NamedTuple):
+    """Exact equilibrium reached from rest; nan for a design whose loops are singular at rest.
+
+    pose : (..., 3), platform displacement, mm and rad.   load : (..., 3), on the platform, N and N mm.
+    displacement : (..., N), joint displacements, rad and mm.
+    residual : (...), sqrt of the energy of the remaining Newton step over the stored energy.
+    iterations : Newton iterations in all load steps together.
+    """
+
+    pose: Array
+    load: Array
+    displacement: Array
+    residual: Array
+    iterations: int
+
+
+def close_loops(of: Mechanism, displacement: Array) -> Array:
+    """All joint displacements (..., N) with the independent ones as given and the dependent ones closing the loops.
+
+    The dependent entries given are the start of Newton's method on the six gaps. nan where the loops cannot be
+    closed (a singular configuration, or independent displacements out of reach).
+    """
+    shape = np.broadcast_shapes(displacement.shape[:-1], of.springs.shape[:-1], of.frames.axes.shape[:-2])
+    phi = np.broadcast_to(displacement, (*shape, displacement.shape[-1]))
+    small = np.zeros(shape, dtype=bool)
+    for _ in range(ITERATIONS):
+        A_inverse, gap = open_loops(of.frames, of.joints, of.choice, phi)
+        step = -apply(A_inverse, gap)
+        change = in_joint_order(step[..., None], np.zeros((of.joints.mobility, 1)), of.choice)[..., 0]
+        phi = phi + change
+        small = _size(of, change) <= STEP * _size(of, phi)
+        if np.all(small | np.isnan(step).any(axis=-1)):
+            break
+    return np.where(small[..., None], phi, np.nan)
+
+
+def under_load(of: Mechanism, load: Array) -> Equilibrium:
+    """Equilibrium under a dead platform load (..., 3): force at the platform centre, moving with it, and moment.
+
+    Raises
+    ------
+    ComputationFailed: Newton on (13) with (16) as tangent does not converge even in the smallest load steps.
+    """
+    return _reach(of, np.asarray(load, dtype=float), hold=False)
+
+
+def at_pose(of: Mechanism, pose: Array) -> Equilibrium:
+    """Load that holds the platform exactly at the displacement `pose` (..., 3), mm and rad, and the joints there.
+
+    Raises
+    ------
+    ComputationFailed: as `under_load`; also when the pose is out of reach.
+    """
+    return _reach(of, np.asarray(pose, dtype=float), hold=True)
+
+
+def _reach(of: Mechanism, target: Array, hold: bool) -> Equilibrium:
+    shape = np.broadcast_shapes(target.shape[:-1], of.springs.shape[:-1], of.frames.axes.shape[:-2])
+    rest = np.zeros((*shape, of.springs.shape[-1]))
+    singular = np.isnan(np.broadcast_to(stiffness(of).K_uu, (*shape, 3, 3))).any(axis=(-2, -1))
+    iterations = 0
+    for steps in LOAD_STEPS:
+        phi, load = rest, np.zeros((*shape, 3))
+        for k in range(1, steps + 1):
+            goal = np.broadcast_to(target * (k / steps), (*shape, 3))
+            phi, load, used = _newton(of, phi, load, goal, hold)
+            iterations += used
+        done = ~np.isnan(phi).any(axis=-1)
+        if np.all(done | singular):
+            return _result(of, phi, load, iterations)
+    failed = np.argwhere(~(done | singular))
+    where = f", design {tuple(failed[0].tolist())} the first of {len(failed)}" if shape else ""
+    what = "holding the pose" if hold else "under the load"
+    raise ComputationFailed(
+        f"no equilibrium {what}{where}: Newton on (13) did not converge in {LOAD_STEPS[-1]} load steps; the target is"
+        " beyond a singular configuration or beyond buckling"
+    )
+
+
+def _newton(of: Mechanism, phi: Array, load: Array, goal: Array, hold: bool) -> tuple[Array, Array, int]:
+    """Joint displacements and load at `goal`, which is a load or (hold) a pose; nan where not converged."""
+    load = load if hold else goal
+    small: NDArray[np.bool_] = np.zeros(phi.shape[:-1], dtype=bool)
+    iterations = 0
+    for _ in range(ITERATIONS):
+        iterations += 1
+        change, dF = _step(of, phi, load, goal if hold else None)
+        load = load + dF
+        turn = np.max(np.abs(change) * (of.joints.kind == ROTATION), axis=-1, keepdims=True)
+        moved = close_loops(of, np.where(turn <= LARGEST_TURN, phi + change, np.nan))
+        small = _energy(of, change) <= STEP**2 * _energy(of, moved)
+        phi = moved
+        if np.all(small | np.isnan(phi).any(axis=-1)):
+            break
+    return np.where(small[..., None], phi, np.nan), load, iterations
+
+
+def _step(of: Mechanism, phi: Array, load: Array, pose: Array | None) -> tuple[Array, Array]:
+    """Change of all joints (..., N) and of the load: K_aa dphi_a = T_a + G_u^T dF, and G_u dphi_a = du if held."""
+    at = stiffness(of, phi, load)
+    first, C_aa = at.influence, at.C_aa
+    T_a = effective_load(of, first, phi, load)
+    dF = np.zeros_like(load)
+    if pose is not None:
+        dF = apply(at.K_uu, pose - first.pose - apply(first.G_u, apply(C_aa, T_a)))
+    dphi_a = apply(C_aa, T_a + transposed(first.G_u, dF))
+    return apply(first.G_a, dphi_a), dF
+
+
+def _result(of: Mechanism, phi: Array, load: Array, iterations: int) -> Equilibrium:
+    pose = chain_poses(of.frames, of.joints, phi).pose[..., 0, :]
+    change, _ = _step(of, phi, load, None)
+    stored = _energy(of, phi)
+    residual = np.sqrt(_energy(of, change) / np.where(stored > 0.0, stored, 1.0))
+    return Equilibrium(pose, load, phi, residual, iterations)
+
+
+def _energy(of: Mechanism, phi: Array) -> Array:
+    """Twice the energy in the joint springs (...), N mm."""
+    energy: Array = np.sum(of.springs * phi**2, axis=-1)
+    return energy
+
+
+def _size(of: Mechanism, phi: Array) -> Array:
+    """Largest joint displacement (...), rad, prismatic ones over the mean distance of the hinges from the centre."""
+    length = np.sqrt(np.mean(np.sum(of.frames.centres**2, axis=-1), axis=(-2, -1)))[..., None]
+    size: Array = np.max(np.abs(phi) / np.where(of.joints.kind == ROTATION, 1.0, length), axis=-1)
+    return size
+
+
+PLACES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # between two commands; more change nothing above rounding
+
+
+class Tangents(NamedTuple):
+    """Exact load (..., 3) at poses, and tangent stiffness (..., 3, 3) there with and without the second-order terms."""
+
+    load: Array
+    tangent: Array
+    without: Array
+
+
+class Missed(NamedTuple):
+    """Relative values (...), the largest over a box of poses.
+
+    position : distance of the linear from the exact position, rotations by the lever.
+    terms : change of the diagonal of the tangent compliance by the second-order terms.
+    """
+
+    position: Array
+    terms: Array
+
+
+def without_terms(of: Mechanism, at: Stiffness) -> Array:
+    """K_uu (..., 3, 3) at a configuration by (16) without `- tau_p o H_p - F_u o H_u`.
+
+    Notes
+    -----
+    What stays, `K_a + G_p^T K_p G_p` with the influence coefficients of the displaced stage, is `G_a^T k G_a` over all
+    springs k. Only both terms together mean something: in equilibrium their sum does not depend on which joints are
+    called independent, while each alone does and may be many times the sum.
+    """
+    R = np.linalg.qr(np.sqrt(of.springs)[..., :, None] * at.influence.G_a).R
+    half = at.influence.G_u @ inverse(R)
+    return inverse(half @ np.swapaxes(half, -1, -2))
+
+
+def tangents(of: Mechanism, poses: Array) -> Tangents:
+    """Load and tangent stiffness of the pseudo-rigid stage held at poses (..., 3). Raises ComputationFailed."""
+    exact = at_pose(of, poses)
+    at = stiffness(of, exact.displacement, exact.load)
+    return Tangents(exact.load, at.K_uu, without_terms(of, at))
+
+
+def along(commanded: Array, axis: int) -> Array:
+    """Poses (..., 3) of commands (...) along one axis."""
+    return np.asarray(commanded[..., None] * np.eye(3)[axis])
+
+
+def summed_loads(of: Mechanism, commanded: Array, axis: int) -> dict[str, Array]:
+    """Loads (n, 3) by summing the stiffness `tangent` and `without` along the way from rest, one of the commands (n,).
+
+    Raises ComputationFailed when a pose on the way is not reached.
+    """
+    half = np.diff(commanded)[:, None] / 2
+    found = tangents(of, along(commanded[:-1, None] + half * (1 + PLACES), axis))
+    loads = {}
+    for name in ("without", "tangent"):
+        steps = np.einsum("kq,kqi->ki", half * WEIGHTS, getattr(found, name)[..., axis])
+        total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        loads[name] = total - total[np.argmin(np.abs(commanded))]
+    return loads
+
+
+def at_every(of: Mechanism) -> Mechanism:
+    """The mechanism with one more leading axis, for poses: each of its designs at each of them."""
+    frames = Frames(of.frames.centres[..., None, :, :, :], of.frames.axes[..., None, :, :])
+    return of._replace(frames=frames, springs=of.springs[..., None, :])
+
+
+def missed(of: Mechanism, amplitude: Array, lever: ArrayLike) -> Missed:
+    """What linear positions and tangents miss at corners, edges and faces of a box of poses (3,), mm and rad.
+
+    Parameters
+    ----------
+    of : with leading axes (...) of designs, or none.   lever : (...), mm.
+
+    Raises ComputationFailed when one of the poses is not reached.
+    """
+    far = np.asarray(lever, dtype=float)
+    poses = amplitude * np.array([np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)])
+    each, scale = at_every(of), np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)[..., None, :]
+    found = tangents(each, poses)
+    off = np.linalg.norm((apply(stiffness(each).C_uu, found.load) - poses) * scale, axis=-1)
+    with_, less = (np.diagonal(inverse(K), axis1=-2, axis2=-1) for K in (found.tangent, found.without))
+    position = np.max(off / np.linalg.norm(poses * scale, axis=-1), axis=-1)
+    return Missed(position, np.max(np.abs(with_ / less - 1), axis=(-2, -1)))
+
+
+STACK_ITERATIONS = 25
+STACK_STEP = 1e-11  # of the energies' roots, of the last Newton step
+STACK_LARGEST_TURN = 0.3  # rad, of a joint: beyond it the stage has buckled, or the forces are far too large
+ROUND_OFF = 1e-12  # of the largest
+BLOCK = 256  # joints: as many rows of a matrix of all joints of a chain as are held at a time
+
+
+class ChainStack(NamedTuple):
+    """One stack seen by its chain, whose joints are k.
+
+    stack : its number.   pivot, push : mm, and a unit vector, complex, at rest.
+    near, far : (k,), share of the push on the body nearer the base, and on the other one, that is beyond each joint.
+    on_far : whether the pivot is on the far body and the direction that of the near one, or the other way about.
+    sign : 1 where the far body is the one that is pushed, else -1.
+    """
+
+    stack: int
+    pivot: complex
+    push: complex
+    near: Array
+    far: Array
+    on_far: bool
+    sign: float
+
+
+class ChainJoints(NamedTuple):
+    """One chain as elastic joints (k) of unit stiffness in series, base to platform.
+
+    place : (k,), their numbers in the stage.   v, turn : (k,), complex and real, twist of the platform centre at rest.
+    """
+
+    place: Index
+    v: AnyArray
+    turn: Array
+    contacts: tuple[ChainStack, ...]
+
+
+class Serial(NamedTuple):
+    """A stage of elastic joints with n stacks.
+
+    basis : (size, r), their motions in r unknowns: every hinge and the platform by itself, and pieces of links as they
+    go when a chain or a stack is loaded, which leaves out what is of second order in the forces over their stiffness.
+    """
+
+    n: int
+    chains: tuple[ChainJoints, ...]
+    basis: Array
+
+
+class Pulls(NamedTuple):
+    """A symmetric matrix (k, k): the upper triangle, diagonal included, is that of the product of two (m, k)."""
+
+    before: Array
+    after: Array
+
+    def reduced(self, V: Array) -> Array:
+        """V' M V of the matrix M with columns V (k, r), in blocks: M itself is large where there are many stacks."""
+        r = V.shape[1]
+        total, earlier = np.zeros((r, r)), np.zeros((len(self.before), r))
+        for start in range(0, len(V), BLOCK):
+            B, A, here = (part[..., start : start + BLOCK] for part in (self.before, self.after, V.T))
+            total += earlier.T @ (A @ here.T) + here @ np.triu(B.T @ A) @ here.T
+            earlier += B @ here.T
+        return np.asarray(total + total.T - (V.T * np.sum(self.before * self.after, axis=0)) @ V)
+
+
+class JointState(NamedTuple):
+    """Chains at joint displacements.
+
+    pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
+    pulls : by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
+    """
+
+    pose: Array
+    G: Array
+    J: Array
+    pulls: list[Pulls]
+
+
+class Loaded(NamedTuple):
+    """A stage in equilibrium with forces of its stacks and a load on the platform, in r unknowns.
+
+    pose : (3,), mm and rad, away from the stage without any.   inner : (r, r), second derivatives of energy and loads.
+    G : (9, r), change of the poses of the chains.   J : (n, r), of the openings.
+    """
+
+    pose: Array
+    inner: Array
+    G: Array
+    J: Array
+
+    def stiffness(self, stacks: Array) -> Array:
+        """Tangent stiffness (3, 3) of the platform with stacks of stiffness (n,), N/mm, that hold their strokes."""
+        inner, one = self.inner + (self.J.T * stacks) @ self.J, np.tile(np.eye(3), (3, 1))
+        K = one.T @ np.linalg.solve(self.G @ np.linalg.solve(inner, self.G.T), one)  # (16) to (18)
+        return np.asarray((K + K.T) / 2)
+
+    def stable(self, stacks: Array) -> bool:
+        """Whether the equilibrium keeps itself: every motion with closed loops takes energy."""
+        from scipy.linalg import null_space
+
+        free = null_space(np.concatenate([self.G[:3] - self.G[3:6], self.G[:3] - self.G[6:]]))
+        return bool(np.linalg.eigvalsh(free.T @ (self.inner + (self.J.T * stacks) @ self.J) @ free)[0] > 0)
+
+
+def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], follows: Follows) -> Serial:
+    """The joints of a stage by hinges, freedoms and, where it has them, elastic links of an analytic model of it."""
+    body = _body(stage) if result.links else np.zeros((9, 0))
+    shared, size = np.arange(body.shape[1]), body.shape[1]
+    chains, links = list[ChainJoints](), [np.zeros(size, dtype=bool)]
+    for chain in CHAINS:
+        mine = [(j, stack) for j, stack in enumerate(stacks) if stack.chain == chain - 1]
+        twists, shares, pieces = _joints(stage, chain, result, [push for _, stack in mine for push in stack.pushes])
+        place = np.concatenate([size + np.arange(twists.shape[1]), shared])
+        v, turn = twists[0] + 1j * twists[1], twists[2]
+        own = body[3 * chain - 3 : 3 * chain]
+        shares = np.pad(shares, ((0, 0), (0, len(shared))), mode="edge")  # beyond the platform's hinge is the platform
+        contacts = tuple(_contact(j, stack, shares[2 * k : 2 * k + 2], follows) for k, (j, stack) in enumerate(mine))
+        chains.append(ChainJoints(place, np.append(v, -own[0] - 1j * own[1]), np.append(turn, -own[2]), contacts))
+        links.append(pieces)
+        size += twists.shape[1]
+    of = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
+    return of._replace(basis=_basis(of, np.concatenate(links)))
+
+
+def _contact(number: int, stack: Stack, shares: Array, follows: Follows) -> ChainStack:
+    """A stack by what (2, k) of its pushes, on the pushed body and on its carrier, is beyond each joint."""
+    outwards = stack.pushes[0].body > stack.pushes[1].body
+    far, near = shares if outwards else shares[::-1]
+    spin = complex(*chain_rotation(stack.chain)[:2, 0])
+    on_far = outwards == (follows == "carrier")
+    return ChainStack(
+        number, spin * stack.pivot(follows), spin * stack.direction, near, far, on_far, 1.0 if outwards else -1.0
+    )
+
+
+def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]) -> tuple[Array, Array, Array]:
+    """Twists (3, k) of the joints of a chain, share (pushes, k) of each push beyond them, and which are of links."""
+    root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
+    G, allowed = hinge_twists(stage_frames(stage))[chain - 1], allowed_in(result.freedoms)[chain - 1] > 0
+    R, pieces = chain_rotation(chain - 1), link_pieces(stage, chain, pushes) if result.links else []
+    twists, shares, of_links = list[Array](), list[Array](), list[Array]()
+    for link in range(3):  # the pad or a link, then the hinge at its end
+        for _, c, at in (each for each in pieces if each.link == link):
+            twists.append(np.concatenate(list(R @ np.linalg.cholesky(c)), axis=1))
+            past = np.array([beyond(push, link, at) for push in pushes]).reshape(len(pushes), len(at))
+            shares.append(np.repeat(past, 3, axis=1))
+            of_links.append(np.ones(3 * len(at), dtype=bool))
+        twists.append((G[link] * root[link])[:, allowed[link]])
+        past = np.array([float(push.body > link) for push in pushes]).reshape(len(pushes), 1)
+        shares.append(np.repeat(past, twists[-1].shape[1], axis=1))
+        of_links.append(np.zeros(twists[-1].shape[1], dtype=bool))
+    return np.concatenate(twists, axis=1), np.concatenate(shares, axis=1), np.concatenate(of_links)
+
+
+def _body(stage: Stage) -> Array:
+    """Motions (9, 9) of the ends of the chains against the hub, of nine joints of unit stiffness."""
+    values, vectors = np.linalg.eigh(platform_compliance(stage, stage.elastic))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _basis(of: Serial, links: NDArray[np.bool_]) -> Array:
+    """The basis of `Serial`; links : (size,), which joints are pieces of links."""
+    at = moved(of, np.zeros(len(links)), np.zeros(9), np.zeros(of.n))
+    rows = np.concatenate([at.G, at.J])[:, links]
+    size = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, values, V = np.linalg.svd(rows / np.where(size > 0, size, 1.0), full_matrices=False)
+    kept = V[values > ROUND_OFF * np.max(values, initial=0.0)]
+    alone = np.flatnonzero(~links)
+    found = np.zeros((len(links), len(alone) + len(kept)))
+    found[alone, np.arange(len(alone))] = 1.0
+    found[links, len(alone) :] = kept.T
+    return found
+
+
+def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
+    """The chains at joint displacements (size,), with wrenches (9,) on their ends and forces (n,) of the stacks."""
+    size = len(eta)
+    at = JointState(np.zeros(9), np.zeros((9, size)), np.zeros((of.n, size)), [])
+    for i, chain in enumerate(of.chains):
+        phi, mine = eta[chain.place] * chain.turn, slice(3 * i, 3 * i + 3)
+        spun = np.exp(1j * np.append(0.0, np.cumsum(phi)))
+        slid = eta[chain.place] * chain.v * np.sinc(phi / (2 * np.pi)) * np.exp(0.5j * phi)
+        origin = np.append(0.0, np.cumsum(spun[:-1] * slid))  # where what was at the platform centre has gone, by joint
+        v = spun[:-1] * chain.v - 1j * chain.turn * origin[:-1]
+        end = v + 1j * chain.turn * origin[-1]
+        at.pose[mine] = origin[-1].real, origin[-1].imag, np.sum(phi)
+        at.G[mine, chain.place] = end.real, end.imag, chain.turn
+        before, after = [chain.turn], [(np.conj(complex(*wrench[mine][:2])) * 1j * end).real]
+        for contact in chain.contacts:
+            at.J[contact.stack, chain.place], nearer, farther = _opening(chain, contact, spun, origin, v)
+            before.append(force[contact.stack] * nearer)
+            after.append(farther)
+        at.pulls.append(Pulls(np.array(before), np.array(after)))
+    return at
+
+
+def _opening(
+    chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray
+) -> tuple[Array, Array, Array]:
+    """Derivative (k,) of the opening of a stack by the joints, and two vectors (k,), the first by the joint nearer
+    the base, the second by the farther one, whose products are its second derivatives.
+
+    Notes
+    -----
+    Where the pivot is on the far body, a joint nearer the base turns how it is moved by one beyond it; where it is on
+    the near body, seen from the far one, the other way about. Only joints between the two bodies count.
+    """
+    far, near = (-np.diff(share, prepend=1.0, append=0.0) for share in (of.far, of.near))
+    on, along = (far, near) if of.on_far else (near, far)
+    pivot, push = np.sum(on * (origin + spun * of.pivot)), of.push * np.sum(along * spun)
+    here = v + 1j * chain.turn * pivot
+    rate, swing = (np.conj(push) * here).real, of.sign * (np.conj(push) * 1j * here).real
+    nearer, farther = (chain.turn, swing) if of.on_far else (-swing, chain.turn)
+    return of.sign * (of.far - of.near) * rate, (1 - of.near) * nearer, of.far * farther
+
+
+def loaded(of: Serial, force: Array, load: Array) -> Loaded:
+    """Exact equilibrium with forces (n,) of the stacks, N, whichever way they move, and a dead load (3,) as in (16).
+
+    Raises ComputationFailed when Newton does not converge: the stage has buckled, or the forces are far too large.
+    """
+    V, one, r = of.basis, np.tile(np.eye(3), (3, 1)), of.basis.shape[1]
+    q, wrench, u = np.zeros(r), np.zeros(9), np.zeros(3)
+    for _ in range(STACK_ITERATIONS):
+        at = moved(of, V @ q, wrench, force)
+        G, J, inner = at.G @ V, at.J @ V, np.eye(r)
+        for chain, pulls in zip(of.chains, at.pulls, strict=True):
+            inner -= pulls.reduced(V[chain.place])
+        missing = np.concatenate([J.T @ force + G.T @ wrench - q, one @ u - at.pose, load - one.T @ wrench])
+        rows = [inner, -G.T, np.zeros((r, 3))], [G, np.zeros((9, 9)), -one], [np.zeros((3, r)), one.T, np.zeros((3, 3))]
+        step = np.linalg.solve(np.block(list(rows)), missing)
+        if np.linalg.norm(step[:r]) <= STACK_STEP * (np.linalg.norm(q) + np.linalg.norm(J.T * force)):
+            return Loaded(u + step[-3:], inner, G, J)
+        q, wrench, u = q + step[:r], wrench + step[r:-3], u + step[-3:]
+        if not max(np.max(np.abs((V @ q)[chain.place] * chain.turn)) for chain in of.chains) <= STACK_LARGEST_TURN:
+            break
+    raise ComputationFailed("no equilibrium with these forces of the stacks: they are at or beyond buckling")

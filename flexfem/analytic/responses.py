@@ -1,0 +1,464 @@
+"""What the analytic model says of drives, vibration and heat.
+
+The driven stage as one compliance of platform loads and stack forces, at any mobility, with elastic links or rigid.
+
+Flexibility method. Every section of a chain carries the wrench w of the platform's end and that of all pushes beyond
+it, Q f; a hinge, or a length of a link, of compliance c, all at the platform centre, moves what is beyond it by
+c (w + Q f). Of each chain, then, with sums over its hinges and links,
+
+    U = A w + B f,   opening of the stacks = B' w + D f,   A = sum c, B = sum c Q, D = sum Q' c Q
+
+where U is the same for all chains and their wrenches balance the load: no dependent joints are needed.
+
+Natural frequencies of the pseudo-rigid model: links and platform with the mass and inertia of their outlines.
+
+Seven bodies move, with three freedoms each: the platform and two links a chain. The flexibility method of `drive` gives
+the compliance C (21, 21) of their twists under wrenches on them, whatever freedoms the hinges have; its rank is the
+mobility. With their mass matrix M, the eigenvalues of `C M` are `1 / omega^2`. Every body is drawn up to the narrowest
+section of its hinges: half a notch moves with either side, that of the pad rests.
+
+Thermal drift by the pseudo-rigid model: chains that grow and bow, base hinges that the frame carries along.
+
+A chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
+difference t_i the hinges and elastic links take up: with the wrenches w_i of the chains on the platform
+
+    U = t_i + c_i w_i + sum_j B_ij w_j,    sum_i w_i = 0.
+
+The change dT and the gradient are about the platform's centre; before it, stage and frame are taken to be alike.
+The frame also strains and bows the edge that an elastic pad is clamped along (`warm_pad`): 1.1 % of the pose per
+gradient of the shipped stages.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.elastic_bodies import bar_density, platform_compliance
+from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.network import chain_compliance, neck_wrenches
+from flexfem.analytic.paper import KINDS, Freedoms, checked, mobility
+from flexfem.arrays import Array, inverse
+from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
+from flexfem.mechanism.bodies import (
+    Payload,
+    body_moments,
+    centrelines,
+    hub_moments,
+    inertia_of,
+    mass_per_area,
+    payload_matrix,
+)
+from flexfem.mechanism.contacts import LINKS, Push, Stack, Station, share_beyond
+from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, stage_frames
+from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.refused import BadInput
+
+PLATFORM = 3  # of `actuators.BODY_NAMES` and `bodies.BODIES`
+ROUND_OFF = 1e-12  # of the places of two ends of stations
+
+
+class DrivenModel(NamedTuple):
+    """Analytic answer to the loads of the platform and one newton of each of n stacks; leading axes are designs.
+
+    compliance : (..., 3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
+    necks : (..., 3 chains, 3 hinges, 3, 3 + n), wrench that each neck carries, at the platform centre.
+    """
+
+    compliance: Array
+    necks: Array
+
+
+class LinkParts(NamedTuple):
+    """What elastic links add to A (..., 3 chains, 3, 3), B (..., 3, 3, n) and D (..., n, n), `platform` (..., 9, 9)."""
+
+    A: Array
+    B: Array
+    D: Array
+    platform: Array
+
+
+def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None) -> DrivenModel:
+    """The driven stage by the hinges and freedoms of an analytic model of it, with elastic links where it has them.
+
+    Parameters
+    ----------
+    stacks : None takes the stage's own.
+
+    Raises BadInput for a stage without actuators.
+    """
+    stacks = drive_of(stage).stacks if stacks is None else stacks
+    elastic = link_parts(stage, stacks) if result.links else None
+    return driven(stage_frames(stage), result.hinges, result.freedoms, stacks, elastic)
+
+
+def driven(
+    frames: Frames,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    stacks: tuple[Stack, ...],
+    elastic: LinkParts | None = None,
+) -> DrivenModel:
+    """The driven stage; frames (..., 3, 3, 2), hinges (..., 3, 3) and wrenches of stacks of any number of designs.
+
+    nan for a design with a chain that has no compliance in some direction.
+    """
+    c, Q = hinge_compliances(frames, hinges, freedoms), beyond_hinges(stacks)
+    moving = c @ Q
+    A, B = np.sum(c, axis=-3), np.sum(moving, axis=-3)
+    D = np.einsum("...chan,...cham->...nm", Q, moving)
+    body = np.zeros((9, 9))
+    if elastic is not None:
+        A, B, D, body = A + elastic.A, B + elastic.B, D + elastic.D, elastic.platform
+    lead, n = B.shape[:-3], len(stacks)
+    W = inverse(body + np.einsum("ij,...iab->...iajb", np.eye(3), A).reshape(*lead, 9, 9))  # wrenches per opening
+    one, B = np.tile(np.eye(3), (3, 1)), B.reshape(*lead, 9, n)
+    C_uu = inverse(one.T @ W @ one)
+    T = on_hub(stacks) + one.T @ W @ B  # the load of the platform that a stack is as good as
+    moved = C_uu @ np.concatenate([np.broadcast_to(np.eye(3), (*lead, 3, 3)), T], axis=-1)
+    closed = np.concatenate([np.zeros((*lead, 9, 3)), B], axis=-1)
+    w = W @ (one @ moved - closed)
+    opened = np.swapaxes(T, -1, -2) @ moved
+    opened[..., 3:] += D - np.swapaxes(B, -1, -2) @ W @ B
+    carried = np.concatenate([np.zeros((*Q.shape[:-1], 3)), Q], axis=-1)
+    necks = w.reshape(*lead, 3, 1, 3, 3 + n) + carried
+    return DrivenModel(np.concatenate([moved, opened], axis=-2), necks)
+
+
+def hinge_compliances(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
+    """Compliance (..., 3 chains, 3 hinges, 3, 3) of each hinge at the platform centre: G k^-1 G^T."""
+    G, own = hinge_twists(frames), np.stack(np.broadcast_arrays(*hinges), axis=-1) * allowed_in(freedoms)
+    return np.asarray(np.einsum("...ak,...k,...bk->...ab", G, own, G))
+
+
+def hinge_twists(frames: Frames) -> Array:
+    """Twist (..., 3 chains, 3 hinges, 3, 3) of the platform centre by rotation, axial and shear of each hinge."""
+    x, y = frames.centres[..., 0], frames.centres[..., 1]
+    c, s = np.cos(frames.axes), np.sin(frames.axes)
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    return np.stack(
+        [np.stack(column, axis=-1) for column in ((y, -x, one), (c, s, zero), (-s, c, zero))], axis=-1
+    )  # as in `chains.chain_compliance`
+
+
+def allowed_in(freedoms: Freedoms) -> Array:
+    """Which freedoms (3 chains, 3 hinges, 3) hinges have, one or zero."""
+    return np.array([[[float(kind in hinge) for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
+
+
+def beyond_hinges(stacks: tuple[Stack, ...]) -> Array:
+    """Wrench (..., 3 chains, 3 hinges, 3, n) of one newton of each stack beyond each hinge, at the platform centre."""
+    Q = np.zeros((*_lead(stacks), 3, 3, 3, len(stacks)))
+    for j, stack in enumerate(stacks):
+        for push in stack.pushes:
+            if push.body in LINKS:
+                Q[..., stack.chain, : push.body, :, j] += stack.placed(push)[..., None, :]
+    return Q
+
+
+def on_hub(stacks: tuple[Stack, ...]) -> Array:
+    """Wrench (..., 3, n) of one newton of each stack on the platform."""
+    P = np.zeros((*_lead(stacks), 3, len(stacks)))
+    for j, stack in enumerate(stacks):
+        for push in stack.pushes:
+            if push.body == PLATFORM:
+                P[..., :, j] += stack.placed(push)
+    return P
+
+
+def _lead(stacks: tuple[Stack, ...]) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
+
+
+def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
+    """What pads, links and platform of one stage add to the compliances of its chains.
+
+    Raises BadInput when they cannot be drawn.
+    """
+    n = len(stacks)
+    A, B, D = np.zeros((3, 3, 3)), np.zeros((3, 3, n)), np.zeros((n, n))
+    for chain in CHAINS:
+        R = chain_rotation(chain - 1)
+        here = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
+        mine = [(j, push) for j, push in here if push.station is not None]  # the hub takes those on the platform
+        for link, c, at in link_pieces(stage, chain, [push for _, push in mine]):
+            Q = np.zeros((len(at), 3, n))
+            for j, push in mine:
+                Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
+            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
+            moved = c @ Q
+            B[chain - 1] += R @ np.sum(moved, axis=0)
+            D += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
+    return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
+
+
+class Pieces(NamedTuple):
+    """Pieces (q) of a line or arc of a chain's pad (link 0) or link: compliances (q, 3, 3) at the platform in the frame
+    of chain 1, and how far, mm, they are along the link."""
+
+    link: int
+    compliance: Array
+    at: Array
+
+
+def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
+    """Pieces of pad and links of a chain (1 to 3), base to platform; the ends of the stations of pushes part them."""
+    found = []
+    for link, path in enumerate(centrelines(stage, chain)):
+        begin = 0.0
+        here = [push.station for push in pushes if push.body == link and push.station is not None]
+        for segment in path:
+            for low, high in _parted(begin, begin + segment.length, here):
+                ends = (low - begin) / segment.length, (high - begin) / segment.length
+                c, share = bar_density(stage, stage.elastic, segment, *ends)
+                found.append(Pieces(link, c, begin + share * segment.length))
+            begin += segment.length
+    return found
+
+
+def _parted(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
+    """A length of a path in pieces, parted where stations begin and end; ends that differ by round-off are one."""
+    marks = {mark for each in stations for mark in (each.middle - each.half, each.middle + each.half)}
+    cuts = [begin, *sorted(mark for mark in marks if begin < mark < end), end]
+    least = ROUND_OFF * (abs(begin) + abs(end))
+    return list(pairwise([cut for cut, after in pairwise(cuts) if after - cut > least] + [end]))
+
+
+def beyond(push: Push, link: int, at: Array) -> Array:
+    """Share (q,) of a push on the links or the platform that is beyond places (q,), mm along a link (0 the pad)."""
+    if push.body == link and push.station is not None:
+        return share_beyond(push.station, at)
+    return np.full(len(at), float(push.body > link))
+
+
+ON_BODIES = 6 * len(CHAINS)  # twists of links
+FREEDOMS = 3 + ON_BODIES  # and of the platform
+
+
+class Dynamics(NamedTuple):
+    """Of n designs, or one without an axis: bodies in the order platform, then link 1 and link 2 of every chain.
+
+    compliance, mass : (..., 21, 21), of the bodies' twists x, y, theta at the platform centre: mm, rad, N, tonne.
+    rank : of the compliance, the mobility; its other eigenvalues are round-off.
+    """
+
+    compliance: Array
+    mass: Array
+    rank: int
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies (..., 21), rad/s, rising; inf for freedoms that the hinges do not have, nan for a design
+        without an answer."""
+        L = np.linalg.cholesky(self.mass)
+        A = np.swapaxes(L, -1, -2) @ self.compliance @ L
+        bad = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
+        values = np.linalg.eigvalsh(np.where(bad, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[..., ::-1]
+        held = (np.arange(FREEDOMS) >= self.rank) | (values <= 0)
+        found = np.where(held, np.inf, 1 / np.sqrt(np.where(held, 1.0, values)))
+        return np.where(bad[..., 0], np.nan, found)
+
+
+def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
+    """The dynamics of one stage by the hinges, freedoms and links of an analytic model.
+
+    Parameters
+    ----------
+    stacks : engaged ones, whose openings (n) are added to the compliance, for `engaged`.
+    """
+    pushes = (*on_bodies(stage if of.links else None), *stacks)
+    elastic = link_parts(stage, pushes) if of.links else None
+    C = driven(stage_frames(stage), of.hinges, of.freedoms, pushes, elastic).compliance
+    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
+    return Dynamics(C, M, FREEDOMS if of.links else of.mobility)
+
+
+def engaged(of: Dynamics, rates: Array) -> Dynamics:
+    """With stacks of stiffness (n,), N/mm, in the openings at the end of its compliance (21 + n, 21 + n)."""
+    C, root = of.compliance, np.sqrt(rates)
+    bodies, across, openings = C[:FREEDOMS, :FREEDOMS], C[:FREEDOMS, FREEDOMS:], C[FREEDOMS:, FREEDOMS:]
+    Y = root[:, None] * np.linalg.inv(np.eye(len(root)) + root[:, None] * openings * root) * root
+    return of._replace(compliance=bodies - across @ Y @ across.T)
+
+
+def many(
+    frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array, elastic: LinkParts | None = None
+) -> Dynamics:
+    """The dynamics of n designs; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`.
+
+    elastic : (n, ...) each, of `elastic_bodies`; None where links are rigid.
+    """
+    rank = mobility(freedoms) if elastic is None else FREEDOMS
+    return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass, rank)
+
+
+def elastic_bodies(stage: Stage) -> LinkParts:
+    """What elastic links add to the compliances of one stage, for the wrenches of `on_bodies`. Raises BadInput."""
+    return link_parts(stage, on_bodies(stage))
+
+
+def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Array:
+    """Mass matrix (..., 21, 21) of the moving bodies, about the platform centre.
+
+    Parameters
+    ----------
+    bodies : (..., 3 chains, 4 bodies, 4) of `inertia.body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
+    """
+    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal).matrix + payload_matrix(payload)
+    links = inertia_of(bodies, np.asarray(areal)[..., None, None]).matrix
+    M = np.zeros((*platform.shape[:-2], FREEDOMS, FREEDOMS))
+    M[..., :3, :3] = platform
+    for k, (chain, link) in enumerate((chain, link) for chain in range(len(CHAINS)) for link in LINKS):
+        at = slice(3 + 3 * k, 6 + 3 * k)
+        M[..., at, at] = links[..., chain, link, :, :]
+    return M
+
+
+def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
+    """Unit wrenches on the links as pushes: x, y, theta of link 1 and link 2 of every chain, in the stage's frame.
+
+    stage : to spread them over the middle of elastic links; None where links are rigid.
+    """
+    found = []
+    for chain in range(len(CHAINS)):
+        for link in LINKS:
+            place = None if stage is None else _whole(stage, chain + 1, link)
+            for wrench in np.eye(3) @ chain_rotation(chain):  # rows: the stage's directions in the chain's frame
+                push = Push(link, wrench, place)
+                found.append(Stack(chain, (push, Push(0, np.zeros(3), None))))
+    return tuple(found)
+
+
+def _whole(stage: Stage, chain: int, link: int) -> Station:
+    """The station that is a whole link: inertia acts all along it."""
+    path = centrelines(stage, chain)[link]
+    length = sum(segment.length for segment in path)
+    return Station(path, stage.chain.link_width, length / 2, length / 2)
+
+
+MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expansion"
+
+
+class WarmModel(NamedTuple):
+    """What n designs do per kelvin, per K/mm along x, per K/mm along y, the three cases of the last axis.
+
+    pose : (n, 3, 3 cases), of the platform, mm and rad.
+    reaction : (n, 3 chains, 3, 3 cases), of the ground on each chain about the platform's centre, N and N mm.
+    stress : (n, 3 chains, 3 hinges, 3 cases), largest von Mises stress at each neck, MPa.
+    """
+
+    pose: Array
+    reaction: Array
+    stress: Array
+
+
+class WarmBodies(NamedTuple):
+    """What n designs' elastic bodies do: compliance (n, 9, 9) of `body_compliance`, (n, 3, 3, 3) of `edge_motions`."""
+
+    compliance: Array
+    edges: Array
+
+
+class Expansions(NamedTuple):
+    """In-plane coefficients (n,), 1/K."""
+
+    stage: Array
+    frame: Array
+
+
+class DriftRates(NamedTuple):
+    """Of n designs: pose per kelvin (n, 3), mm and rad; largest translation and rotation per K/mm (n, 2)."""
+
+    uniform: Array
+    gradient: Array
+
+
+def require_expansion(stage: Stage, frame: bool = False) -> None:
+    """Raise BadInput where a stage states no expansion of its own, or, where it is asked for, none of its frame."""
+    if stage.material.expansion is None:
+        raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
+    if frame and stage.frame.expansion is None:
+        still = "one that expands as the stage does leaves the platform at rest"
+        raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {still}")
+
+
+def in_plane(designs: Designs) -> Expansions:
+    """What the plane problem sees of the expansions of stage and frame; a frame of none is as the stage.
+
+    Notes
+    -----
+    In plane strain the faces are held at the frame's strain across, and `nu (a - a_frame)` more goes into the plane.
+    """
+    own, frame = designs.expansion.T
+    frame = np.where(np.isnan(frame), own, frame)
+    return Expansions(own + designs.out_of_plane * (own - frame), frame)
+
+
+def rates_of(pose: Array) -> DriftRates:
+    """Rates of poses (n, 3, 3 cases), the largest over gradients of all directions.
+
+    Notes
+    -----
+    The translation is the largest singular value of the matrix (2, 2) of both gradients, in closed form; each may
+    have a direction of its own.
+    """
+    (a, b), (c, d), turn = np.moveaxis(pose[:, :, 1:], 0, -1)
+    moved = (np.hypot(a + d, c - b) + np.hypot(a - d, b + c)) / 2
+    return DriftRates(pose[:, :, 0], np.stack([moved, np.hypot(*turn)], axis=-1))
+
+
+def drift(
+    designs: Designs,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    stage_expansion: Array,
+    frame_expansion: Array,
+    bodies: WarmBodies | None = None,
+) -> WarmModel:
+    """Drift of n designs by hinges of compliances (n, 3, 3).
+
+    Parameters
+    ----------
+    stage_expansion, frame_expansion : (n,), 1/K, in the plane.
+    bodies : None where pads, links and platform are rigid.
+    """
+    chains = chain_compliance(designs.frames, hinges, freedoms)
+    gaps = misfits(designs, stage_expansion, frame_expansion)
+    n = len(gaps)
+    full = np.zeros((n, 9, 9))
+    if bodies is not None:
+        full += bodies.compliance
+        gaps = gaps + (frame_expansion - stage_expansion)[:, None, None, None] * bodies.edges
+    for chain in range(3):
+        part = slice(3 * chain, 3 * chain + 3)
+        full[:, part, part] += chains[:, chain]
+    S, E = inverse(full), np.tile(np.eye(3), (3, 1))
+    pull, t = E.T @ S, gaps.reshape(n, 9, 3)
+    pose = inverse(pull @ E) @ pull @ t
+    wrenches = (S @ (E @ pose - t)).reshape(n, 3, 3, 3)
+    necks: Wrench = neck_wrenches(designs.frames, wrenches)
+    stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
+    return WarmModel(pose, -wrenches, stress)
+
+
+def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
+    """Displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its hinges at rest.
+
+    Notes
+    -----
+    A free body has, per expansion and by 1 K, 1 K/mm along x and along y, at z = x + iy the displacements z, `z^2/2`
+    and `-i z^2/2` and the turns 0, y and -x. As rigid motions of the ground they are `(x, y, 0)`, `(r^2/2, 0, y)` and
+    `(0, r^2/2, -x)` at the platform's centre, whatever the path of the chain.
+    """
+    centres, axes = designs.frames
+    pad = designs.radius[:, :, 0] + designs.link_width[:, None]
+    ground = centres[:, :, 0] - pad[..., None] * direction(axes[:, :, 0])
+    x, y = np.moveaxis(ground, -1, 0)
+    none, half = np.zeros_like(x), (x**2 + y**2) / 2
+    grown = np.array([[x, half, none], [y, none, half], [none, y, -x]])
+    further = (frame_expansion - stage_expansion)[:, None, None, None]  # zero, not round-off, where they are the same
+    return np.asarray(further * np.moveaxis(grown, (0, 1), (2, 3)))

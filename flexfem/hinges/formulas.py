@@ -1,0 +1,344 @@
+"""Compliance formulas of hinges, with source and range.
+
+The circular hinge as three springs, after a named formula.
+
+The hinge formulas by name: the published ones, the calibrated one, and those of the user.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexfem import own
+from flexfem.arrays import Array
+from flexfem.files.refusals import one_line, shown
+from flexfem.hinges import beam
+from flexfem.hinges.beam import SHEAR_CORRECTION
+from flexfem.hinges.chart import hinge_chart
+from flexfem.refused import BadInput
+
+
+class Compliance(NamedTuple):
+    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled.
+
+    rotation : (...), 1/(N mm), angle of the two bodies per moment.
+    axial : (...), mm/N, stretch along the neck per force along it.
+    shear : (...), mm/N, sideways displacement per force across the neck at its centre.
+    """
+
+    rotation: Array
+    axial: Array
+    shear: Array
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A published hinge formula in dimensionless form, with what is known of its origin.
+
+    name : the key in `FORMULAS`.
+    source : citation.
+    status : how sure the printed form is, and what it was compared with.
+    valid : smallest and largest t/R for which the formula is meant (`status` says who says so).
+    rotation, axial, bending : pure numbers of t/R (see `beam`), None where the source states none.
+    """
+
+    name: str
+    source: str
+    status: str
+    valid: tuple[float, float]
+    rotation: Callable[[Array], Array]
+    axial: Callable[[Array], Array] | None = None
+    bending: Callable[[Array], Array] | None = None
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """The compliances that the source itself states; the others are Paros-Weisbord's."""
+        stated = (("rotation", self.rotation), ("axial", self.axial), ("shear", self.bending))
+        return tuple(freedom for freedom, function in stated if function is not None)
+
+    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
+        """Whether t/R is where the formula is meant to be used; shape of `radius` and `neck` broadcast.
+
+        `block_height` as for `compliance`.
+        """
+        tau = np.asarray(neck, dtype=float) / np.asarray(radius, dtype=float)
+        inside: NDArray[np.bool_] = (tau >= self.valid[0]) & (tau <= self.valid[1])
+        return inside
+
+    def compliance(
+        self,
+        radius: ArrayLike,
+        neck: ArrayLike,
+        thickness: ArrayLike,
+        youngs_modulus: ArrayLike,
+        poissons_ratio: ArrayLike,
+        block_height: ArrayLike | None = None,
+    ) -> Compliance:
+        """Compliances about the neck centre; arguments in mm and MPa broadcast against each other.
+
+        Parameters
+        ----------
+        block_height : height H of the bodies beside the notch, None for the notch's own, 2R + t. Published formulas
+            know the notch alone and leave it aside.
+
+        Notes
+        -----
+        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A).
+        Outside `in_range` the value is returned all the same: the caller reports it.
+        """
+        R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
+        tau = t / R
+        axial = (self.axial or beam.axial_paros_weisbord)(tau)
+        bending = (self.bending or beam.bending_closed)(tau)
+        stretch = axial if self.bending is not None else beam.axial_paros_weisbord(tau)
+        return Compliance(
+            rotation=self.rotation(tau) / (E * b * R**2),  # (2)
+            axial=axial / (E * b) + 0.0 * nu,  # (3)
+            shear=(bending + SHEAR_CORRECTION * 2.0 * (1.0 + nu) * stretch) / (E * b),
+        )
+
+
+@dataclass(frozen=True)
+class ChartedFormula(Formula):
+    """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated.
+
+    least_height : smallest H/h on the chart; there is no largest.
+    """
+
+    least_height: float = 1.0
+
+    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
+        """Whether t/R and H/h are on the chart; the arguments broadcast."""
+        return hinge_chart().covers(*_shape_of_notch(radius, neck, block_height))
+
+    def compliance(
+        self,
+        radius: ArrayLike,
+        neck: ArrayLike,
+        thickness: ArrayLike,
+        youngs_modulus: ArrayLike,
+        poissons_ratio: ArrayLike,
+        block_height: ArrayLike | None = None,
+    ) -> Compliance:
+        """As `Formula.compliance`, but nan outside `in_range`: a chart is not extrapolated.
+
+        Notes
+        -----
+        Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height: `flexfem/fem/hinge.py`.
+        """
+        b, E, nu = (np.asarray(v, dtype=float) for v in (thickness, youngs_modulus, poissons_ratio))
+        tau, eta = _shape_of_notch(radius, neck, block_height)
+        factors = hinge_chart().factors(tau, eta)
+        slender = super().compliance(radius, neck, b, E, 0.0)
+        stretch = 2.0 / (eta * (2.0 + tau))  # 2R/H
+        return Compliance(
+            rotation=factors.rotation * slender.rotation,
+            axial=factors.axial * slender.axial + 0.0 * nu,
+            shear=factors.shear * slender.shear + SHEAR_CORRECTION * 2.0 * nu * stretch / (E * b),
+        )
+
+
+def _shape_of_notch(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None) -> tuple[Array, Array]:
+    """t/R and H/h, broadcast."""
+    R, t = np.asarray(radius, dtype=float), np.asarray(neck, dtype=float)
+    high = 2.0 * R + t
+    tau, eta = np.broadcast_arrays(t / R, (high if block_height is None else np.asarray(block_height)) / high)
+    return tau, eta
+
+
+BEAM_RANGE = (1e-4, 2.0)
+EXPECTED = "expected finite positive numbers of the shape of t/R"
+LONGEST_SAID = 120  # characters of what a user's function raises
+
+_ENTRIES = (
+    Formula(
+        "paros-weisbord",
+        "J. M. Paros, L. Weisbord, How to design flexure hinges, Machine Design 37, 151-156 (1965)",
+        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam integral in our own"
+        " algebra. No published range: the range is where the algebra is tested. For t/R up to 1 beam theory itself is"
+        " up to 16 % too stiff against plane-stress finite elements",
+        BEAM_RANGE,
+        beam.rotation_paros_weisbord,
+        beam.axial_paros_weisbord,
+    ),
+    Formula(
+        "paros-weisbord-short",
+        "J. M. Paros, L. Weisbord (1965), approximation for t << R as widely printed",
+        "found in several public sources; axial with 2.57 as printed, the limit of (3) being 1 + pi/2 = 2.5708."
+        " Range ours: rotation within 1.3 % and axial within 5 % of the full form",
+        (1e-4, 0.1),
+        beam.rotation_paros_weisbord_short,
+        beam.axial_paros_weisbord_short,
+    ),
+    Formula(
+        "wu-zhou",
+        "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 (2002)",
+        "recalled; the same beam integrals as Paros-Weisbord in other algebra, equal to quadrature. No published range",
+        BEAM_RANGE,
+        beam.rotation_wu_zhou,
+        beam.axial_wu_zhou,
+    ),
+    Formula(
+        "lobontiu",
+        "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
+        "rotation and transverse form found in public code under his name, the book itself not seen; axial recalled."
+        " The same beam integrals in other algebra, equal to quadrature; the transverse form holds for a force at the"
+        " hinge's end and is moved to the centre here. No published range",
+        BEAM_RANGE,
+        beam.rotation_lobontiu,
+        beam.axial_lobontiu,
+        beam.bending_lobontiu,
+    ),
+    Formula(
+        "smith-chetwynd",
+        "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and Breach (1992)",
+        "coefficients found in public code, attribution recalled; range t < R < 5 t recalled",
+        (0.2, 1.0),
+        beam.rotation_smith_chetwynd,
+    ),
+    Formula(
+        "koster",
+        "M. P. Koster, Constructieprincipes voor het nauwkeurig bewegen en positioneren, Twente Univ. Press (1998)",
+        "recalled; 2 to 7 % from plane-stress finite elements. Published range not known, the range is the one of"
+        " that comparison",
+        (0.02, 1.0),
+        beam.rotation_koster,
+    ),
+    Formula(
+        "schotborgh",
+        "W. O. Schotborgh et al., Dimensionless design graphs for flexure elements, Precis. Eng. 29, 41-47 (2005)",
+        "recalled; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % off at 1. Published range not"
+        " known, the range is where it is within 3 %",
+        (0.02, 0.3),
+        beam.rotation_schotborgh,
+    ),
+    Formula(
+        "quadrature",
+        "the Timoshenko beam integrals by Gauss quadrature, our own",
+        "the slow reference of the closed forms; same range",
+        BEAM_RANGE,
+        beam.rotation_by_quadrature,
+        beam.axial_by_quadrature,
+        beam.bending_by_quadrature,
+    ),
+    ChartedFormula(
+        "calibrated",
+        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
+        "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
+        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
+        " hinge_chart_high.json",
+        hinge_chart().ratios,
+        beam.rotation_paros_weisbord,
+        beam.axial_paros_weisbord,
+        beam.bending_closed,
+        least_height=hinge_chart().least_height,
+    ),
+)
+
+FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
+
+
+def formulas() -> tuple[str, ...]:
+    """Names of the hinge formulas that are known, the user's own included."""
+    own.load()
+    return tuple(FORMULAS)
+
+
+def register_formula(
+    name: str,
+    function: Callable[[Array], Array],
+    *,
+    source: str,
+    valid: tuple[float, float],
+    axial: Callable[[Array], Array] | None = None,
+    bending: Callable[[Array], Array] | None = None,
+) -> Formula:
+    """Make a hinge formula of one's own known by a name, to every function that takes one.
+
+    Parameters
+    ----------
+    name : letters, digits and hyphens.
+    function : of t/R (...), gives `E b R^2 theta/M` (...), a pure number.
+    source : where it comes from, one line.
+    valid : smallest and largest t/R for which it is meant; outside, answers carry a warning.
+    axial, bending : as `function`, `E b dx/F_x` and the part `E b dy/F_y` of bending; None takes Paros-Weisbord's.
+
+    Raises
+    ------
+    BadInput
+        The name is taken by another formula or is none, `valid` is no range, or a function is none, raises, or does
+        not give finite positive numbers over `valid`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> own = flexfem.register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
+    >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
+    'plain'
+    """
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", name):
+        raise BadInput(f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens")
+    known = FORMULAS.get(name)
+    if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
+        raise BadInput(f"hinge formula {name!r} is known already, expected another name")
+    if not isinstance(source, str) or not source.strip():
+        raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
+    low, high = _ends(name, valid)
+    ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
+    for argument, given in (("function", function), ("axial", axial), ("bending", bending)):
+        if given is not None or argument == "function":
+            _check_own(f"hinge formula {name!r}: {argument}", given, ratio)
+    FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
+    return FORMULAS[name]
+
+
+def _ends(name: str, valid: Any) -> tuple[float, float]:
+    """The range of a formula of the user's. Raises BadInput when it is none."""
+    try:
+        low, high = map(float, valid)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 < low < high < np.inf:
+        raise BadInput(f"hinge formula {name!r}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
+    return low, high
+
+
+def _check_own(what: str, function: Any, ratio: Array) -> None:
+    """Refuse a function of the user's that is none, or has no values at t/R (...)."""
+    if not callable(function):
+        raise BadInput(f"{what} = {shown(function)}, expected a function of t/R")
+    try:
+        found = np.asarray(function(ratio))
+        good = found.shape == ratio.shape and np.all(np.isfinite(found) & (found > 0))
+    except Exception as error:  # the user's function may raise anything
+        said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID)
+        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}, {EXPECTED}") from None
+    if not good or found.dtype.kind not in "iuf":
+        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
+
+
+def formula(name: str) -> Formula:
+    """The registered formula; raises BadInput with the list of names when there is none."""
+    own.load()
+    if not isinstance(name, str) or name not in FORMULAS:
+        raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
+    return FORMULAS[name]
+
+
+def over_calibrated(ratio: Array, height: float, poissons_ratio: float) -> dict[str, Compliance]:
+    """Compliances of every formula, by name, over the calibrated ones of a full notch (H = h) at t/R (n,); fields (n,).
+
+    Those of the calibrated formula itself are at H/h = `height`: what the height of the blocks does. nan off the chart.
+    """
+    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)
+    found = {}
+    for name, entry in FORMULAS.items():
+        own = entry.compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
+        found[name] = Compliance(*(a / b for a, b in zip(own, full, strict=True)))
+    return found

@@ -1,0 +1,393 @@
+"""Piezo stacks with their catalogue, and the actuators of a stage file.
+
+Piezo stacks: their numbers, their stiffness in series with a contact, and the shipped catalogue.
+
+Actuators as a stage file says them: a piezo stack, or an antagonistic pair, between two bodies of every chain.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.files import quantities
+from flexfem.files.json_schema import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
+from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.toml import Label, Table, validate
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
+from flexfem.mechanism.materials import Material
+
+CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
+STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
+
+Stroke: TypeAlias = Annotated[
+    float, *quantities.above_zero(quantities.STROKE), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+]
+Rate: TypeAlias = Annotated[
+    float,
+    *quantities.above_zero(quantities.STACK_STIFFNESS),
+    *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3),
+]
+Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
+Voltage: TypeAlias = Annotated[float, *quantities.above_zero(quantities.VOLTAGE)]
+StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
+
+
+class StackRating(NamedTuple):
+    """A stack at its highest voltage: free stroke, mm, stiffness, N/mm, and blocking force, N, their product."""
+
+    stroke: float
+    stiffness: float
+    blocking_force: float
+
+
+class Numbers(NamedTuple):
+    """The numbers of actuators (...), inside units, as in `Actuator`; nan where nothing is said; x, y of its point."""
+
+    arm: AnyArray
+    tilt: AnyArray
+    x: AnyArray
+    y: AnyArray
+    direction: AnyArray
+    stroke: AnyArray
+    stiffness: AnyArray
+    blocking_force: AnyArray
+    contact_stiffness: AnyArray
+    ball_radius: AnyArray
+    ball_youngs_modulus: AnyArray
+    ball_poissons_ratio: AnyArray
+    preload: AnyArray
+
+
+GEOMETRY = Numbers._fields[:5]  # where the contact is
+
+
+def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike, loose: ArrayLike = False) -> Array:
+    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) and their contacts in series, on a metal (E, nu).
+
+    loose : (...), bool, balls that dent a steel end of the stack as well.
+    """
+    given = np.where(np.isnan(of.contact_stiffness), np.inf, of.contact_stiffness)
+    ball = tuple(
+        np.where(np.isnan(own), steel, own)
+        for own, steel in zip((of.ball_youngs_modulus, of.ball_poissons_ratio), STEEL, strict=True)
+    )
+    contact = np.where(np.isnan(of.ball_radius), given, hertz(of.ball_radius, of.preload, ball, (E, nu)))
+    behind = np.where(loose, 1 / hertz(of.ball_radius, of.preload, ball, STEEL), 0.0)
+    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact + behind))
+
+
+def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:
+    """Stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
+
+    Notes
+    -----
+    The approach is `(9 F^2 / (16 R E*^2))^(1/3)`, its slope `(6 R E*^2 F)^(1/3)`, with
+    `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
+    """
+    modulus = 1 / sum((1 - nu**2) / E for E, nu in (ball, flat))
+    return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))
+
+
+class CataloguedStack(Dimensioned):
+    """A stack of the shipped catalogue: stroke in mm, force in N, at its highest voltage, with their source."""
+
+    name: Label = Field(description="By which stage files name it", examples=["AE0505D16"])
+    maker: Label = Field(description="Who makes it", examples=["NEC/Tokin"])
+    voltage: Voltage = Field(alias="voltage_v", description="The highest", examples=[150.0])
+    stroke: Stroke = Field(alias="stroke_um", description="Free stroke at that voltage", examples=[17.4])
+    tolerance: Stroke = Field(alias="tolerance_um", description="Of the stroke, less than it", examples=[2.0])
+    blocking_force: Force = Field(alias="blocking_force_n", description="At that voltage", examples=[935.0])
+    source: Label = Field(description="Where the numbers come from", examples=["data sheet of the maker"])
+
+    @model_validator(mode="after")
+    def _plausible(self) -> CataloguedStack:
+        if not self.tolerance < self.stroke:
+            raise refusal("less than the stroke", "tolerance_um")
+        if not 1 <= self.blocking_force / self.stroke / 1e3 <= 5000:
+            raise refusal("1 to 5000 N/um with the stroke, as stacks have", "blocking_force_n")
+        return self
+
+
+class Catalogue(Table):
+    """The file of all stacks that are known by name."""
+
+    stack: tuple[CataloguedStack, ...] = Field(description="A stack, as many as wanted")
+
+
+@cache
+def catalogue() -> dict[str, CataloguedStack]:
+    """The shipped stacks by name. Raises BadInput for a number out of range."""
+    return {stack.name: stack for stack in validate(Catalogue, CATALOGUE).stack}
+
+
+Body: TypeAlias = Literal["frame", "link 1", "link 2", "platform"]
+HingeName: TypeAlias = Literal["base", "elbow", "platform"]
+HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
+BODY_NAMES: tuple[Body, ...] = get_args(Body)
+ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
+BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
+
+Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
+Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
+Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
+Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
+
+
+_OWN = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
+_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
+
+
+def _pushes(body: str) -> Rule:
+    return {"properties": {"between": {"items": [{}, {"const": body}]}}, "required": ["between"]}
+
+
+_RULES = (
+    when(
+        has("point_mm"),
+        both(has("direction_deg"), without("hinge", "arm_mm", "side", "tilt_deg")),
+        both(has("hinge", "arm_mm", "side"), without("direction_deg")),
+    ),
+    *(when(both(_pushes(link), has("hinge")), says("hinge", *ends)) for link, ends in ENDS.items()),
+    when(_pushes("platform"), without("hinge")),
+    {"not": _pushes("frame")},
+    when(
+        has("stack"),
+        without(*_OWN),
+        both(has(_OWN[0]), either(*(both(has(one), without(other)) for one, other in (_OWN[1:], _OWN[:0:-1])))),
+    ),
+    when(has("ball_radius_mm"), both(has("preload_n"), without("contact_stiffness_n_per_um")), without(*_BALL)),
+)
+
+
+class Actuator(Dimensioned):
+    """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
+
+    name: Label = Field(
+        description="By which it is named: `actuator.base.preload_n`; no other has it", examples=["base"]
+    )
+    between: tuple[Body, Body] = Field(
+        description="The body that carries the stack, and the one that it pushes",
+        examples=[["frame", "link 1"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    hinge: HingeName | None = Field(
+        default=None, description="Of a contact on a link: the hinge at one of its ends from which `arm_mm` counts"
+    )
+    arm: Length | None = Field(
+        default=None,
+        alias="arm_mm",
+        description="How far along the middle of the link, from the neck of `hinge`, the contact is; it goes where "
+        "the link goes",
+        examples=[10.0],
+    )
+    side: Literal["left", "right"] | None = Field(
+        default=None, description="Of the link, seen from the base, on which the contact is"
+    )
+    tilt: Tilt | None = Field(
+        default=None,
+        alias="tilt_deg",
+        description="By which the push is turned out of the inward normal of the link, counter-clockwise; by default "
+        "none",
+        examples=[5.0],
+    )
+    point: tuple[Coordinate, Coordinate] | None = Field(
+        default=None,
+        alias="point_mm",
+        description="Instead of `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, "
+        "in the frame of chain 1, whose origin is the platform centre",
+        examples=[[-40.0, 12.0]],
+    )
+    direction: Angle | None = Field(
+        default=None,
+        alias="direction_deg",
+        description="With `point_mm`: where the body is pushed, counter-clockwise from the x axis of chain 1",
+        examples=[90.0],
+    )
+    pair: bool = Field(
+        default=False,
+        description="Whether a partner on the opposite side of the body pushes back along the same line; the two are "
+        "commanded against each other, about half their stroke",
+    )
+    stack: StackName | None = Field(default=None, description="A name of the catalogue", examples=["AE0505D16"])
+    stroke: Stroke | None = Field(
+        default=None,
+        alias="stroke_um",
+        description="Instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`: free stroke at the highest "
+        "voltage",
+        examples=[17.4],
+    )
+    stiffness: Rate | None = Field(
+        default=None,
+        alias="stiffness_n_per_um",
+        description="Of the stack: blocking force over stroke",
+        examples=[53.7],
+    )
+    blocking_force: Force | None = Field(
+        default=None, alias="blocking_force_n", description="Of the stack at the highest voltage", examples=[935.0]
+    )
+    contact_stiffness: Rate | None = Field(
+        default=None,
+        alias="contact_stiffness_n_per_um",
+        description="Of the contact, instead of a ball; without either the contact is rigid",
+        examples=[40.0],
+    )
+    ball_radius: Length | None = Field(
+        default=None,
+        alias="ball_radius_mm",
+        description="Of a ball between stack and body, by Hertz at the preload on the stage's metal",
+        examples=[2.0],
+    )
+    ball_loose: bool | None = Field(
+        default=None,
+        description="Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in "
+        "series, that of the end reported as assumed. By default it is fixed to the stack, as the dome of its tip: one "
+        "contact, which is reported as assumed where it is not stated",
+        examples=[True],
+    )
+    ball_youngs_modulus: Modulus | None = Field(
+        default=None,
+        alias="ball_youngs_modulus_gpa",
+        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
+        examples=[206.0],
+    )
+    ball_poissons_ratio: Poisson | None = Field(
+        default=None,
+        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
+        examples=[0.3],
+    )
+    preload: Preload = Field(
+        default=0.0,
+        alias="preload_n",
+        description="Force of every stack at rest, at most its blocking force: a contact can push only, and is lost "
+        "when it is used up. The two stacks of a pair bear it between them; that of a single stack stresses the "
+        "necks",
+        examples=[50.0],
+    )
+    friction: Friction | None = Field(
+        default=None,
+        description="Coefficient of Coulomb's friction at the contact: `flexfem command` says what it leaves of the "
+        "pose. Not stated: nothing is said",
+        examples=[0.15],
+    )
+
+    @field_validator("stack")
+    @classmethod
+    def _stack_is_known(cls, name: str | None) -> str | None:
+        if name is not None and name not in catalogue():
+            near = suggestion(name, catalogue())
+            raise refusal(f"a stack of the catalogue{near or ', one of ' + ', '.join(catalogue())}")
+        return name
+
+    @field_validator("between")
+    @classmethod
+    def _two_bodies(cls, between: tuple[Body, Body]) -> tuple[Body, Body]:
+        if between[0] == between[1]:
+            raise refusal("two bodies: the one that carries the stack and the one that it pushes")
+        if between[1] == "frame":
+            raise refusal("a body that moves in the second place, the pushed one; name the frame first")
+        return between
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Actuator:
+        on_link = {"hinge": self.hinge, "arm_mm": self.arm, "side": self.side}
+        anywhere = {"point_mm": self.point, "direction_deg": self.direction}
+        tilted = {"tilt_deg": self.tilt}
+        wanted, others = (anywhere, on_link | tilted) if self.point is not None else (on_link, anywhere)
+        for key, value in others.items():
+            if value is not None:
+                raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
+        if None in wanted.values():
+            raise refusal("where the contact is: hinge, arm_mm and side, or point_mm and direction_deg")
+        ends = ENDS.get(self.between[1], ())
+        if self.hinge is not None and self.hinge not in ends:
+            where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
+            raise refusal(where, "hinge")
+        return self
+
+    @model_validator(mode="after")
+    def _one_rating(self) -> Actuator:
+        own = {"stroke_um": self.stroke, "stiffness_n_per_um": self.stiffness, "blocking_force_n": self.blocking_force}
+        given = [key for key, value in own.items() if value is not None]
+        if self.stack is not None and given:
+            raise refusal(f"the numbers of the catalogue alone: leave out {given[0]} or stack", given[0])
+        if self.stack is None and (self.stroke is None or len(given) != 2):
+            raise refusal(
+                "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *given[:1]
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_contact(self) -> Actuator:
+        ball = dict(zip(_BALL, (self.ball_loose, self.ball_youngs_modulus, self.ball_poissons_ratio), strict=True))
+        if self.ball_radius is not None and self.contact_stiffness is not None:
+            raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
+        for key, value in ball.items():
+            if value is not None and self.ball_radius is None:
+                raise refusal("ball_radius_mm with it", key)
+        if self.ball_radius is not None and self.preload == 0:
+            raise refusal("a preload_n with it: a ball without preload has no stiffness", "ball_radius_mm")
+        return self
+
+    @model_validator(mode="after")
+    def _preload_is_borne(self) -> Actuator:
+        most = self.rating.blocking_force
+        if self.preload > most * (1 + BLOCKING_ROUND_OFF):
+            raise refusal(f"at most the blocking force of the stack, {most:g}", "preload_n")
+        return self
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Its `Numbers`; of a stack of the catalogue those of the catalogue."""
+        said = {name: getattr(self, name, None) for name in Numbers._fields}
+        said["x"], said["y"] = self.point or (None, None)
+        if self.stack is not None:
+            said["stroke"], said["blocking_force"] = self.rating.stroke, self.rating.blocking_force
+        return tuple(np.nan if value is None else float(value) for value in said.values())
+
+    @property
+    def rating(self) -> StackRating:
+        """Stroke, stiffness and blocking force of each of its stacks."""
+        if self.stack is not None:
+            known = catalogue()[self.stack]
+            return StackRating(known.stroke, known.blocking_force / known.stroke, known.blocking_force)
+        assert self.stroke is not None
+        if self.stiffness is not None:
+            return StackRating(self.stroke, self.stiffness, self.stroke * self.stiffness)
+        assert self.blocking_force is not None
+        return StackRating(self.stroke, self.blocking_force / self.stroke, self.blocking_force)
+
+    @property
+    def steel_assumed(self) -> bool:
+        """Whether its ball is of a metal that the file does not state."""
+        return self.ball_radius is not None and None in (self.ball_youngs_modulus, self.ball_poissons_ratio)
+
+    @property
+    def assumed_of_ball(self) -> list[str]:
+        """What of its ball, if it has one, is assumed because the file does not state it."""
+        held = {None: ["fixed to the stack"], True: ["steel end of the stack"], False: list[str]()}[self.ball_loose]
+        return ["steel"] * self.steel_assumed + (held if self.ball_radius is not None else [])
+
+    @property
+    def contact(self) -> str:
+        """What it touches the pushed body with, in words."""
+        if self.ball_radius is None:
+            return "a rigid contact" if self.contact_stiffness is None else "its contact of stated stiffness"
+        if self.ball_loose:
+            return "its loose ball, two contacts"
+        return f"its ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
+
+    def stiffness_with(self, metal: Material) -> float:
+        """Stiffness, N/mm, of stack and contact in series, the contact on this metal."""
+        numbers = Numbers(*map(np.asarray, self.numbers))
+        flat = metal.youngs_modulus, metal.poissons_ratio
+        return float(series_stiffness(numbers, self.rating.stiffness, *flat, loose=bool(self.ball_loose)))

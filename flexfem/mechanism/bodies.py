@@ -1,0 +1,472 @@
+"""The bodies of a stage: outlines of lines and arcs, mass and inertia.
+
+Outlines of lines and circular arcs: exact area, polygons, strips along a path. Points are complex numbers, in mm.
+
+The drawn stage: pads, links, platform and the notches between them, as loops of lines and arcs.
+
+All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
+
+Drawing rules (the stage file gives lines between hinges, these the bodies about them; `geometry/README.md` shows them):
+
+- Every body is as wide as the link. Pads are as long as they are wide, and clamped along their back edge.
+- A link is a strip along the shortest path of lines and arcs from neck to neck; its inner bends are rounded, because
+  a sharp re-entrant corner would spoil the convergence of the finite elements.
+- A notch is two quarter arcs on each side of the neck, cut through to the edge of the link.
+- The platform is a disc with a lug at each platform hinge. A side of a lug follows the hinge's own face where that
+  face meets the disc, else runs on along the neck into the disc, else goes tangentially to it.
+
+Mass and inertia of the drawn bodies, from their outlines: exact for lines and arcs.
+
+The hub is a disc of the stage's metal: it is left out of the meshed sectors because it is rigid, not because it is a
+hole. Masses are in tonne, so that N, mm and s go together: `1 kg/m^3 = 1e-12 tonne/mm^3`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
+from flexfem.refused import BadInput
+from flexfem.units import DENSITY
+
+SHORTEST = 1e-9  # mm; a wall of a notch as deep as its link has no length and is left out
+
+
+class Segment(NamedTuple):
+    """A line, or with a centre the circular arc (less than half a turn) from `start` to `end`."""
+
+    start: complex
+    end: complex
+    centre: complex | None = None
+
+    @property
+    def turn(self) -> float:
+        """Angle swept about the centre, rad, counter-clockwise positive; zero for a line."""
+        if self.centre is None:
+            return 0.0
+        return cmath.phase((self.end - self.centre) / (self.start - self.centre))
+
+    @property
+    def length(self) -> float:
+        """Length, mm."""
+        if self.centre is None:
+            return abs(self.end - self.start)
+        return abs(self.start - self.centre) * abs(self.turn)
+
+    def reversed(self) -> Segment:
+        """The same curve walked the other way."""
+        return Segment(self.end, self.start, self.centre)
+
+    def turned(self, angle: float) -> Segment:
+        """The same curve turned about the origin by `angle`, rad."""
+        r = cmath.exp(1j * angle)
+        return Segment(self.start * r, self.end * r, None if self.centre is None else self.centre * r)
+
+    def points(self, step: float) -> AnyArray:
+        """Points (n,), complex, from start (included) to end (excluded), one per `step` rad of arc."""
+        if self.centre is None:
+            return np.array([self.start])
+        n = max(2, int(np.ceil(abs(self.turn) / step)))
+        turned: AnyArray = np.exp(1j * self.turn * np.arange(n) / n)
+        return self.centre + (self.start - self.centre) * turned
+
+
+class Face(NamedTuple):
+    """A region to mesh, such as one body of a sector of the stage.
+
+    loop : closed counter-clockwise loop of segments.
+    labels : for each of them `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind`
+        (to the next sectors) or `free`.
+    """
+
+    loop: list[Segment]
+    labels: list[str]
+
+
+def reverse(path: Sequence[Segment]) -> list[Segment]:
+    """The path walked the other way."""
+    return [segment.reversed() for segment in reversed(path)]
+
+
+def polyline(*points: complex) -> list[Segment]:
+    """Lines through the points, without those of no length."""
+    return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
+
+
+def area(loop: Sequence[Segment]) -> float:
+    """Exact area enclosed by a closed counter-clockwise loop, mm^2.
+
+    Notes
+    -----
+    Green's theorem: the polygon of the end points, and for each arc its circular segment `r^2 (turn - sin turn) / 2`.
+    """
+    total = 0.0
+    for s in loop:
+        total += (s.start.conjugate() * s.end).imag / 2.0
+        if s.centre is not None:
+            total += abs(s.start - s.centre) ** 2 * (s.turn - np.sin(s.turn)) / 2.0
+    return total
+
+
+def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:
+    """Vertices (n, 2) of a polygon that follows the loop with one vertex per `step` rad of arc."""
+    z = np.concatenate([segment.points(step) for segment in loop])
+    return np.column_stack([z.real, z.imag])
+
+
+TIGHTEST_TURN = np.deg2rad(170.0)
+
+
+class Pose(NamedTuple):
+    """A point (complex, mm) and a heading (rad)."""
+
+    point: complex
+    heading: float
+
+    def ahead(self, distance: float) -> Pose:
+        """The pose moved straight along its heading."""
+        return Pose(self.point + distance * cmath.exp(1j * self.heading), self.heading)
+
+
+def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
+    """Shortest arc-line-arc path between two poses with arcs of one radius; None when every one makes a loop.
+
+    Notes
+    -----
+    L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece.
+    """
+    found = [(length, path) for a in (1, -1) for b in (1, -1) for length, path in _candidate(start, end, radius, a, b)]
+    return min(found, key=lambda item: item[0])[1] if found else None
+
+
+def _candidate(start: Pose, end: Pose, radius: float, first: int, last: int) -> list[tuple[float, list[Segment]]]:
+    """Path that turns to the side `first`, goes straight, turns to `last` (1 left, -1 right), with its length."""
+    c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
+    c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
+    offset = radius * (first - last)
+    straight_squared = abs(c1 - c0) ** 2 - offset**2
+    if straight_squared < SHORTEST**2:
+        return []
+    straight = float(np.sqrt(straight_squared))
+    heading = cmath.phase((c1 - c0) / complex(straight, -offset))
+    turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
+    if max(turns) > TIGHTEST_TURN:
+        return []
+    leave = c0 - 1j * first * radius * cmath.exp(1j * heading)
+    arrive = c1 - 1j * last * radius * cmath.exp(1j * heading)
+    pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
+    return [(radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST])]
+
+
+def _wrap(angle: float) -> float:
+    """The angle in [0, 2 pi), a full turn less round-off counted as none."""
+    wrapped = angle % (2 * np.pi)
+    return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)
+
+
+def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
+    """The path moved to its left by `distance`, mm (to its right when negative); lines and arcs stay lines and arcs."""
+    return [_offset_segment(segment, distance) for segment in path]
+
+
+def _offset_segment(segment: Segment, distance: float) -> Segment:
+    if segment.centre is None:
+        shift = 1j * distance * (segment.end - segment.start) / segment.length
+        return Segment(segment.start + shift, segment.end + shift)
+    scale = 1 - distance * np.sign(segment.turn) / abs(segment.start - segment.centre)
+    ends = [segment.centre + scale * (p - segment.centre) for p in (segment.start, segment.end)]
+    return Segment(ends[0], ends[1], segment.centre)
+
+
+FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
+LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
+NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
+BODIES = ("pad", "link 1", "link 2", "platform")
+
+
+@once
+def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
+    """Neck centres and directions of one chain (1 to 3), base to platform."""
+    placed = stage_frames(stage)
+    back = -(chain - 1) * CHAIN_TURN
+    centres = turned(placed.centres[chain - 1], back)
+    axes = placed.axes[chain - 1] + back
+    return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
+
+
+@once
+def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], ...]:
+    """Paths along the middle of pad, link 1 and link 2 of one chain, from notch to notch.
+
+    Raises BadInput when a link finds no room between its hinges.
+    """
+    poses, width = necks(stage, chain), stage.chain.link_width
+    radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
+    stub = FILLET * width
+    lines = [tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))]
+    for k in (1, 2):
+        leave, arrive = poses[k - 1].ahead(radii[k - 1]), poses[k].ahead(-radii[k])
+        bend = shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
+        if bend is None:
+            raise BadInput(
+                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for link {k} of "
+                f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge"
+            )
+        lines.append((*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)))
+    return tuple(lines)
+
+
+def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
+    """A path of one chain (1 to 3) in its place on the stage."""
+    return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
+
+
+def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
+    """The notch on one side (1 left, -1 right), walked along the neck: wall and arc, then arc and wall."""
+    along = cmath.exp(1j * neck.heading)
+    radius, across = hinge.radius, 1j * side * along
+    bottom = neck.point + hinge.neck / 2 * across
+    middle = bottom + radius * across
+    enter, leave = middle - radius * along, middle + radius * along
+    edge = (width / 2 - hinge.neck / 2 - radius) * across
+    return (
+        [*polyline(enter + edge, enter), Segment(enter, bottom, middle)],
+        [Segment(bottom, leave, middle), *polyline(leave, leave + edge)],
+    )
+
+
+def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
+    """One side (1 left, -1 right) of pad, link 1, link 2 and platform lug, each from neck to neck."""
+    width = stage.chain.link_width
+    lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
+    notches = [
+        notch_side(neck, stage.hinge(chain, name), width, side)
+        for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True)
+    ]
+    pad, first, second = ([*line, *notch[0]] for line, notch in zip(lines, notches, strict=True))
+    return [pad, notches[0][1] + first, notches[1][1] + second, [*notches[2][1], *lug_side(stage, chain, side)]]
+
+
+@once
+def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
+    """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
+
+    Raises BadInput when the lug cannot reach the disc.
+    """
+    neck, width = necks(stage, chain)[2], stage.chain.link_width
+    along = cmath.exp(1j * neck.heading)
+    across = 1j * side * along
+    corner = neck.ahead(stage.hinge(chain, "platform").radius).point + width / 2 * across
+    front, aside = -(corner / along).real, side * (-(corner / along)).imag  # the disc's centre seen from the corner
+    disc, fillet = stage.platform.radius, FILLET * width
+    if front < width - disc:
+        raise BadInput(
+            f"{_heading_of(stage, chain)}: the neck of chain {chain} points past the platform, "
+            f"expected the platform centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
+            f"hinge's face, is {front:g}"
+        )
+    if aside > 0 and front < disc:  # the hinge's own face meets the disc
+        return tuple(_filleted(corner, across, -along, disc, fillet))
+    if abs(aside) < disc - fillet:
+        return tuple(_filleted(corner, along, across, disc, fillet))
+    end = corner + LUG * width * along
+    touch = cmath.phase(end) - side * np.arccos(disc / abs(end))
+    return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
+
+
+def _heading_of(stage: StageContent, chain: int) -> str:
+    """The key of the file that turns the platform hinge of a chain, and its value."""
+    axis = stage.hinge(chain, "platform").axis
+    if axis is not None:
+        return f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(axis):.6g}"
+    return f"chain.joint_angles_deg = [{', '.join(f'{angle:.6g}' for angle in np.rad2deg(stage.chain.joint_angles))}]"
+
+
+def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
+    """A line from `start` that runs into the disc, with a fillet on the side `outside` (unit vectors)."""
+    height = ((start + fillet * outside) / outside).real
+    centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
+    foot = centre - fillet * outside
+    if ((foot - start) / heading).real < 0:
+        raise BadInput(
+            f"platform.radius_mm = {disc:g}, the platform swallows the platform hinge; expected a smaller disc or a "
+            "longer chain.link_lengths_mm[2]"
+        )
+    return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
+
+
+@once
+def cut_angle(stage: StageContent) -> float:
+    """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
+
+    Raises BadInput when the lugs leave no free rim between them.
+    """
+    seen = cmath.phase(sum(necks(stage, chain)[2].point for chain in (1, 2, 3)))
+    first, last = (
+        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * seen)) for chain in (1, 2, 3)]
+        for side in (1, -1)
+    )
+    covered = max(last) - min(first)
+    if covered > CHAIN_TURN - NARROWEST_RIM:
+        raise BadInput(
+            f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
+            f"each takes {np.rad2deg(covered):.0f} of 120 degrees"
+        )
+    return float(seen + (min(first) + max(last) - CHAIN_TURN) / 2)
+
+
+@once
+def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
+    """Draw the bodies of the sector of the stage that holds one chain (1 to 3).
+
+    Raises BadInput when they cannot be drawn.
+    """
+    left, right = (body_sides(stage, chain, side) for side in (1, -1))
+    faces = {}
+    sections = ["ground", *(f"neck {name}" for name in HINGE_NAMES)]
+    for k, (towards, back) in enumerate(zip(right, left, strict=True)):
+        start, end = Segment(back[0].start, towards[0].start), Segment(towards[-1].end, back[-1].end)
+        far = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
+        pieces = [(sections[k], [start]), ("free", towards), *far, ("free", reverse(back))]
+        path = [(segment, label) for label, piece in pieces for segment in piece]
+        faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
+    return MappingProxyType(faces)
+
+
+def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
+    """The part of the platform in a sector, from the end of the lug's right side to the end of its left side."""
+    first = cut_angle(stage)
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
+    return [
+        ("free", [Segment(rim.start, disc * ahead, 0j)]),
+        ("cut ahead", polyline(disc * ahead, hub * ahead)),
+        ("hub", [Segment(hub * ahead, hub * middle, 0j), Segment(hub * middle, hub * behind, 0j)]),
+        ("cut behind", polyline(hub * behind, disc * behind)),
+        ("free", [Segment(disc * behind, rim.end, 0j)]),
+    ]
+
+
+POINTS = 16  # of Gauss on each line or arc of less than half a turn: exact to round-off
+
+
+class Payload(NamedTuple):
+    """What the platform carries, its centre of mass at the platform's centre and in the mid-plane.
+
+    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every axis in its mid-plane.
+    """
+
+    mass: float = 0.0
+    inertia: float = 0.0
+    tilting: float = 0.0
+
+
+class Inertia(NamedTuple):
+    """Mass (...), tonne; first moments (..., 2), tonne mm, and polar second moment (...), tonne mm^2, of the origin."""
+
+    mass: Array
+    first: Array
+    second: Array
+
+    @property
+    def matrix(self) -> Array:
+        """Mass matrix (..., 3, 3) of a rigid body whose twist x, y, theta is that of its point at the origin."""
+        found = np.zeros((*np.shape(self.mass), 3, 3))
+        found[..., 0, 0] = found[..., 1, 1] = self.mass
+        found[..., 0, 2] = found[..., 2, 0] = -self.first[..., 1]
+        found[..., 1, 2] = found[..., 2, 1] = self.first[..., 0]
+        found[..., 2, 2] = self.second
+        return found
+
+
+def area_moments(loop: Sequence[Segment]) -> Array:
+    """Area, first moments in x and y, polar second moment about the origin (4,), mm^2 to mm^4, of a closed loop.
+
+    Notes
+    -----
+    By the divergence theorem with `z = x + i y` and `w = x dy - y dx` round the counter-clockwise loop: the integral
+    over the area of 1, z and |z|^2 is that of `w / 2`, `z w / 3` and `|z|^2 w / 4`.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    share, weights = (nodes + 1) / 2, weights / 2
+    total = np.zeros(4)
+    for s in loop:
+        if s.centre is None:
+            z, dz = s.start + share * (s.end - s.start), np.full(POINTS, s.end - s.start)
+        else:
+            spoke = (s.start - s.centre) * np.exp(1j * s.turn * share)
+            z, dz = s.centre + spoke, 1j * s.turn * spoke
+        w = weights * (np.conj(z) * dz).imag
+        total += [w.sum() / 2, (z.real * w).sum() / 3, (z.imag * w).sum() / 3, (np.abs(z) ** 2 * w).sum() / 4]
+    return total
+
+
+@once
+def body_moments(stage: StageContent) -> Array:
+    """Area moments (3 chains, 4 bodies, 4), mm^2 to mm^4, of pad, links and platform sector, in their places."""
+    found = np.empty((len(CHAINS), len(BODIES), 4))
+    for chain in CHAINS:
+        for k, face in enumerate(draw_sector(stage, chain).values()):
+            found[chain - 1, k] = _turned(area_moments(face.loop), (chain - 1) * CHAIN_TURN)
+    return found
+
+
+def _turned(moments: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    area, x, y, second = moments
+    return np.array([area, c * x - s * y, s * x + c * y, second])
+
+
+def hub_moments(stage: StageContent) -> Array:
+    """Area moments (4,), mm^2 to mm^4, of the hub's disc."""
+    r = stage.platform.hub_radius
+    return np.array([math.pi * r**2, 0.0, 0.0, math.pi * r**4 / 2])
+
+
+def inertia_of(moments: Array, areal: Array | float) -> Inertia:
+    """Of area moments (..., 4), mm^2 to mm^4, and mass per area (...), tonne/mm^2."""
+    scaled = moments * np.asarray(areal)[..., None]
+    return Inertia(scaled[..., 0], scaled[..., 1:3], scaled[..., 3])
+
+
+def mass_per_area(stage: StageContent) -> float:
+    """Thickness times density, tonne/mm^2."""
+    return stage.thickness * stage.material.density * DENSITY
+
+
+def carried(stage: StageContent, payload: Payload) -> Array:
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, which move as the pose."""
+    return inertia_of(hub_moments(stage), mass_per_area(stage)).matrix + payload_matrix(payload)
+
+
+def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and y.
+
+    Notes
+    -----
+    Of a disc of radius r and thickness b about a diameter `m (r^2 / 4 + b^2 / 12)`.
+    """
+    hub = inertia_of(hub_moments(stage), mass_per_area(stage))
+    tilting = hub.second / 2 + hub.mass * stage.thickness**2 / 12 + payload.tilting
+    return np.diag([hub.mass + payload.mass, tilting, tilting])
+
+
+def payload_matrix(payload: Payload) -> Array:
+    """Mass matrix (3, 3), tonne, tonne mm^2, of a payload at the platform centre."""
+    return np.diag([payload.mass, payload.mass, payload.inertia])
+
+
+def drawn_inertia(stage: StageContent) -> Inertia:
+    """Of all that is drawn, pads and hub included, about the platform centre."""
+    moments = body_moments(stage).sum(axis=(0, 1)) + hub_moments(stage)
+    return inertia_of(moments, mass_per_area(stage))

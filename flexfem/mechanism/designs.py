@@ -1,0 +1,237 @@
+"""The lowered form of stages: n designs as arrays. Both models start from it; one stage is n = 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexfem.arrays import Array, Index
+from flexfem.mechanism.actuators import Numbers
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.materials import SWT, Material
+from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Plane, StageContent, actuators_of
+
+CHAIN_TURN = 2.0 * np.pi / 3.0
+SHARED = ("plane", "prismatic")  # fields that all designs have in common
+
+
+class Frames(NamedTuple):
+    """Hinge frames of the stage at rest; leading axes are designs.
+
+    centres : (..., 3 chains, 3 hinges, 2), mm, the platform centre at the origin.
+    axes : (..., 3, 3), rad, direction of each neck from its base-side body to its platform-side body.
+    """
+
+    centres: Array
+    axes: Array
+
+
+class Elastic(NamedTuple):
+    """Constants that make the equations of plane stress those of a plane: E (...) in MPa, Poisson's ratio (...)."""
+
+    youngs_modulus: Array
+    poissons_ratio: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """n stages as arrays in inside units (mm, MPa, rad), the leading axis designs; nothing is checked.
+
+    plane : how all of them are made a plane problem.   prismatic : (3 chains, 3 hinges), bool, the same for all.
+    thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
+    density : (n,), kg/m^3, asked for by natural frequencies alone.
+    expansion : (n, 2), 1/K, of stage and frame, nan where not stated; for answers on heat alone.
+    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives alone.
+    link_lengths, joint_angles : (n, 3).
+    radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
+    actuator : (n, 3 chains, actuators, numbers), of `stacks.Numbers`, asked for by answers on the drive alone.
+    """
+
+    plane: Plane
+    prismatic: NDArray[np.bool_]
+    thickness: Array
+    youngs_modulus: Array
+    poissons_ratio: Array
+    yield_strength: Array
+    density: Array
+    expansion: Array
+    fatigue: Array
+    link_width: Array
+    platform_radius: Array
+    hub_radius: Array
+    link_lengths: Array
+    joint_angles: Array
+    radius: Array
+    neck: Array
+    axis: Array
+    actuator: Array
+
+    @cached_property
+    def frames(self) -> Frames:
+        """Hinge frames: centres (n, 3, 3, 2), axes (n, 3, 3)."""
+        return frames(self.link_lengths, self.joint_angles, self.axis)
+
+    @property
+    def elastic(self) -> Elastic:
+        """Elastic constants (n,) of the plane problem."""
+        return elastic(self.plane, self.youngs_modulus, self.poissons_ratio)
+
+    @property
+    def out_of_plane(self) -> Array:
+        """Ratio (n,) of `out_of_plane`."""
+        return out_of_plane(self.plane, self.poissons_ratio)
+
+    @property
+    def alike(self) -> bool:
+        """Whether the three chains are alike in every design, so that all are three-fold symmetric."""
+        parts = (self.prismatic[None], self.radius, self.neck, np.nan_to_num(self.axis, nan=np.inf))
+        return all(bool(np.all(part == part[:, :1])) for part in parts)
+
+    def repeated(self, count: int) -> Designs:
+        """`count` copies of one design, each to be changed in place."""
+        return self.chosen(np.zeros(count, dtype=np.int64))
+
+    def chosen(self, which: Index) -> Designs:
+        """Copies of some designs, by their places (k,)."""
+        names = [field.name for field in fields(self) if field.name not in SHARED]
+        copies: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
+        return replace(self, **copies)
+
+
+@once
+def lower(stage: StageContent) -> Designs:
+    """One stage as n = 1 designs, its arrays read-only."""
+    material, chain, platform = stage.material, stage.chain, stage.platform
+    hinges = [[stage.hinge(place, name) for name in HINGE_NAMES] for place in CHAINS]
+    arrays = {
+        "thickness": stage.thickness,
+        "youngs_modulus": material.youngs_modulus,
+        "poissons_ratio": material.poissons_ratio,
+        "yield_strength": material.yield_strength,
+        "density": material.density,
+        "expansion": _numbers(material.expansion, stage.frame.expansion),
+        "fatigue": _fatigue(material),
+        "link_width": chain.link_width,
+        "platform_radius": platform.radius,
+        "hub_radius": platform.hub_radius,
+        "link_lengths": chain.link_lengths,
+        "joint_angles": chain.joint_angles,
+        "radius": [[hinge.radius for hinge in row] for row in hinges],
+        "neck": [[hinge.neck for hinge in row] for row in hinges],
+        "axis": [[np.nan if hinge.axis is None else hinge.axis for hinge in row] for row in hinges],
+    }
+    found = {name: np.array([value], dtype=float) for name, value in arrays.items()}
+    numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
+    found["actuator"] = np.array([numbers], dtype=float).reshape(1, len(CHAINS), -1, len(Numbers._fields))
+    prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges], dtype=bool)
+    made = Designs(stage.model, prismatic, **found)
+    for each in (prismatic, *found.values(), *made.frames):
+        each.setflags(write=False)
+    return made
+
+
+def _fatigue(material: Material) -> list[float]:
+    constants = material.fatigue_strength_coefficient, material.fatigue_strength_exponent
+    walker = SWT if material.walker_exponent is None else material.walker_exponent
+    return [*_numbers(*constants), walker]
+
+
+def _numbers(*values: float | None) -> list[float]:
+    """Values, nan for those not stated."""
+    return [np.nan if value is None else value for value in values]
+
+
+def stage_frames(stage: StageContent) -> Frames:
+    """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
+    centres, axes = lower(stage).frames
+    return Frames(centres[0], axes[0])
+
+
+def elastic(plane: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
+    """Elastic constants (...) of a material in a plane; the arguments broadcast, MPa.
+
+    Notes
+    -----
+    Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors on
+    the hinges alone (`hinges/chart.py`): links are about as wide as thick.
+    """
+    E, nu = np.broadcast_arrays(np.asarray(youngs_modulus, dtype=float), np.asarray(poissons_ratio, dtype=float))
+    return Elastic(E / (1 - nu**2), nu / (1 - nu)) if plane == "plane_strain" else Elastic(E, nu)
+
+
+def out_of_plane(plane: Plane, poissons_ratio: ArrayLike) -> Array:
+    """The stress out of the plane over the sum of those in it (...): nu in plane strain, else 0."""
+    nu = np.asarray(poissons_ratio, dtype=float)
+    return nu if plane == "plane_strain" else np.zeros_like(nu)
+
+
+def envelope(designs: Designs) -> Array:
+    """Diameter (n,), mm, of the circle about the platform centre that holds platform, hinges and pads.
+
+    Notes
+    -----
+    The farthest corner: each notch is a box 2R long and as wide as the link, the pad behind a base hinge is as long as
+    it is wide. Only the outside of a link's bend can lie farther out, when it does not lead to a farther hinge.
+    """
+    centres, axes = designs.frames
+    along = direction(axes)
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) * 0.5 * designs.link_width[:, None, None, None]
+    back = designs.radius.copy()
+    back[:, :, 0] += designs.link_width[:, None]
+    ends = (centres + designs.radius[..., None] * along, centres - back[..., None] * along)
+    corners = [end + side * across for end in ends for side in (1.0, -1.0)]
+    farthest = np.max([np.hypot(corner[..., 0], corner[..., 1]) for corner in corners], axis=(0, 2, 3))
+    return np.asarray(2.0 * np.maximum(farthest, designs.platform_radius))
+
+
+def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) -> Frames:
+    """Place the hinges of three chains, 120 degrees apart, around a platform centred at the origin.
+
+    Parameters
+    ----------
+    link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform centre.
+    joint_angles : (..., 3), rad: relative angles at rest, as in (19).
+    axes : (..., 3, 3), rad, in the frame of chain 1 and turned with each chain; nan where the default holds: base
+        and elbow along link 1, platform along link 2. A neck has no arrow, so an axis and its opposite are the same.
+
+    Notes
+    -----
+    With (19) and (20) and the platform centre at the origin, `x_B = -(l1 e1 + l2 e2 + l3 e3)`.
+    """
+    heading = np.cumsum(np.asarray(joint_angles, dtype=float), axis=-1)
+    links = np.asarray(link_lengths, dtype=float)[..., None] * direction(heading)
+    centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
+    towards = direction(heading)
+    towards = np.stack(
+        [towards[..., 0, :], towards[..., 0, :] + towards[..., 1, :], towards[..., 1, :] + towards[..., 2, :]], axis=-2
+    )
+    default = np.stack([heading[..., 0], heading[..., 0], heading[..., 1]], axis=-1)[..., None, :]
+    given = np.full(3, np.nan) if axes is None else np.asarray(axes, dtype=float)
+    axis = np.where(np.isnan(given), default, given) + np.zeros((3, 3))
+    backwards = np.sum(direction(axis) * towards[..., None, :, :], axis=-1) < -1e-9
+    turns = CHAIN_TURN * np.arange(3.0)
+    return Frames(
+        turned(centres[..., None, :, :], turns[:, None]),
+        axis + np.where(backwards, np.pi, 0.0) + turns[:, None],
+    )
+
+
+def direction(angle: Array) -> Array:
+    """Unit vectors (..., 2) at the angles (...), rad."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def chain_rotation(chain: int) -> Array:
+    """Matrix (3, 3) that turns x, y, theta from the frame of chain 1 into that of the stage, chains from 0."""
+    c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def turned(points: Array, angle: Array | float) -> Array:
+    """Points (..., 2) turned about the origin by `angle` (...), rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1)

@@ -1,0 +1,202 @@
+"""Tables with units, validated at every construction, and results that are kept with them.
+
+Tables built in Python: by attribute names, in mm, N, MPa and rad, validated at every construction and every copy.
+
+`Dimensioned.model_validate` reads a table of a file: keys that end in their unit. Calling the class reads what Python
+says: names without a unit. Both hold the numbers to the same limits and give the same object.
+
+What was computed of a stage is kept with it: one design is drawn several times on its way from check to mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Annotated, Any, Concatenate, NamedTuple, ParamSpec, Self, TypeAlias, TypeVar
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationError,
+    ValidationInfo,
+)
+
+from flexfem.files import quantities
+from flexfem.files.json_schema import COUNT, keywords
+from flexfem.files.keypath import KeyPath, key_path
+from flexfem.files.refusals import merged, one_line, problem_of, shown, suggestion
+from flexfem.files.toml import Table
+from flexfem.refused import BadInput
+
+INSIDE = "inside units"
+
+
+class Conversion(NamedTuple):
+    """What makes a number of a file one inside, and about the way back."""
+
+    inside: Callable[[float], float]
+    back: Callable[[float], float]
+
+    def stated(self, value: float) -> float:
+        """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
+        near = [self.back(value)]
+        for _ in range(3):
+            near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
+        return min(near, key=lambda number: (abs(self.inside(number) - value), len(repr(number))))
+
+    def before(self, value: Any, info: ValidationInfo) -> Any:
+        """From Python's number to the file's, which the limits are about."""
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+        return self.stated(float(value)) if info.context == INSIDE and is_number else value
+
+    def dumped(self, value: float | None, info: SerializationInfo) -> float | None:
+        """In file units beside file keys."""
+        return self.stated(value) if info.by_alias and value is not None else value
+
+
+def converted(inside: Callable[[float], float], back: Callable[[float], float]) -> tuple[Any, ...]:
+    """Annotations of a number that files state in another unit than is held."""
+    of = Conversion(inside, back)
+    return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
+
+
+Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
+Strength: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STRENGTH)]
+Density: TypeAlias = Annotated[float, *quantities.above_zero(quantities.DENSITY)]
+Modulus: TypeAlias = Annotated[
+    float, *quantities.above_zero(quantities.MODULUS), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
+]
+Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
+LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
+LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): glass of no expansion but for what is measured; alloys
+
+
+_ALUMINIUM = " um/(m K), aluminium 23.6"  # not per kelvin, nor per cent
+_PER_KELVIN = converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6)
+Expansion: TypeAlias = Annotated[
+    float,
+    Field(ge=0, le=LARGEST_EXPANSION),
+    *quantities.zero_or(LEAST_EXPANSION, unit=_ALUMINIUM),
+    *_PER_KELVIN,
+]
+FrameExpansion: TypeAlias = Annotated[
+    float,
+    Field(ge=LOWEST_OF_FRAME, le=LARGEST_EXPANSION),
+    *quantities.zero_or(LEAST_OF_FRAME, signed=True, unit=_ALUMINIUM),
+    *_PER_KELVIN,
+]
+Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]
+
+
+class Dimensioned(Table):
+    """A table with two doors: `model_validate` for what a file says, the class itself for what Python says.
+
+    Notes
+    -----
+    What files state in another unit (GPa, degrees) is rounded to what a file can state, by at most one unit in the
+    last place, so that every table can be written and read back bit for bit.
+
+    Raises
+    ------
+    BadInput
+        A name is missing or unknown, or a value is not possible; one line with name, value and expectation.
+    """
+
+    def __init__(self, /, **values: Any) -> None:
+        given = plain(values)
+        try:
+            self.__pydantic_validator__.validate_python(
+                given, self_instance=self, context=INSIDE, by_alias=False, by_name=True
+            )
+        except ValidationError as error:
+            raise BadInput(f"{type(self).__name__}: {_sentence(type(self), given, error)}") from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables inside are validated, not called
+
+    @classmethod
+    def from_names(cls, values: Mapping[str, Any]) -> Self:
+        """The table with values by attribute name, as by calling the class."""
+        return cls(**values)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with values replaced by name, validated like any other."""
+        return self.from_names({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+
+    @classmethod
+    def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
+        """As calling the class: nothing is made without validation."""
+        return cls(**values)
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numbers of numpy, mappings and sequences as Python's own."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationError) -> str:
+    """The first thing wrong, and how many more there are."""
+    problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
+    first = problems[0]
+    key, more = key_path(first.path, given), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    fields = _fields(model, first.path[:-1])
+    if first.kind == "missing":
+        return f"{key} is missing{more}"
+    if first.kind == "extra_forbidden":
+        close = suggestion(str(first.path[-1]), fields)
+        return one_line(f"{key} is an unknown name{close or ', expected one of ' + ', '.join(fields)}{more}")
+    value: Any = given
+    for part in first.path:
+        value = value[part]
+    unit = fields.get(str(next((part for part in reversed(first.path) if isinstance(part, str)), "")), "")
+    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg", "_um")) else first.expected
+    return one_line(f"{key} = {shown(value)}, expected {expected}{more}" if key else f"expected {expected}{more}")
+
+
+def _fields(model: type[BaseModel], path: KeyPath) -> dict[str, str]:
+    """Names of the table at a path and the keys that files have for them."""
+    for part in path:
+        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
+        inner = (annotation, *getattr(annotation, "__args__", ()))
+        model = next((each for each in inner if isinstance(each, type) and issubclass(each, BaseModel)), model)
+    return {name: field.alias or name for name, field in model.model_fields.items() if name != "provenance"}
+
+
+Of = TypeVar("Of")  # a stage
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
+
+
+def once(compute: Callable[Concatenate[Of, Given], Found]) -> Callable[Concatenate[Of, Given], Found]:
+    """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
+
+    All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
+    """
+
+    @wraps(compute)
+    def keeping(stage: Of, /, *given: Given.args, **named: Given.kwargs) -> Found:
+        kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
+        key = (compute, given, tuple(named.items()))
+        if key not in kept:
+            kept[key] = _read_only(compute(stage, *given, **named))
+        found: Found = kept[key]
+        return found
+
+    return keeping
+
+
+def _read_only(found: Found) -> Found:
+    for part in found if isinstance(found, tuple) else (found,):
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+    return found

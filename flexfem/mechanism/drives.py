@@ -1,0 +1,392 @@
+"""The drive of one stage, and of many designs of it.
+
+The drive of a stage: every stack of every chain in its place, with what it can do and how it is commanded.
+
+The drives of many designs of one stage: contacts, ratings and limits as arrays.
+
+Contacts on a straight link, and their partners opposite, are placed in closed form, as `drives.drive_of` places them.
+What else there is, a contact on a bent link, at the end of one or anywhere by its point, is placed and looked at on the
+drawn outlines, once for every geometry among the designs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.actuators import (
+    BLOCKING_ROUND_OFF,
+    BODY_NAMES,
+    ENDS,
+    GEOMETRY,
+    Actuator,
+    Numbers,
+    series_stiffness,
+)
+from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector, turn
+from flexfem.mechanism.contacts import Push, Stack, middle_at, placed_stack, tangent_at
+from flexfem.mechanism.designs import CHAIN_TURN, Designs, chain_rotation
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
+from flexfem.refused import BadInput
+
+ON_OUTLINE = 0.01  # distance of a contact from the outline of its body, per link width: coordinates are rounded
+INTO = 0.1  # least cosine between the direction of a push and the inward normal
+
+
+class StageDrive(NamedTuple):
+    """The stacks (n) of a stage and the commands (m) that drive them, chain by chain, actuator by actuator.
+
+    Of many designs the numbers have a leading axis; what stacks there are, and their names, is the same for all.
+
+    stacks : in their places.   names : (m,), of the commands.
+    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
+    differential : (n, m), stroke of each stack beyond its rest per command: 1, and -1 for the partner of a pair.
+    lowest, highest : (..., m), mm, the commands that the strokes allow; a pair rests at half its stroke.
+    friction : (n,), coefficient at each contact, nan where it is not stated; without any, of no length.
+    """
+
+    stacks: tuple[Stack, ...]
+    names: tuple[str, ...]
+    stiffness: Array
+    preload: Array
+    blocking_force: Array
+    differential: Array
+    lowest: Array
+    highest: Array
+    friction: Array = np.zeros(0)
+
+    @property
+    def rubbing(self) -> tuple[int, ...]:
+        """The stacks whose contacts have a stated friction."""
+        return tuple(np.flatnonzero(~np.isnan(self.friction)).tolist())
+
+
+@once
+def drive_of(stage: StageContent) -> StageDrive:
+    """The drive of a stage. Raises BadInput for a stage without actuators, and for a contact off the metal."""
+    with located(stage):
+        if not stage.actuator:
+            raise BadInput("no [[actuator]]: the stage has no drive")
+        return _drive(stage)
+
+
+def check_drive(stage: StageContent) -> None:
+    """Raise BadInput for the first contact that is not on the outline of the body it pushes, or not into it."""
+    if stage.actuator:
+        drive_of(stage)
+
+
+def _drive(stage: StageContent) -> StageDrive:
+    placed = [(chain, index) for chain in CHAINS for index in range(len(stage.actuator))]
+    actuators = [actuators_of(stage)[chain - 1][index] for chain, index in placed]
+    stacks, owners, signs = list[Stack](), list[int](), list[float]()
+    for command, (chain, index) in enumerate(placed):
+        for side, contact in enumerate(contacts(stage, chain, index)):
+            of = actuators[command]
+            stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
+            owners.append(command)
+            signs.append(1.0 - 2.0 * side)
+    differential = np.zeros((len(stacks), len(placed)))
+    differential[np.arange(len(stacks)), owners] = signs
+    limits = np.array([_limits(actuator) for actuator in actuators])
+    return StageDrive(
+        stacks=tuple(stacks),
+        names=tuple(f"{stage.actuator[index].name}, chain {chain}" for chain, index in placed),
+        stiffness=np.array([actuators[k].stiffness_with(stage.material) for k in owners]),
+        preload=np.array([actuators[k].preload for k in owners]),
+        blocking_force=np.array([actuators[k].rating.blocking_force for k in owners]),
+        differential=differential,
+        lowest=limits[:, 0],
+        highest=limits[:, 1],
+        friction=np.array([np.nan if actuators[k].friction is None else actuators[k].friction for k in owners]),
+    )
+
+
+def _limits(actuator: Actuator) -> tuple[float, float]:
+    """Least and largest command, mm: that of a pair is about the middle of its strokes."""
+    stroke = actuator.rating.stroke
+    return (-stroke / 2, stroke / 2) if actuator.pair else (0.0, stroke)
+
+
+class Contact(NamedTuple):
+    """A contact, mm, complex, and the direction, rad, in which it is pushed, frame of chain 1."""
+
+    point: complex
+    direction: float
+
+
+def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]:
+    """The contact of an actuator on one chain (1 to 3); with a pair, that of the partner on the opposite side too.
+
+    Raises BadInput when one is off the metal.
+    """
+    actuator = actuators_of(stage)[chain - 1][index]
+    body = actuator.between[1]
+    outline = _outline(stage, chain, body)
+    if actuator.point is None or actuator.direction is None:
+        first = _on_link(stage, chain, index)
+    else:
+        first = Contact(complex(*actuator.point), actuator.direction)
+    _check_contact(stage, chain, index, first, outline)
+    if not actuator.pair:
+        return (first,)
+    push = np.exp(1j * first.direction)
+    crossed = [t for segment in outline for t in _crossings(segment, first.point, push)]
+    beyond = [t for t in crossed if t > ON_OUTLINE * stage.chain.link_width]
+    if not beyond:
+        raise BadInput(
+            f"{key_of_actuator(stage, chain, index, 'pair')} = true: nothing of {body} of chain {chain} is opposite "
+            "to the contact, expected an outline there for the partner to push on"
+        )
+    partner = Contact(complex(first.point + min(beyond) * push), first.direction + np.pi)
+    _check_contact(stage, chain, index, partner, outline)
+    return first, partner
+
+
+def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
+    """The contact at an arm from a hinge, on the side of a link. Raises BadInput for an arm that is off its strip."""
+    actuator = actuators_of(stage)[chain - 1][index]
+    assert actuator.hinge is not None and actuator.arm is not None
+    body, width = actuator.between[1], stage.chain.link_width
+    path = centrelines(stage, chain)[BODY_NAMES.index(body)]
+    length, radius = sum(segment.length for segment in path), stage.hinge(chain, actuator.hinge).radius
+    s = actuator.arm - radius
+    if not 0 <= s <= length:
+        raise BadInput(
+            f"{_place_of(stage, chain, index)}, contact off the metal: expected {radius:g} to "
+            f"{radius + length:.6g}, from notch to notch of {body} of chain {chain}"
+        )
+    s = s if actuator.hinge == ENDS[body][0] else length - s
+    for segment in path:
+        if s <= segment.length or segment is path[-1]:
+            break
+        s -= segment.length
+    share = np.array(min(s / segment.length, 1.0))
+    outward = 1j * (1 if actuator.side == "left" else -1) * complex(tangent_at(segment, share))
+    point = complex(middle_at(segment, share)) + outward * width / 2
+    return Contact(point, float(np.angle(-outward)) + (actuator.tilt or 0.0))
+
+
+def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
+    actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
+    body = f"{actuator.between[1]} of chain {chain}"
+    distance, nearest, inward = min((_nearest(segment, point) for segment in outline), key=lambda found: found[0])
+    if distance > ON_OUTLINE * stage.chain.link_width:
+        raise BadInput(
+            f"{_place_of(stage, chain, index)}, contact off the metal: expected a point of the outline of {body}, the "
+            f"nearest is [{nearest.real:.4g}, {nearest.imag:.4g}]"
+        )
+    if (np.exp(1j * direction) * np.conj(inward)).real < INTO:
+        key, turned = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
+        normal = np.rad2deg(np.angle(inward)) % 360
+        said = f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(turned or 0.0):g}"
+        raise BadInput(
+            f"{said}, not into the metal of {body} at "
+            f"[{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of {normal:.4g}, the inward normal there"
+        )
+
+
+def _place_of(stage: StageContent, chain: int, index: int) -> str:
+    """The key that says where a contact is, and its value."""
+    actuator = actuators_of(stage)[chain - 1][index]
+    if actuator.point is None:
+        return f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}"
+    return f"{key_of_actuator(stage, chain, index, 'point_mm')} = {list(actuator.point)}"
+
+
+def _outline(stage: StageContent, chain: int, body: str) -> list[Segment]:
+    """The free edges of a body of a chain, metal to their left, in the frame of chain 1; the platform's all around."""
+    if body != "platform":
+        return _free(stage, chain, body)
+    back = np.exp(-1j * np.angle(complex(*chain_rotation(chain - 1)[:2, 0])))
+    turned = [segment for each in CHAINS for segment in turn(_free(stage, each, body), each)]
+    return [segment.turned(float(np.angle(back))) for segment in turned]
+
+
+def _free(stage: StageContent, chain: int, body: str) -> list[Segment]:
+    face = draw_sector(stage, chain)[body]
+    return [segment for segment, label in zip(face.loop, face.labels, strict=True) if label == "free"]
+
+
+def _nearest(segment: Segment, point: complex) -> tuple[float, complex, complex]:
+    """Distance of a point from a line or arc, mm, the nearest point of it, and the unit normal to its left there."""
+    if segment.centre is None:
+        along = (segment.end - segment.start) / segment.length
+        s = min(max(((point - segment.start) / along).real, 0.0), segment.length)
+        found = segment.start + s * along
+        return abs(point - found), found, 1j * along
+    spoke = segment.start - segment.centre
+    swept = float(np.angle((point - segment.centre) / spoke * np.exp(-0.5j * segment.turn)))
+    half = abs(segment.turn) / 2
+    away = spoke * np.exp(1j * (segment.turn / 2 + min(max(swept, -half), half)))
+    return abs(point - segment.centre - away), segment.centre + away, -np.sign(segment.turn) * away / abs(away)
+
+
+def _crossings(segment: Segment, point: complex, push: complex) -> list[float]:
+    """Distances, mm, along a line from a point, at which it crosses a line or arc."""
+    start, end = ((z - point) / push for z in (segment.start, segment.end))
+    if segment.centre is None:
+        if start.imag * end.imag > 0 or start.imag == end.imag:
+            return []
+        return [(start.real * end.imag - end.real * start.imag) / (end.imag - start.imag)]
+    centre, radius = (segment.centre - point) / push, abs(segment.start - segment.centre)
+    if abs(centre.imag) > radius:
+        return []
+    chord = np.sqrt(radius**2 - centre.imag**2)
+    found = [centre.real - chord, centre.real + chord]
+    return [float(t) for t in found if _nearest(segment, point + t * push)[0] < 1e-9 * radius]
+
+
+STRAIGHT = 1e-12  # rad, and mm per mm: two necks in line
+BESIDE = 1e-6  # of its width: how near to the end of a link a contact is looked at on the drawn outline
+SHAPE = ("link_lengths", "joint_angles", "link_width", "radius", "neck", "axis", "platform_radius", "hub_radius")
+Which = NDArray[np.bool_]
+
+
+class _Placed(NamedTuple):
+    """Wrenches (n, 3) of one newton at contacts of n designs, frame of chain 1, right where they are sure.
+
+    sure : (n,), bool.   off : (n,), bool, of contacts that are off the metal.
+    """
+
+    wrench: Array
+    sure: Which
+    off: Which
+
+
+def drives_of(
+    stage: StageContent, designs: Designs, reason: AnyArray, stage_at: Callable[[int], StageContent]
+) -> StageDrive:
+    """The drives of n designs, stacks without stations.
+
+    Parameters
+    ----------
+    stage : with actuators; of it come what stacks there are, and what they act between.
+    reason : (n,), why a design is refused, "" where it is not so far; the drive's own reasons are put in.
+    stage_at : a design as a stage.
+    """
+    chains = actuators_of(stage)
+    numbers = Numbers(*np.moveaxis(designs.actuator, -1, 0))  # (n, 3, actuators) each
+    _refuse_numbers(chains, numbers, reason)
+    placed = [[_contact(designs, chain, index, one) for index, one in enumerate(chains[chain])] for chain in range(3)]
+    for chain, row in enumerate(placed):
+        for index, each in enumerate(row):
+            said = f"actuator.{chains[chain][index].name}.arm_mm: contact off the metal"
+            reason[each.off & (reason == "")] = said
+    wrenches = np.array([[each.wrench for each in row] for row in placed])  # (3, actuators, n, 3)
+    unsure = np.any([~each.sure for row in placed for each in row], axis=0) & (reason == "")
+    _draw(designs, np.flatnonzero(unsure), wrenches, reason, stage_at)
+    return _of_placed(designs, chains, numbers, wrenches)
+
+
+def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], numbers: Numbers, reason: AnyArray) -> None:
+    most = _blocking(numbers)
+    for index, actuator in enumerate(chains[0]):
+        above = np.any(numbers.preload[:, :, index] > most[:, :, index] * (1 + BLOCKING_ROUND_OFF), axis=1)
+        loose = np.any((numbers.preload[:, :, index] == 0) & ~np.isnan(numbers.ball_radius[:, :, index]), axis=1)
+        for text, where in (
+            ("preload_n: above the blocking force of the stack", above),
+            ("ball_radius_mm: a ball without preload", loose),
+        ):
+            reason[where & (reason == "")] = f"actuator.{actuator.name}.{text}"
+
+
+def _blocking(of: Numbers) -> Array:
+    return np.where(np.isnan(of.stiffness), of.blocking_force, of.stroke * of.stiffness)
+
+
+def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> _Placed:
+    """The first contact of an actuator of a chain (from 0), in closed form where that holds."""
+    own = Numbers(*np.moveaxis(designs.actuator[:, chain, index], -1, 0))
+    nowhere = np.zeros(len(own.arm), dtype=bool)
+    if actuator.point is not None:
+        return _Placed(_wrench(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere)
+    first = BODY_NAMES.index(actuator.between[1]) - 1
+    turn = np.exp(-1j * CHAIN_TURN * chain)
+    centres = (designs.frames.centres[:, chain] @ np.array([1, 1j])) * turn
+    along = np.exp(1j * designs.frames.axes[:, chain]) * turn
+    (begin, end), (e, last), (r, r_last) = (
+        (each[:, first], each[:, first + 1]) for each in (centres, along, designs.radius[:, chain])
+    )
+    apart = (end - begin) / e
+    straight = (np.abs(last / e - 1) < STRAIGHT) & (np.abs(apart.imag) < STRAIGHT * np.abs(apart))
+    width, length = designs.link_width, apart.real - r - r_last
+    straight &= length > 2 * FILLET * width * (1 + BESIDE)
+    ahead = actuator.hinge == ENDS[actuator.between[1]][0]
+    s = own.arm - r if ahead else length - (own.arm - r_last)
+    side, tilt = 1.0 if actuator.side == "left" else -1.0, np.where(np.isnan(own.tilt), 0.0, own.tilt)
+    opposite = s + side * width * np.tan(tilt) if actuator.pair else s
+    gap = BESIDE * width
+    inside = (np.minimum(s, opposite) > gap) & (np.maximum(s, opposite) < length - gap)
+    outward = 1j * side * e
+    middle = begin + own.arm * e if ahead else end - own.arm * e
+    wrench = _wrench(middle + outward * width / 2, -outward * np.exp(1j * tilt))
+    return _Placed(wrench, straight & inside, straight & ((s < -gap) | (s > length + gap)))
+
+
+def _wrench(point: AnyArray, push: AnyArray) -> Array:
+    """As `contacts.placed_stack` has it, of points and directions (n,), complex."""
+    return np.stack([push.real, push.imag, (np.conj(point) * push).imag], axis=-1)
+
+
+def _draw(
+    designs: Designs, unsure: AnyArray, wrenches: Array, reason: AnyArray, stage_at: Callable[[int], StageContent]
+) -> None:
+    """Put in the wrenches (3, actuators, n, 3), or the reasons, that the drawn outlines give to some designs."""
+    if not len(unsure):
+        return
+    shape = [getattr(designs, name)[unsure].reshape(len(unsure), -1) for name in SHAPE]
+    shape.append(designs.actuator[unsure][..., : len(GEOMETRY)].reshape(len(unsure), -1))
+    rows = np.nan_to_num(np.concatenate(shape, axis=1), nan=-1e300)
+    _, firsts, alike = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    for group, first in enumerate(firsts):
+        mine = unsure[np.ravel(alike) == group]
+        try:
+            drive = drive_of(stage_at(int(unsure[first])))
+        except BadInput as refusal:
+            reason[mine] = str(refusal)
+            continue
+        starts = np.argmax(drive.differential != 0, axis=0)  # the first stack of every command
+        found = np.array([drive.stacks[k].pushes[0].wrench for k in starts])
+        wrenches[:, :, mine] = found.reshape(*wrenches.shape[:2], 1, 3)
+
+
+def _commands(stroke: Array, pair: bool) -> tuple[Array, Array]:
+    """Least and largest commands (n,), mm, as of one stage."""
+    return (-stroke / 2, stroke / 2) if pair else (0 * stroke, stroke)
+
+
+def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: Numbers, wrenches: Array) -> StageDrive:
+    """The drive of designs whose contacts are placed."""
+    blocking = _blocking(of)
+    rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
+    metal = designs.youngs_modulus[:, None, None], designs.poissons_ratio[:, None, None]
+    loose = np.array([[bool(one.ball_loose) for one in row] for row in chains])
+    series = series_stiffness(of, rate, *metal, loose)
+    stacks, owners, signs, names = list[Stack](), list[tuple[int, int, int]](), list[float](), list[str]()
+    lowest, highest = list[Array](), list[Array]()
+    for chain, row in enumerate(chains):
+        for index, one in enumerate(row):
+            stroke = of.stroke[:, chain, index]
+            carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
+            for sign in (1.0, -1.0) if one.pair else (1.0,):
+                q = sign * wrenches[chain, index]
+                stacks.append(Stack(chain, (Push(pushed, q, None), Push(carrier, -q, None))))
+                owners.append((chain, index, len(names)))
+                signs.append(sign)
+            names.append(f"{one.name}, chain {chain + 1}")
+            low, high = _commands(stroke, one.pair)
+            lowest.append(low)
+            highest.append(high)
+    where = np.array(owners)
+    differential = np.zeros((len(stacks), len(names)))
+    differential[np.arange(len(stacks)), where[:, 2]] = signs
+    chain_of, index_of = where[:, 0], where[:, 1]
+    series, preload, blocking = (each[:, chain_of, index_of] for each in (series, of.preload, blocking))
+    ends = np.stack(lowest, axis=-1), np.stack(highest, axis=-1)
+    return StageDrive(tuple(stacks), tuple(names), series, preload, blocking, differential, *ends)

@@ -1,0 +1,382 @@
+"""Materials, those of the registry and those of a user's file.
+
+The material of a stage, and those that are known by name: shipped ones and the user's own, each with its source.
+
+A table `[material]` with the name of a registered material alone has the numbers of that one.
+
+Materials of a user's own TOML file, which a stage file names beside the material: `[material] name, file`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from itertools import compress
+from pathlib import Path as FilePath
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError, ValidationInfo, create_model, model_validator
+
+from flexfem import own
+from flexfem.files import quantities
+from flexfem.files.json_schema import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
+from flexfem.files.keypath import key_path
+from flexfem.files.lines import LineIndex
+from flexfem.files.refusals import place_of, problem_of, refusal, shown
+from flexfem.files.toml import LABEL_LENGTH, Label, Path, Table, read_toml, validate
+from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
+from flexfem.refused import BadInput
+from flexfem.sources import read_data
+
+NEAREST = 5  # names listed beside one that is not known
+
+
+STEEPEST, FLATTEST = -0.5, -0.01  # exponents b; of metals -0.05 to -0.15
+SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson and Topper
+# sigma'_f over the yield strength; it is near the true fracture strength, above yield, of soft metals ten times it
+STRENGTHS = (0.5, 50.0)
+UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
+
+Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES), keywords(**COUNT)]
+Walker: TypeAlias = Annotated[float, *quantities.above_zero(quantities.WALKER), keywords(**COUNT)]
+
+
+def _falls(exponent: float) -> float:
+    if not STEEPEST <= exponent <= FLATTEST:
+        raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
+    return exponent
+
+
+Exponent: TypeAlias = Annotated[float, AfterValidator(_falls), keywords(minimum=STEEPEST, maximum=FLATTEST)]
+
+
+def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bool_]:
+    """Whether a fatigue strength coefficient sigma'_f (...) is in another unit than the yield strength (...)."""
+    low, high = (np.multiply(part, yield_strength) for part in STRENGTHS)
+    return np.asarray((coefficient < low) | (coefficient > high))
+
+
+class Material(Dimensioned):
+    """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3.
+
+    The name of a registered material alone gives its numbers; other numbers beside such a name are refused. `expansion`
+    in 1/K, `fatigue_strength_coefficient` in MPa; None where a number is not stated.
+    """
+
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _as_files_say(schema)))
+
+    name: Label = Field(
+        description="Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, "
+        "with the numbers beside it",
+        examples=["al-7075-t6"],
+    )
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", description="Young's modulus E", examples=[71.7])
+    poissons_ratio: Poisson = Field(description="Poisson's ratio", examples=[0.33])
+    density: Density = Field(alias="density_kg_m3", description="Mass density", examples=[2810.0])
+    yield_strength: Strength = Field(alias="yield_strength_mpa", description="Yield strength", examples=[503.0])
+    expansion: Expansion | None = Field(
+        default=None,
+        alias="expansion_um_per_m_k",
+        description="Coefficient of linear thermal expansion. Drift alone asks for it: no other answer, and no hash "
+        "of one, follows it",
+        examples=[23.6],
+    )
+    fatigue_strength_coefficient: Strength | None = Field(
+        default=None,
+        alias="fatigue_strength_coefficient_mpa",
+        description="sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. "
+        "Lives alone ask for it: `flexfem life`, and studies with `[life]`",
+        examples=[900.0],
+    )
+    fatigue_strength_exponent: Exponent | None = Field(
+        default=None, description="b of Basquin's law", examples=[-0.102], json_schema_extra=COUNT
+    )
+    walker_exponent: Walker | None = Field(
+        default=None,
+        description="Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, "
+        "Watson and Topper",
+        examples=[0.5],
+    )
+    fatigue_range: tuple[Cycles, Cycles] | None = Field(
+        default=None,
+        alias="fatigue_range_cycles",
+        description="From and to how many cycles Basquin's law was fitted; by default 1e3 to 1e6, assumed",
+        examples=[[1e3, 1e6]],
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_the_numbers_of_its_name(cls, data: Any, info: ValidationInfo) -> Any:
+        known = _known(data.get("name")) if isinstance(data, dict) else None
+        stated = {key for key in data if not key.startswith("expansion")} if isinstance(data, dict) else set()
+        if known is None and stated == {"name"} and isinstance(data["name"], str):
+            nearest = difflib.get_close_matches(data["name"], REGISTERED, n=NEAREST, cutoff=0.0)
+            required = [Material.model_fields[name].is_required() for name in NUMBERS]
+            others = ", ".join(compress(_keys(info), required))
+            raise refusal(f"a registered material ({', '.join(nearest)}), or beside it {others}", "name")
+        if known is None:
+            return data
+        return known.material.model_dump(by_alias=info.context != INSIDE, exclude_none=True) | data
+
+    @model_validator(mode="after")
+    def _fatigue_is_whole(self, info: ValidationInfo) -> Material:
+        key = dict(zip(NUMBERS, _keys(info), strict=True))
+        coefficient, exponent, within = FATIGUE[0], FATIGUE[1], FATIGUE[-1]
+        given = [name for name in FATIGUE if getattr(self, name) is not None]
+        for needed in (coefficient, exponent):
+            if given and needed not in given:
+                raise refusal(f"{key[needed]} beside it", key[given[0]])
+        if given and unlikely(self.fatigue_strength_coefficient or 0.0, self.yield_strength):
+            raise refusal(UNLIKELY.format(*STRENGTHS, key["yield_strength"]), key[coefficient])
+        if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
+            raise refusal("fewer cycles first", key[within])
+        return self
+
+    @model_validator(mode="after")
+    def _contradicts_no_registered_one(self, info: ValidationInfo) -> Material:
+        known = _known(self.name)
+        for name, key, place in zip(NUMBERS, KEYS, _keys(info), strict=True):
+            theirs = None if known is None else getattr(known.material, name)
+            if known is not None and theirs is not None and getattr(self, name) != theirs:
+                number = known.material.model_dump(by_alias=True)[key]
+                number = f"{number:g}" if isinstance(number, float) else shown(number)
+                raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
+        return self
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Material:
+        """A copy with values replaced by name, validated like any other; a registered material changed is another."""
+        return self.from_names(with_changes(self.model_dump(), update or {}))
+
+
+NUMBERS = tuple(name for name in Material.model_fields if name != "name")
+FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
+KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
+_FILE: Rule = {
+    "type": "string",
+    "description": "TOML file of your own, beside the stage file, that has the material of this name and its numbers",
+    "examples": ["my-materials.toml"],
+}
+
+
+def whole_fatigue() -> Rule:
+    """Both constants of Basquin's law, where one of the fatigue keys is given."""
+    coefficient, *others = (Material.model_fields[name].alias or name for name in FATIGUE)
+    return when(without(coefficient, *others), {}, has(coefficient, others[0]))
+
+
+def _as_files_say(schema: Rule) -> None:
+    """A registered name, a name and the file that has it, or all numbers."""
+    numbers = [key for key in schema["required"] if key != "name"]
+    schema["properties"] = {"name": schema["properties"]["name"], "file": _FILE, **schema["properties"]}
+    schema["required"] = ["name"]
+    known = either(has("file"), says("name", *materials()), has(*numbers))
+    schema["allOf"] = [when(has("file"), only("name", "file")), known, whole_fatigue()]
+
+
+def _keys(info: ValidationInfo) -> tuple[str, ...]:
+    return NUMBERS if info.context == INSIDE else KEYS
+
+
+class Registered(NamedTuple):
+    """A material known by its name, and where its numbers come from; `sources` by key, where one has its own."""
+
+    material: Material
+    source: str
+    sources: Mapping[str, str] = MappingProxyType({})
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """Sources by key path of a stage file."""
+        found = {"material": self.source, **{f"material.{key}": text for key, text in self.sources.items()}}
+        return {key: f"{text} ({self.material.name})" for key, text in found.items()}
+
+
+REGISTERED: dict[str, Registered] = {}
+_unread = ["materials.toml"]  # files below data/
+
+
+def _known(name: Any) -> Registered | None:
+    """The registered material of a name, None of none; what is shipped or the user's own is read when first asked."""
+    while _unread:
+        for each, content in tomllib.loads(read_data(_unread.pop())).items():
+            source, sources = content.pop("source"), content.pop("sources", {})
+            REGISTERED[each] = Registered(Material.model_validate({"name": each, **content}), source, sources)
+    own.load()
+    return REGISTERED.get(name) if isinstance(name, str) else None
+
+
+def materials() -> Mapping[str, Material]:
+    """The registered materials by name, the user's own included; a stage file names one in `[material]`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.materials()["al-6061-t6"].youngs_modulus
+    68900.0
+    """
+    _known(None)
+    return MappingProxyType({name: each.material for name, each in REGISTERED.items()})
+
+
+def register_material(
+    name: str,
+    *,
+    youngs_modulus: float,
+    poissons_ratio: float,
+    yield_strength: float,
+    density: float,
+    source: str,
+    **others: Any,
+) -> Material:
+    """Make a material of one's own known by a name, to every stage file and study that says so.
+
+    Parameters
+    ----------
+    name : one line of text.
+    youngs_modulus, yield_strength : MPa.
+    poissons_ratio : from 0, below 0.5.
+    density : kg/m^3.
+    source : where the numbers come from, one line; begins with "assumed" when they are.
+    **others : `expansion`, `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`,
+        `fatigue_range`, as of `Material`.
+
+    Raises
+    ------
+    BadInput
+        The name is taken by another material, or a number is not possible.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> invar = flexfem.register_material("invar, lot 7", youngs_modulus=141e3, poissons_ratio=0.29,
+    ...     yield_strength=276.0, density=8050.0, source="assumed: example")
+    >>> flexfem.load("geometry/mobility6.toml").replace(material="invar, lot 7").material == invar
+    True
+    """
+    known = _known(name)
+    try:
+        made = Material.from_names(
+            {
+                "name": name,
+                "youngs_modulus": youngs_modulus,
+                "poissons_ratio": poissons_ratio,
+                "yield_strength": yield_strength,
+                "density": density,
+                **others,
+            }
+        )
+    except BadInput as refused:
+        raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Material: ')}") from None
+    if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
+        raise BadInput(f"material {name!r}: source = {shown(source)}, expected one line of text")
+    if known is not None and source != known.source:
+        raise BadInput(f"material {name!r} is known already, expected another name")
+    REGISTERED[name] = Registered(made, source)
+    return made
+
+
+def sources_of(name: Any) -> dict[str, str]:
+    """Where the numbers of a registered material come from, as a provenance by key path; none of another name."""
+    known = _known(name)
+    return {} if known is None else known.provenance
+
+
+def with_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a changed material, by attribute names: changed numbers are not those of a registered name.
+
+    A registered name among the changes brings its own numbers.
+    """
+    held = {name: value for name, value in held.items() if value is not None}
+    if "name" in changes:
+        return dict(changes) if _known(changes["name"]) else {**held, **changes}
+    content = {**held, **changes}
+    if content != dict(held) and _known(held["name"]):
+        content["name"] = f"{held['name']}, changed"
+    return content
+
+
+class Entry(Material):
+    """A table of a file of materials: the numbers of one, which goes by the name of its table.
+
+    source : of all its numbers, but for those that `sources` names by key.
+    """
+
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _without_its_name(schema)))
+
+    name: Label = "of a file"
+    source: Label = Field(
+        description='Where its numbers come from; begins with "assumed" when they are', examples=["works certificate 7"]
+    )
+    sources: Mapping[str, Label] = Field(
+        default_factory=dict,
+        description="Of single numbers by their key, where they have another source",
+        examples=[{"poissons_ratio": "assumed: as of others"}],
+    )
+
+    @model_validator(mode="after")
+    def _goes_by_its_table(self) -> Entry:
+        if "name" in self.model_fields_set:
+            raise refusal("no name: a material goes by the name of its table", "name")
+        return self
+
+    @model_validator(mode="after")
+    def _sources_are_of_keys(self) -> Entry:
+        for key in self.sources:
+            if key not in KEYS:
+                raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
+        return self
+
+
+def _without_its_name(schema: Rule) -> None:
+    del schema["properties"]["name"]
+    schema["properties"]["sources"]["propertyNames"] = {"enum": list(KEYS)}
+    schema["allOf"] = [whole_fatigue()]
+
+
+def read_materials(path: Path) -> dict[str, Registered]:
+    """The materials of a TOML file, a table each with their numbers and `source`, by name.
+
+    Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
+    """
+    data, lines = read_toml(path)
+    fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
+    made = validate(create_model("MaterialsFile", __base__=Table, **fields), path)
+    found = {}
+    for k, name in enumerate(data):
+        entry: Entry = getattr(made, f"table_{k}")
+        content = {"name": name, **_numbers(entry)}
+        try:
+            found[name] = Registered(Material.model_validate(content), entry.source, dict(entry.sources))
+        except ValidationError as error:
+            problem = problem_of(error.errors(include_url=False)[0], content)
+            key, place = key_path((name, *problem.path)), place_of(path, lines.line((name, *problem.path)))
+            raise BadInput(f"{place}: {key}: expected {problem.expected}") from None
+    return found
+
+
+def with_material_of_file(path: Path, data: dict[str, Any], lines: LineIndex) -> dict[str, Any]:
+    """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
+
+    Raises BadInput as `read_materials`, and when the file has no material of that name.
+    """
+    table, stated = data.get("material"), data.get("provenance", {})
+    if not isinstance(table, dict) or "file" not in table or not isinstance(stated, dict):
+        return data
+    file, name, place = table["file"], table.get("name"), place_of(path, lines.line(("material", "file")))
+    if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
+        raise BadInput(f"{place}: material.file = {shown(file)}, expected a file name, beside material.name alone")
+    beside = FilePath(path).parent / file
+    found = read_materials(beside)
+    if name not in found:
+        known = ", ".join(found) or "one material or more"
+        raise BadInput(f"{place}: material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
+    sources = {key: f"{text}, {file}" for key, text in found[name].provenance.items()}
+    return data | {"material": {"name": name, **_numbers(found[name].material)}, "provenance": sources | stated}
+
+
+def _numbers(of: Material) -> dict[str, Any]:
+    return of.model_dump(by_alias=True, exclude_none=True, exclude={"name", "source", "sources"})

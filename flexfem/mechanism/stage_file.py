@@ -1,0 +1,481 @@
+"""What a stage file says, validated: its tables, overrides, and where they come from.
+
+The tables of a stage: chain, hinges, platform and frame, in N-mm-MPa-rad.
+
+File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
+
+What differs at one of the nine hinges, or at an actuator of one chain.
+
+What a stage file says, validated, and what is read of it before anything is computed: overrides applied, keys.
+
+Where a stage comes from, and refusals that say so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from flexfem.files.json_schema import Rule, both, has, ruled, when, without
+from flexfem.files.keypath import key_path, path_of
+from flexfem.files.provenance import Sourced
+from flexfem.files.refusals import place_of, problem_of, refusal, shown, suggestion
+from flexfem.files.toml import Label, read_toml
+from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
+from flexfem.mechanism.actuators import Actuator, Coordinate, Force, Friction, Preload, Rate, StackName, Stroke, Tilt
+from flexfem.mechanism.actuators import HingeName as HingeName
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, FrameExpansion, Length, Modulus, Poisson, once, plain
+from flexfem.mechanism.materials import Material, sources_of, with_changes
+from flexfem.refused import BadInput
+
+Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
+CHAINS = (1, 2, 3)
+
+
+class Chain(Dimensioned):
+    """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
+
+    link_lengths: tuple[Length, Length, Length] = Field(
+        alias="link_lengths_mm",
+        description="l1 base to elbow hinge, l2 elbow to platform hinge, l3 platform hinge to platform centre",
+        examples=[[30.0, 32.0, 24.0]],
+    )
+    joint_angles: tuple[Angle, Angle, Angle] = Field(
+        alias="joint_angles_deg",
+        description="phi_1, phi_2, phi_3 at rest, counter-clockwise, each relative to the link before it; the first to "
+        "the x axis",
+        examples=[[180.0, -90.0, 90.0]],
+    )
+    link_width: Length = Field(
+        alias="link_width_mm", description="Width of links, clamped pads and lugs of the platform", examples=[9.0]
+    )
+
+
+class Hinge(Dimensioned):
+    """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
+
+    radius: Length = Field(alias="radius_mm", description="R of the two circular cuts", examples=[4.0])
+    neck: Length = Field(
+        alias="neck_mm", description="t, the narrowest width, which the two cuts leave", examples=[0.5]
+    )
+    prismatic: bool = Field(default=False, description="Whether the model lets it stretch as well as turn")
+    axis: Angle | None = Field(
+        default=None,
+        alias="axis_deg",
+        description="Direction of the neck in the frame of chain 1, turned with each chain; by default of base and "
+        "elbow hinge along link 1, of the platform hinge along link 2",
+        examples=[180.0],
+    )
+
+
+class Hinges(Dimensioned):
+    """The three hinges every chain has unless an override says otherwise."""
+
+    base: Hinge = Field(description="The hinge at the clamped pad; link 1 starts here")
+    elbow: Hinge = Field(description="The hinge between link 1 and link 2")
+    platform: Hinge = Field(description="The hinge between link 2 and the platform")
+
+
+class Platform(Dimensioned):
+    """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
+
+    radius: Length = Field(alias="radius_mm", description="Of the disc", examples=[17.0])
+    hub_radius: Length = Field(
+        alias="hub_radius_mm",
+        description="Of the hole in it, taken as filled by a rigid disc: loads act there, the pose is read there",
+        examples=[8.0],
+    )
+
+
+class Frame(Dimensioned):
+    """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
+
+    expansion: FrameExpansion | None = Field(
+        default=None,
+        alias="expansion_um_per_m_k",
+        description="Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is "
+        "assumed to expand as the stage does",
+        examples=[12.0],
+    )
+
+
+OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without naming the table
+
+
+def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a changed stage; `held` is its `model_dump`, changes are as `Stage.replace` takes them.
+
+    Raises BadInput for an override that names no hinge or is no table.
+    """
+    content, given = plain(held), {name: _plain(value) for name, value in changes.items()}
+    for name in [name for name in OF_HINGES if name in given]:
+        value = given.pop(name)
+        by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
+        content = _merge(content, {"hinges": {hinge: {name: each} for hinge, each in by_hinge.items()}})
+    if "material" in given:
+        value = given.pop("material")
+        named = {"name": value} if isinstance(value, str) else value
+        content["material"] = with_changes(content["material"], value) if isinstance(value, dict) else named
+    if isinstance(given.get("override"), dict):
+        content["override"] = _overridden(content.get("override", []), given.pop("override"))
+    return dict(_merge(content, given))
+
+
+def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
+    found = {_place(each): each for each in held}
+    for place, values in given.items():
+        about = place if isinstance(place, tuple) else (None, place)
+        match about:
+            case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
+                named: dict[str, Any] = {"chain": chain, "hinge": hinge}
+            case (int(chain), "actuator", str(name)) if chain in CHAINS:
+                named = {"chain": chain, "actuator": name}
+            case _:
+                names = ", ".join(HINGE_NAMES)
+                expected = f'(1, 2 or 3, one of {names}) or (1, 2 or 3, "actuator", its name)'
+                raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
+        if not isinstance(values, Mapping):
+            keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in named else ""
+            raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
+        found[about] = found.get(about, named) | dict(values)
+    return list(found.values())
+
+
+def _place(override: Mapping[str, Any]) -> tuple[Any, ...]:
+    """As `Override.place`, of what a stage holds."""
+    if override.get("actuator") is not None:
+        return override["chain"], "actuator", override["actuator"]
+    return override["chain"], override["hinge"]
+
+
+def _merge(old: Any, new: Any) -> Any:
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    return old | {key: _merge(old.get(key), value) for key, value in new.items()}
+
+
+def _said(member: Any) -> Any:
+    """What a member of an array says; it replaces another whole, so that None says nothing."""
+    said = member.model_dump(exclude_unset=True) if isinstance(member, BaseModel) else member
+    return {key: each for key, each in said.items() if each is not None} if isinstance(said, Mapping) else said
+
+
+def _plain(value: Any) -> Any:
+    """A table built in Python by its content, which replaces what is held as far as it says anything."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(exclude_unset=True)
+    if isinstance(value, list | tuple):
+        return [_plain(_said(item)) for item in value]
+    return {key: _plain(item) for key, item in value.items()} if isinstance(value, Mapping) else plain(value)
+
+
+def of_drive(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is one of the drive."""
+    return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
+
+
+def of_heat(key: str) -> bool:
+    """Whether a key path of a stage file, or of its provenance, is about expansion."""
+    return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
+
+
+FILES = {"measured": "the measurements", "necks": "the measured necks"}  # where the word before a key is not the file's
+
+
+def doubts_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
+    """How many numbers are assumed and how many have no stated source, in words, each if there are any."""
+    verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
+    return [f"{counted(len(keys), *(of + verb for verb in both))} ({scopes_of(keys)})" for keys, both in verbs if keys]
+
+
+def counted(count: int, one: str, many: str) -> str:
+    """A count with what agrees with it: "1 number is", "2 numbers are"."""
+    return f"{count} {one if count == 1 else many}"
+
+
+def scopes_of(doubted: Iterable[str]) -> str:
+    """What key paths of numbers in doubt are of, counted: "17 of geometry and material, 2 of the case"."""
+    counts: dict[str, int] = {}
+    for key in doubted:
+        file, _, own = key.rpartition(": ")
+        scope = "the drive" if of_drive(own) else "expansion" if of_heat(own) else "geometry and material"
+        scope = scope if file in ("", "stage") else FILES.get(file, f"the {file}")
+        counts[scope] = counts.get(scope, 0) + 1
+    return ", ".join(f"{count} of {scope}" for scope, count in counts.items())
+
+
+def _as_of(table: type[BaseModel], name: str) -> Any:
+    """The key of a table, which an override need not give."""
+    key = table.model_fields[name]
+    return Field(default=None, alias=key.alias, description=key.description, examples=key.examples)
+
+
+class Override(Dimensioned):
+    """What differs at one of the nine hinges, or at an actuator on one chain; None keeps the value of its table."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _about_one_thing(schema)))
+
+    chain: int = Field(ge=1, le=3, description="The chain that it is about", examples=[2])
+    hinge: HingeName | None = Field(default=None, description="The hinge of that chain that it is about")
+    actuator: Label | None = Field(
+        default=None, description="Instead of `hinge`: the name of the actuator that it is about", examples=["base"]
+    )
+    radius: Length | None = _as_of(Hinge, "radius")
+    neck: Length | None = _as_of(Hinge, "neck")
+    prismatic: bool | None = _as_of(Hinge, "prismatic")
+    axis: Angle | None = _as_of(Hinge, "axis")
+    arm: Length | None = _as_of(Actuator, "arm")
+    side: Literal["left", "right"] | None = _as_of(Actuator, "side")
+    tilt: Tilt | None = _as_of(Actuator, "tilt")
+    point: tuple[Coordinate, Coordinate] | None = _as_of(Actuator, "point")
+    direction: Angle | None = _as_of(Actuator, "direction")
+    stack: StackName | None = _as_of(Actuator, "stack")
+    stroke: Stroke | None = _as_of(Actuator, "stroke")
+    stiffness: Rate | None = _as_of(Actuator, "stiffness")
+    blocking_force: Force | None = _as_of(Actuator, "blocking_force")
+    contact_stiffness: Rate | None = _as_of(Actuator, "contact_stiffness")
+    ball_radius: Length | None = _as_of(Actuator, "ball_radius")
+    ball_youngs_modulus: Modulus | None = _as_of(Actuator, "ball_youngs_modulus")
+    ball_poissons_ratio: Poisson | None = _as_of(Actuator, "ball_poissons_ratio")
+    preload: Preload | None = _as_of(Actuator, "preload")
+    friction: Friction | None = _as_of(Actuator, "friction")
+
+    @model_validator(mode="after")
+    def _of_one_thing(self) -> Override:
+        if (self.hinge is None) == (self.actuator is None):
+            raise refusal("the hinge or the actuator that it is about, one of the two")
+        return self
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Override:
+        known = [field.alias or name for name, field in type(self).model_fields.items() if name in self._possible]
+        for name, field in type(self).model_fields.items():
+            if getattr(self, name) is not None and name not in (*ABOUT_IT, *self._possible):
+                thing = "a hinge" if self.actuator is None else "an actuator"
+                raise refusal(f"with {thing} only {', '.join(known)}", field.alias or name)
+        if not self.changes:
+            raise refusal(f"at least one of {', '.join(known)}")
+        return self
+
+    @property
+    def _possible(self) -> tuple[str, ...]:
+        return OF_HINGES if self.actuator is None else OF_ACTUATORS
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The attributes of its `Hinge` or `Actuator` that are replaced, with their new values."""
+        return {name: getattr(self, name) for name in self._possible if getattr(self, name) is not None}
+
+    @property
+    def place(self) -> tuple[int | str, ...]:
+        """What it is about: chain and hinge, or chain, "actuator" and the actuator's name."""
+        return (self.chain, str(self.hinge)) if self.actuator is None else (self.chain, "actuator", self.actuator)
+
+
+ABOUT_IT = ("chain", "hinge", "actuator")
+OF_ACTUATORS = tuple(name for name in Override.model_fields if name not in (*ABOUT_IT, *OF_HINGES))
+
+
+def _about_one_thing(schema: Rule) -> None:
+    """A hinge or an actuator, with something that differs there and nothing of the other."""
+    hinge, actuator = ([Override.model_fields[n].alias or n for n in of] for of in (OF_HINGES, OF_ACTUATORS))
+    schema["allOf"] = [
+        when(has("actuator"), without("hinge", *hinge), both(has("hinge"), without(*actuator))),
+        {"minProperties": 3},
+    ]
+
+
+class Origin(NamedTuple):
+    """The file of a stage, None without one, and whether it was changed since it was read."""
+
+    path: str | None = None
+    changed: bool = False
+
+    def __str__(self) -> str:
+        return "" if self.path is None else self.path + ", changed" * self.changed
+
+
+class StageContent(Dimensioned, Sourced):
+    """The content of a stage file, without what `Stage` computes of it."""
+
+    kind: ClassVar[str] = "stage file"
+
+    name: Label = Field(description="Shown in tables and figures", examples=["my stage"])
+    model: Plane = Field(
+        default="plane_stress",
+        description="How the stage is made a plane problem, in both models: `plane_stress`, the paper's; "
+        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances and neck stresses corrected for "
+        "their thickness by three-dimensional finite elements, in the analytic model alone, because the finite "
+        "elements of the stage are plane",
+    )
+    thickness: Length = Field(alias="thickness_mm", description="b, out of plane", examples=[10.0])
+    material: Material = Field(description="What the stage is made of, isotropic")
+    chain: Chain = Field(description="Chain 1; the others are the same, turned by 120 and 240 degrees")
+    hinges: Hinges = Field(description="The hinges of every chain, from the base to the platform")
+    platform: Platform = Field(description="The disc that is moved")
+    frame: Frame = Field(
+        default_factory=Frame,
+        description="What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with "
+        "`[drift]`",
+    )
+    override: tuple[Override, ...] = Field(
+        default=(),
+        description="What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is "
+        "about, keys of that hinge or actuator with their values there. As many as wanted, in any order, each about "
+        "something else",
+    )
+    actuator: tuple[Actuator, ...] = Field(
+        default=(),
+        description="A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They "
+        "make the stage a driven one; what is asked of the passive stage does not depend on them",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _registered_material_has_its_source(cls, data: Any) -> Any:
+        material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
+        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
+        if not sources or not isinstance(stated, dict | None):
+            return data
+        return data | {"provenance": sources | (stated or {})}
+
+    @model_validator(mode="after")
+    def _names_each_actuator_once(self) -> Self:
+        names = [actuator.name for actuator in self.actuator]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise refusal("a name that no other actuator has", "actuator", index, "name")
+        check_overrides(self)
+        return self
+
+    @cached_property
+    def origin(self) -> Origin:
+        """Where the stage comes from; no part of its hash, and two stages may be equal without it."""
+        return Origin()
+
+    def hinge(self, chain: int, name: str) -> Hinge:
+        """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
+        if chain not in CHAINS or name not in HINGE_NAMES:
+            raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
+        return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
+
+
+def check_overrides(stage: StageContent) -> None:
+    """Raise a refusal where two are about the same, or one makes an actuator that there is not or cannot be."""
+    places = [override.place for override in stage.override]
+    names = [actuator.name for actuator in stage.actuator]
+    for index, override in enumerate(stage.override):
+        if places[index] in places[:index]:
+            raise refusal(f"each {'hinge' if override.hinge else 'actuator'} overridden once", "override", index)
+        if override.actuator is not None:
+            if override.actuator not in names:
+                close = suggestion(override.actuator, names) or (f", one of {', '.join(names)}" if names else "")
+                raise refusal(f"an actuator of this stage{close}", "override", index, "actuator")
+            _check(stage.actuator[names.index(override.actuator)], override, index)
+
+
+def _check(actuator: Actuator, override: Override, index: int) -> None:
+    held = _content(actuator, override)
+    try:
+        Actuator.model_validate(held)
+    except ValidationError as error:
+        problem = problem_of(error.errors(include_url=False)[0], held)
+        said = override.model_dump(by_alias=True, exclude_none=True)
+        raise refusal(problem.expected, "override", index, *(part for part in problem.path if part in said)) from None
+
+
+def _content(actuator: Actuator, override: Override) -> dict[str, Any]:
+    """What a file would say of an overridden actuator."""
+    own = override.model_dump(by_alias=True, exclude_none=True, exclude=set(ABOUT_IT))
+    return actuator.model_dump(by_alias=True, exclude_unset=True, exclude_none=True) | own
+
+
+@once
+def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
+    """The nine hinges, 3 chains by 3 hinges, overrides applied."""
+    changes = {override.place: override.changes for override in stage.override}
+    own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
+    return tuple(
+        tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)
+        for i in CHAINS
+    )
+
+
+@once
+def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
+    """The actuators of every chain, overrides applied."""
+    own = {override.place: override for override in stage.override}
+    return tuple(
+        tuple(
+            Actuator.model_validate(_content(each, own[place]))
+            if (place := (chain, "actuator", each.name)) in own
+            else each
+            for each in stage.actuator
+        )
+        for chain in CHAINS
+    )
+
+
+def drive_content(stage: StageContent) -> list[Any]:
+    """What of the drive is part of a hash, of every chain, or of one where all are alike: no names.
+
+    Friction that is not stated, and balls that are not loose, are left out, as in hashes older than those keys.
+    """
+
+    def said(one: Actuator) -> dict[str, Any]:
+        newer = {"friction": one.friction is None, "ball_loose": not one.ball_loose}
+        return one.model_dump(exclude={"name", "stack", *(key for key, left_out in newer.items() if left_out)})
+
+    chains = [[[said(one), one.rating] for one in chain] for chain in actuators_of(stage)]
+    return chains[0] if all(chain == chains[0] for chain in chains) else chains
+
+
+def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
+    """Key path in the stage file of a value of an actuator on a chain, an override's where there is one."""
+    for place, override in enumerate(stage.override):
+        mine = (chain, "actuator", stage.actuator[index].name)
+        if override.place == mine and key in override.model_dump(by_alias=True, exclude_none=True):
+            return key_path(("override", place, key), stage)
+    return key_path(("actuator", index, key), stage)
+
+
+def key_of(stage: StageContent, chain: int, hinge: str, key: str) -> str:
+    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
+    attribute = key.rsplit("_", 1)[0]
+    for index, override in enumerate(stage.override):
+        if override.place == (chain, hinge) and getattr(override, attribute) is not None:
+            return key_path(("override", index, key), stage)
+    return key_path(("hinges", hinge, key))
+
+
+def of_stage(stage: StageContent) -> dict[str, Any]:
+    """What every answer says of its stage: which it is, and which of its numbers are in doubt."""
+    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(stage.origin), "name": stage.name, **doubts}
+
+
+@contextmanager
+def located(stage: StageContent) -> Iterator[None]:
+    """Put file and line of a stage that has a file in front of refusals that begin with a key path of it."""
+    try:
+        yield
+    except BadInput as refusal:
+        if refusal.located or stage.origin.path is None:
+            raise
+        raise BadInput(str(refusal), _file_and_line(stage.origin, str(refusal))) from None
+
+
+def _file_and_line(origin: Origin, refusal: str) -> str:
+    if origin.path is None or origin.changed:
+        return str(origin)
+    try:
+        data, lines = read_toml(origin.path)
+        key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
+        return place_of(origin.path, lines.line(path_of(key[0] if key else "", data)))
+    except BadInput:  # gone since
+        return place_of(origin.path)
