@@ -13,13 +13,13 @@ import flexfem
 
 stage = flexfem.load("../geometry/mobility6.toml")
 figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
-flexfem.plot.plot_drift(left, flexfem.drift_fields(stage, resolution=4), "gradient in x")
+flexfem.plot.plot_drift(left, flexfem.drift(stage, resolution=4), "gradient in x")
 
 frames = {"invar": 1.3e-6, "titanium": 8.6e-6, "steel": 12e-6, "brass": 19e-6, "aluminium": 23.6e-6}
 moved = {}
 for name, expansion in frames.items():
     of = stage.replace(frame={"expansion": expansion})
-    moved[name] = 1e3 * flexfem.drift(of, resolution=None).cases["gradient in x"].analytic.pose[0]
+    moved[name] = 1e3 * float(flexfem.drift(of, models="analytic").at("pose", case="gradient in x", direction="x")[0])
 right.plot([1e6 * each for each in frames.values()], list(moved.values()), "o-", color="0.2")
 for name, expansion in frames.items():
     right.annotate(name, (1e6 * expansion, moved[name]), xytext=(-6, 6), textcoords="offset points", ha="right")

@@ -43,39 +43,27 @@ if TYPE_CHECKING:
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.as_built import as_built as as_built
+    from flexfem.questions.experiment import experiment as experiment
+    from flexfem.questions.heat import drift as drift
+    from flexfem.questions.identify import identify as identify
+    from flexfem.questions.life import life as life
+    from flexfem.questions.setup import Analytic as Analytic
+    from flexfem.questions.stiffness import stiffness as stiffness
+    from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
     from flexfem.reports.drive import reach as reach
     from flexfem.reports.drive import workspace as workspace
-    from flexfem.reports.experiment import experiment as experiment
-    from flexfem.reports.experiment import identify as identify
-    from flexfem.reports.heat import drift as drift
-    from flexfem.reports.heat import drift_fields as drift_fields
-    from flexfem.reports.heat import drift_fields_solid as drift_fields_solid
-    from flexfem.reports.heat import drift_solid as drift_solid
-    from flexfem.reports.life import life as life
-    from flexfem.reports.load import under_load as under_load
-    from flexfem.reports.load import under_load_solid as under_load_solid
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
     from flexfem.reports.modes import vibration as vibration
     from flexfem.reports.modes import vibration_solid as vibration_solid
-    from flexfem.reports.part import export as export
-    from flexfem.reports.part import new_stage as new_stage
-    from flexfem.reports.part import schema_of as schema_of
-    from flexfem.reports.part import view as view
-    from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
-    from flexfem.reports.stage import mesh as mesh
-    from flexfem.reports.stage import stiffness as stiffness
-    from flexfem.reports.stage import summary as summary
-    from flexfem.reports.validation import benchmark as benchmark
-    from flexfem.reports.validation import cross_check as cross_check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
-    from flexfem.reports.verification import claims as claims
     from flexfem.reports.verification import converge as converge
     from flexfem.reports.verification import verification as verification
     from flexfem.studies import clean_study as clean_study
@@ -87,6 +75,12 @@ if TYPE_CHECKING:
     from flexfem.verify.hinges import hinge_review as hinge_review
     from flexfem.verify.hinges import known_formulas as known_formulas
     from flexfem.verify.hinges import thickness_review as thickness_review
+    from flexfem.workshop import export as export
+    from flexfem.workshop import hinge_formulas as hinge_formulas
+    from flexfem.workshop import mesh as mesh
+    from flexfem.workshop import new_stage as new_stage
+    from flexfem.workshop import schema_of as schema_of
+    from flexfem.workshop import view as view
 
 
 __version__ = "0.1.0"
@@ -104,15 +98,18 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "hinges.strength": ("Basquin", "fit_basquin"),
     "hinges.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),
-    "reports.experiment": ("experiment", "identify"),
-    "reports.heat": ("drift", "drift_fields", "drift_fields_solid", "drift_solid"),
-    "reports.life": ("life",),
-    "reports.load": ("under_load", "under_load_solid"),
+    "questions.as_built": ("as_built",),
+    "questions.experiment": ("experiment",),
+    "questions.identify": ("identify",),
+    "questions.heat": ("drift",),
+    "questions.setup": ("Analytic",),
+    "questions.stiffness": ("stiffness",),
+    "questions.summary": ("summary",),
+    "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
-    "reports.part": ("export", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
-    "reports.validation": ("benchmark", "cross_check"),
-    "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
+    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
+    "reports.stage": ("check",),
+    "reports.verification": ("Verification", "budget", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
     "commands.baseline.regression": ("baseline", "regression"),
@@ -120,10 +117,14 @@ _HOMES: dict[str, tuple[str, ...]] = {
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 
 
+def home_of(name: str) -> str:
+    """The module under `flexfem` that defines a public name, "" for another name."""
+    return next((home for home, names in _HOMES.items() if name in names), "")
+
+
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"flexfem.{home}"), name)
+    if home := home_of(name):
+        return getattr(import_module(f"flexfem.{home}"), name)
     if name in ("design", "plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")

@@ -47,8 +47,8 @@ def commands_page() -> str:
     """Every command of `flexfem` with its arguments and options."""
     import typer.main
 
+    from flexfem.cli import GROUPS
     from flexfem.commands.cli import app
-    from flexfem.commands.grouped import GROUPS
 
     root: Any = typer.main.get_command(app)
     context = typer.Context(root, info_name="flexfem")

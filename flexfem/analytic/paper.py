@@ -1,12 +1,8 @@
-"""The paper's equations (1) to (33): kinematics, loops, stiffness.
+"""The paper's equations (1) to (33), as the paper has them: at any configuration and load of the platform.
 
-Mobility (1), the freedoms of the nine hinges, and chains at finite joint displacements.
-
-The pose of a chain comes with its first- and second-order influence coefficients.
-
-The two loops the three chains close: dependent joints, and the stage's influence coefficients over the others.
-
-Stiffness of the platform from the joint springs at any configuration and load, (10)-(18), (28)-(31).
+Mobility (1) and the freedoms of the hinges; chains at finite joint displacements with their influence coefficients
+(4), (19) to (27); the two loops that the three chains close, dependent joints (5) to (9); stiffness of the platform
+from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest `network` gives the same stiffness.
 """
 
 from __future__ import annotations
@@ -117,7 +113,7 @@ class Joints(NamedTuple):
 
 
 def joints_of(freedoms: Freedoms) -> Joints:
-    """The joints of a table of freedoms; raises BadInput as `mobility.checked` does."""
+    """The joints of a table of freedoms; raises BadInput as `checked` does."""
     rows = [
         (i, j, KINDS.index(kind))
         for i, chain in enumerate(checked(freedoms))
@@ -345,7 +341,7 @@ def in_joint_order(dependent: Array, independent: Array, choice: Choice) -> Arra
     return np.take_along_axis(rows, back[..., None], axis=-2)
 
 
-class Mechanism(NamedTuple):
+class PaperModel(NamedTuple):
     """A stage as the analytic model sees it; leading axes are designs, the joints are shared by all of them.
 
     springs : (..., N), stiffness of every joint, N mm/rad or N/mm.
@@ -380,22 +376,22 @@ class JointMotion(NamedTuple):
     joints: Array
 
 
-def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> Mechanism:
+def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
     """Put springs on the joints that `freedoms` allows, each the inverse of its compliance (..., 3, 3).
 
-    `choice` None takes `loops.choose`. Raises BadInput as `mobility.checked` does.
+    `choice` None takes `choose`. Raises BadInput as `checked` does.
     """
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
     springs = 1.0 / table.reshape(*table.shape[:-3], 27)[..., joints.slot]  # (10)
-    return Mechanism(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
+    return PaperModel(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
 
 
-def stiffness(of: Mechanism, displacement: Array | None = None, load: Array | None = None) -> Stiffness:
+def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | None = None) -> Stiffness:
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
-    displacements must close the loops (`equilibrium.close_loops`); at equilibrium K_uu is the tangent stiffness.
+    displacements must close the loops (`large.close_loops`); at equilibrium K_uu is the tangent stiffness.
     """
     at = np.zeros(len(of.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load
@@ -428,13 +424,13 @@ def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
     return R_inverse @ inverse(np.eye(G_p.shape[-1]) - R_inverseT @ S @ R_inverse) @ R_inverseT
 
 
-def effective_load(of: Mechanism, first: Influence, displacement: Array, load: Array) -> Array:
+def effective_load(of: PaperModel, first: Influence, displacement: Array, load: Array) -> Array:
     """T_a (..., M) on the independent joints (13): zero at equilibrium."""
     tau_a, tau_p = split(-of.springs * displacement, of.choice)
     return tau_a + transposed(first.G_p, tau_p) + transposed(first.G_u, load)  # (13)
 
 
-def inverse_kinematics(of: Mechanism, at: Stiffness, du: Array) -> JointMotion:
+def inverse_kinematics(of: PaperModel, at: Stiffness, du: Array) -> JointMotion:
     """Joint motion of least potential energy for the platform displacement du (..., 3), (29)-(31)."""
     G_u, G_p = at.influence.G_u, at.influence.G_p
     dphi_a = apply(at.C_aa, transposed(G_u, apply(at.K_uu, du)))  # (29)

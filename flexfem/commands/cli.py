@@ -12,22 +12,18 @@ from typing import Annotated, Any
 
 import typer
 
+from flexfem import terminal as streams
+from flexfem.cli import Commands
 from flexfem.commands import (
     design,
     drive,
-    experiment,
-    heat,
-    life,
     modes,
     page,
-    part,
-    stage,
-    streams,
+    reference,
     study,
     validation,
     verification,
 )
-from flexfem.commands.grouped import GroupedCommands
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest
@@ -35,12 +31,11 @@ from flexfem.sources import ONE_THREAD, manifest
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
 CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
-app = typer.Typer(
-    help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=GroupedCommands
-)
-for group in (part, page, stage, design, drive, heat, life, modes, experiment, verification, validation):
+app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
+for group in (page, design, drive, modes, verification, validation):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
+app.command()(reference.schema)
 
 
 def _print_version(wanted: bool) -> None:

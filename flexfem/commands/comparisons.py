@@ -1,4 +1,4 @@
-"""What commands that compare print for people: error percentages, shares, meshes, other solvers, verdicts."""
+"""What commands that compare print for people: error percentages, shares and meshes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ import typer
 
 from flexfem.commands.console import show
 from flexfem.commands.reach import print_reach
-from flexfem.commands.tables import DIRECTIONS, Ending, people, print_ending, table
-from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, UNITS, Unit
+from flexfem.commands.tables import DIRECTIONS, Ending, print_ending, table
+from flexfem.terminal import people
+from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, Unit
 
 if TYPE_CHECKING:
     from flexfem.commands.baseline.store import Checked
-    from flexfem.validate.compare import CrossCheck
-    from flexfem.validate.records import Finding
-    from flexfem.validate.registry import BenchmarkTable
-    from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.budget import Budget, ThreeDimensional
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.result import NeckPeak, Result
@@ -99,36 +96,6 @@ def print_convergence(of: MeshStudy) -> None:
     print_ending(out, of)
 
 
-def print_cross_check(of: CrossCheck) -> None:
-    """Print how far another solver's answer is from ours."""
-    out, rows = people(), []
-    out.print(f"{of.name}: {of.unknowns} unknowns, flexfem against {of.solver} {of.version}")
-    for check in of.checks:
-        allowed = "only stated" if check.allowed is None else f"{check.allowed:.1e}"
-        rows.append((check.quantity, f"{check.difference:.1e}", allowed, "" if check.passed else "TOO FAR"))
-    pairs = zip(of.kinds, of.frequencies, of.their_frequencies, strict=True)
-    found = ((kind, f"{a:.9g}", f"{b:.9g}", f"{b / a - 1:.1e}") for kind, a, b in pairs)
-    head = ("mode", f"flexfem ({UNITS['hz'].plain})", f"{of.solver} ({UNITS['hz'].plain})", "relative difference")
-    out.print(table(head, found))
-    out.print(table(("largest relative difference", "is", "allowed", ""), rows))
-    out.print(f"{of.seconds:.2f} s here, {of.their_seconds:.2f} s there; passed: {of.passed}")
-    print_ending(out, of)
-
-
-def print_benchmarks(of: BenchmarkTable) -> None:
-    """Print what the published problems came to."""
-    out = people()
-    head = ("benchmark", "quantity", "target", "ours", "off by", "allowed", "")
-    out.print(table(head, map(_finding, of.findings)))
-    out.print(f"{len(of.findings)} findings in {sum(of.seconds.values()):.0f} s; passed: {of.passed}")
-    out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
-
-
-def _finding(f: Finding) -> tuple[str, ...]:
-    limits = (f"{f.difference:.2g}", f"{f.allowed:.2g}", "" if f.passed else "FAILED")
-    return (f.name, f.quantity, f"{f.target:.6g}", f"{f.ours:.6g}", *limits)
-
-
 def print_budget(of: Budget) -> None:
     """Print the shares of the error in the commanded directions."""
     out, splits = people(), [(of.split[axis], axis) for axis in DIRECTIONS]
@@ -184,26 +151,6 @@ def _travelled(of: Workspace) -> Iterator[tuple[str, ...]]:
 def _of_models(point: Point, kind: str) -> Iterator[str]:
     found = getattr(point, kind)
     return (f"{found[model]:+z.4f}" if model in found else "" for model in MODELS)
-
-
-def print_claims(of: ClaimsReport) -> None:
-    """Print the verdicts, and the alternatives with their magnitudes."""
-    from flexfem.verdicts.page import said_of_ensemble
-
-    out, rows = people(), []
-    for verdict in of.verdicts:
-        out.print(f"{verdict.verdict}: {verdict.statement} ({verdict.where})")
-        for text in (verdict.found, verdict.ensemble, verdict.argument):
-            if text:
-                out.print(f"    {text}")
-    if of.ensemble is not None:
-        out.print(f"\n{said_of_ensemble(of.ensemble)}")
-    out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
-    for row in of.alternatives:
-        pairs = (f"{getattr(row.along, axis):z.3f}, {getattr(row.across, axis):z.3f}" for axis in DIRECTIONS)
-        rows.append((row.name, f"mobility {row.mobility}", *pairs))
-    out.print(table(("alternative", "model", "X", "Y", "theta"), rows))
-    print_ending(out, of)
 
 
 def print_regression(of: Mapping[str, Any]) -> None:

@@ -14,9 +14,9 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
-from flexfem.commands.streams import raw
-from flexfem.commands.tables import people, print_ending, table
+from flexfem.commands.tables import print_ending, table
 from flexfem.sources import ONE_THREAD
+from flexfem.terminal import people, raw
 
 if TYPE_CHECKING:
     from flexfem.design.result import Designed, Requirement, Stated

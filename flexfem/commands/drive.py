@@ -9,7 +9,8 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Analytic, Json, Links, Resolution, StageFile, Wanted, check_within
-from flexfem.commands.tables import DIRECTIONS, numbers, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, numbers, print_ending, table
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, FORCES, MICROMETRE, STIFFNESSES, STRESS, unit_for
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def _criterion_rows(of: Command) -> Iterator[list[str]]:
     yield [f"highest neck stress ({STRESS})", *(_peak(one.stress) for one in found)]
     metal = [one.element_stress for one in found if one.element_stress is not None]
     if metal:
-        from flexfem.verify.warning import stress_below
+        from flexfem.questions.warnings import stress_below
 
         low = "" if of.resolution is None else f", {stress_below(of.resolution)}"
         yield [f"by finite elements{low}", *map(_peak, metal)]

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexfem.commands import console
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, StageFile, Wanted
 from flexfem.commands.solid_modes import show_solid_modes
-from flexfem.commands.tables import DIRECTIONS, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, print_ending, table
 from flexfem.refused import BadInput
+from flexfem.terminal import people, working
 from flexfem.units import UNITS
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import typer
 
 from flexfem import studies
 from flexfem.commands import console
-from flexfem.commands.at_work import working
 from flexfem.commands.console import Json, check_within
-from flexfem.commands.tables import people, print_ending
+from flexfem.commands.tables import print_ending
+from flexfem.terminal import people, working
 
 if TYPE_CHECKING:
     from flexfem.page.report import PageReport

@@ -9,7 +9,7 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
-from flexfem.commands.tables import people
+from flexfem.terminal import people
 
 if TYPE_CHECKING:
     from flexfem.reference.keys import KeyTable
@@ -19,7 +19,7 @@ def schema(
     format_name: Annotated[
         str | None,
         typer.Argument(
-            help="stage, case, study, requirements, claims, fixture, measured, material, stack or necks.",
+            help="stage, case, study, requirements, fixture, measured, material, stack or necks.",
             metavar="[FORMAT]",
         ),
     ] = None,

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexfem.commands import console
-from flexfem.commands.at_work import working
-from flexfem.commands.tables import people, print_ending, table
+from flexfem.commands.tables import print_ending, table
+from flexfem.terminal import people, working
 from flexfem.units import LENGTH, UNITS
 
 if TYPE_CHECKING:

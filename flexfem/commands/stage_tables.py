@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from flexfem.commands.tables import DIRECTIONS, ends, people, print_ending, table
+from flexfem.commands.tables import DIRECTIONS, ends, print_ending, table
+from flexfem.terminal import people
 from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, PLANES, RATE, STIFFNESSES, STRESS, STRESSES
 from flexfem.verify.limits import grouped
 

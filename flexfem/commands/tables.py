@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from flexfem.terminal import people
 from flexfem.units import (
     COMPLIANCES,
     FORCES,
@@ -37,14 +37,6 @@ class Ending(NamedTuple):
     warnings: Sequence[str]
     assumed: Sequence[str]
     not_stated: Sequence[str]
-
-
-def people() -> Console:
-    """Standard output; wide when it is no terminal, so that no table is folded in a file."""
-    from rich.console import Console
-
-    terminal = sys.stdout is not None and sys.stdout.isatty()
-    return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
 
 
 def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:

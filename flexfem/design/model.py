@@ -19,13 +19,13 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
 from flexfem.study.columns import Column
 from flexfem.study.designs import designs_of, evaluated, stage_of
 from flexfem.study.outputs import ERRORS, STIFFNESSES
 from flexfem.units import UNITS
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.questions import ask_formulas
 
 CHUNK = 2048  # designs at a time

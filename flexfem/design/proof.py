@@ -8,12 +8,11 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,14 +26,13 @@ from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import write_atomically
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import solved_values
 from flexfem.study.designs import designs_of, stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
-from flexfem.verify.corners import corner_bands, stress_bands
-from flexfem.verify.errors import levels, mesh_band
-from flexfem.verify.result import versions
+from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
@@ -44,6 +42,9 @@ ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
 OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
+
+
+Row: TypeAlias = list[float] | Failure  # outputs of a study
 
 
 class Store:
@@ -89,7 +90,7 @@ class Store:
 
     @staticmethod
     def _name(question: Any) -> str:
-        return f"{digest([question, versions()])[:32]}.json"
+        return f"{digest([question, dict(versions_of(True))])[:32]}.json"
 
 
 class Meshed(NamedTuple):
@@ -99,22 +100,27 @@ class Meshed(NamedTuple):
     columns: list[dict[str, float]]
 
 
-def solved(loaded: LoadedStudy, stage: Stage) -> list[float]:
-    """The outputs of a study for one stage, by finite elements. Raises BadInput or ComputationFailed."""
-    return [float(value) for value in solved_values(stage, loaded, False)]
+def solved(number: int, loaded: LoadedStudy, stage: Stage, versions: Mapping[str, str] | None = None) -> Row:
+    """The outputs of a study for one stage, by finite elements; in a worker, where its versions are the same."""
+    if versions is not None:
+        require_same_versions(versions, True)
+    try:
+        return [float(value) for value in solved_values(stage, loaded)]
+    except (BadInput, ComputationFailed) as error:
+        return Failure("failed", str(error))
 
 
 class ProposedElements:
-    """Finite elements of designs; without an executor one after the other in this process."""
+    """Finite elements of designs; without workers one after the other in this process."""
 
     def __init__(
         self,
         loaded: LoadedRequirements,
         counts: Counter[str],
-        executor: Executor | None = None,
+        workers: Workers | None = None,
         store: Store | None = None,
     ) -> None:
-        self.loaded, self.counts, self.executor, self.store = loaded, counts, executor, store or Store()
+        self.loaded, self.counts, self.workers, self.store = loaded, counts, workers, store or Store()
         self._counted = set[str]()
 
     def of(self, values: Array, say: Say = silent) -> Meshed:
@@ -165,21 +171,21 @@ class ProposedElements:
         )
         self._counted |= names
         waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
-        futures = {k: self.executor.submit(solved, *tasks[k]) for k in waiting} if self.executor else {}
-        try:
-            for done, k in enumerate(waiting, 1):
-                self.store.keep(questions[k], futures[k].result() if futures else solved(*tasks[k]))
-                say(f"finite elements: {done} of {len(waiting)} solutions")
-        except (BadInput, ComputationFailed) as error:
-            raise ComputationFailed(f"finite elements of a proposed design: {error}") from None
-        except RuntimeError as error:  # of an executor whose worker died
-            if not futures:
-                raise
-            raise ComputationFailed(f"finite elements of a proposed design: a worker died: {error}") from None
-        finally:
-            for future in futures.values():
-                future.cancel()
+        for done, (k, row) in enumerate(self._rows(tasks, waiting), 1):
+            if isinstance(row, Failure):
+                raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
+            self.store.keep(questions[k], row)
+            say(f"finite elements: {done} of {len(waiting)} solutions")
         return [self.store.answer(question) for question in questions]
+
+    def _rows(self, tasks: list[tuple[LoadedStudy, Stage]], waiting: list[int]) -> Iterator[tuple[int, Row]]:
+        """Outputs of the tasks that are waiting, by this process or by workers, in the order of completion."""
+        if self.workers is None:
+            yield from ((k, solved(k, *tasks[k])) for k in waiting)
+            return
+        ahead = ((k, *tasks[k], dict(versions_of(True))) for k in waiting)
+        for (k, *_), row in self.workers.results(solved, lambda: next(ahead, None), lambda task: LIMIT):
+            yield k, row
 
 
 class Proof(NamedTuple):

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import re
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from glob import escape
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from flexfem.arguments import integer
 from flexfem.design.outcome import designed
@@ -23,6 +18,7 @@ from flexfem.design.search import silent
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.refused import BadInput
+from flexfem.study.workers import Workers
 from flexfem.verify.result import write_record
 
 PathLike = str | os.PathLike[str]
@@ -82,8 +78,11 @@ def run_design(
         for name in (*stages, f"{stem}-design.json", *figures) if folder.is_dir() else ():
             check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
-    with executor_of(workers, scheduler) as executor:
-        found = designed(loaded, ProposedElements(loaded, Counter(), executor, store), say)
+    if scheduler is not None and workers != 1:
+        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
+    alone = scheduler is None and workers == 1
+    with nullcontext() if alone else Workers(workers, scheduler, say) as pool:
+        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
     if folder is not None:
         _remove_older(folder, write_design(found, folder), base)
         store.forget()
@@ -109,23 +108,3 @@ def _remove_older(folder: Path, written: list[Path], base: Path) -> None:
         with suppress(OSError):
             if "designed: " in path.read_text(errors="replace") and not path.samefile(base):
                 path.unlink()
-
-
-def executor_of(workers: int, scheduler: str | None) -> AbstractContextManager[Executor | None]:
-    """Processes of this machine or of a Dask cluster; None for this process alone. Raises BadInput."""
-    if scheduler is None:
-        if workers == 1:
-            return nullcontext(None)
-        return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
-    if workers != 1:
-        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
-    if not re.fullmatch(r"(tcp://)?[^/\s]+:[0-9]{1,5}", scheduler):
-        raise BadInput(f"--scheduler {scheduler}, expected host:port, such as tcp://127.0.0.1:8786")
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise BadInput(f"--scheduler {scheduler}: Dask is not installed, expected flexfem[dask]") from None
-    try:
-        return distributed.Client(scheduler, timeout=10, set_as_default=False).get_executor()  # type: ignore[no-any-return]
-    except OSError as error:
-        raise BadInput(f"--scheduler {scheduler}: no scheduler answers there: {error}") from None

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.network import chain_compliance
+from flexfem.analytic.model import chain_compliance, hinge_compliances
 from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance

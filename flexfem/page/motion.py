@@ -8,18 +8,18 @@ from markupsafe import Markup
 
 from flexfem.page.drawn import shown_figure
 from flexfem.page.section import PageSection, notes, table
-from flexfem.plot.drift import SAID, drift_figure
+from flexfem.plot.drift import drift_figure
 from flexfem.plot.life import life_figure
 from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
 from flexfem.plot.text import significant
 from flexfem.plot.workspace import workspace_figure
-from flexfem.units import COMMANDS, STRESS, UNITS, Unit
+from flexfem.units import COMMANDS, UNITS, Unit
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
-    from flexfem.verify.drift import DriftFields, WarmStage
-    from flexfem.verify.life import Life, Witness
+    from flexfem.questions.heat import Drift
+    from flexfem.questions.life import Life
     from flexfem.verify.modes import Vibration
     from flexfem.verify.pose_set import Extent
     from flexfem.verify.reach import Reach
@@ -73,29 +73,12 @@ def modes_section(found: Vibration) -> PageSection:
     return PageSection("modes", "Natural modes", data + figure + notes(of.warnings))
 
 
-def drift_section(found: DriftFields) -> PageSection:
+def drift_section(found: Drift) -> PageSection:
     """The pose per kelvin and per gradient of temperature."""
-    of, rows = found.record, []
-    for name, case in of.cases.items():
-        for model, one in (("analytic", case.analytic), ("finite elements", case.elements)):
-            if one is not None:
-                rows.append([SAID[name], model, *_warm(one)])
-    head = ["change of temperature", "model", *(f"{SYMBOLS[a]} ({u})" for a, u in zip(SYMBOLS, HEAT, strict=True))]
-    data = table([*head, f"highest neck stress ({STRESS})"], rows, numbers=4)
     figure = shown_figure(
         "drift-figure", lambda: drift_figure(found), "The warm stage under each change of temperature."
     )
-    return PageSection("drift", "Drift by temperature", data + figure + notes(of.warnings))
-
-
-HEAT = (UNITS["um"], UNITS["um"], Unit(UNITS["urad_per_k"].factor, "µrad"))
-
-
-def _warm(of: WarmStage) -> list[str]:
-    scale = [value * unit.factor for value, unit in zip(of.pose, HEAT, strict=True)]
-    tiny = 1e-9 * max(map(abs, scale))
-    pose = ["0" if abs(value) <= tiny else significant(value) for value in scale]
-    return [*pose, significant(max(value for row in of.stress for value in row))]
+    return PageSection("drift", "Drift by temperature", Markup(found.to_html()) + figure)
 
 
 def workspace_section(found: Workspace) -> PageSection:
@@ -106,21 +89,6 @@ def workspace_section(found: Workspace) -> PageSection:
 
 
 def life_section(found: Life) -> PageSection:
-    """Cycles that the necks bear at the amplitude that was asked."""
-    rows = [_life(each) for each in (found.analytic, found.elements) if each is not None]
-    head = ["model", "first neck", f"equivalent stress ({STRESS})", "cycles", "from", "to", "yield over stress"]
-    data = table(head, rows, numbers=5, sortable=False)
-    figure = shown_figure("life-figure", lambda: life_figure(found), "The S-N curve of the metal with the necks on it.")
-    return PageSection("life", "Fatigue life", data + figure + notes(found.warnings))
-
-
-def _life(of: Witness) -> list[str]:
-    neck = of.necks[of.first]
-    cycles = ["endless" if value is None else significant(value, 3) for value in (of.cycles, of.fewest, of.most)]
-    return [
-        of.model,
-        f"{neck.hinge} hinge, chain {neck.chain}",
-        significant(neck.equivalent),
-        *cycles,
-        significant(of.safety, 3),
-    ]
+    """Cycles of the necks, and the S-N curve with the necks on it."""
+    figure = shown_figure("life-figure", lambda: life_figure(found), "The S-N curve of the material with the necks.")
+    return PageSection("life", "Fatigue life", Markup(found.to_html()) + figure)

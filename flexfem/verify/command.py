@@ -13,9 +13,10 @@ from flexfem.mechanism.contacts import Follows
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
+from flexfem.questions import warnings as warning
 from flexfem.refused import ComputationFailed
 from flexfem.units import MICROMETRE
-from flexfem.verify import friction, preloaded, warning
+from flexfem.verify import friction, preloaded
 from flexfem.verify.driven import (
     CRITERIA,
     ROUND_OFF,

@@ -11,6 +11,7 @@ from flexfem.arrays import Array
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.verify.command import stack_names
 from flexfem.verify.driven import DriveLimits, Driven, limits_of_forces, limits_of_strokes, moved
 from flexfem.verify.driven_models import Commanding, stresses
@@ -24,7 +25,6 @@ from flexfem.verify.neck_limits import (
     sections_of,
 )
 from flexfem.verify.polytope import LinearLimits
-from flexfem.verify.warning import YIELD_MARGIN
 
 
 def limits_of_commands(stage: Stage, first: Commanding, of: Driven, drive: StageDrive, load: Array) -> LinearLimits:

@@ -18,6 +18,7 @@ from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.strength import concentration
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import StageDrive
+from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.verify.driven import SINGULAR, Driven, limits_of
 from flexfem.verify.neck_limits import (
     BESIDE,
@@ -29,7 +30,6 @@ from flexfem.verify.neck_limits import (
     stress_along,
 )
 from flexfem.verify.programs import maximise
-from flexfem.verify.warning import YIELD_MARGIN
 
 ROUNDS = 60  # of added half-spaces; three are common
 ROUND_OFF = 1e-11  # of the yield strength

@@ -14,9 +14,9 @@ from flexfem.analytic.model import choose
 from flexfem.arrays import Array
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.refused import ComputationFailed
 from flexfem.units import STRESS, Direction
-from flexfem.verify import warning
 from flexfem.verify.drive_limits import limits_of_commands, preload_stress
 from flexfem.verify.driven import SINGULAR
 from flexfem.verify.driven_models import Commanding, commanding, driven_metal

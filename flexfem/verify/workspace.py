@@ -14,13 +14,13 @@ import numpy as np
 
 from flexfem.analytic.large import Missed, along, at_pose, missed, summed_loads, tangents
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.paper import Mechanism, stiffness
+from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import percentages
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.reach import Reach
 from flexfem.verify.result import Matrix, OfStage, Record, about
@@ -107,7 +107,7 @@ class Workspace(OfStage):
     no_reach: str = ""
 
 
-AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml
+AMPLITUDE = 0.5  # mm: ten times the assumed workspace of examples/claims.py
 TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
 RESOLUTION = 4  # with 8, compliances move by up to 0.09 % and the percentages here by 2.2e-4 points
 STEPS = 20  # commands on either side of rest
@@ -158,7 +158,7 @@ def workspace(
     )
 
 
-def _travel(stage: Stage, of: Mechanism, solved: Solved, direction: Direction, far: float) -> Travel:
+def _travel(stage: Stage, of: PaperModel, solved: Solved, direction: Direction, far: float) -> Travel:
     axis, rest, step = DIRECTIONS.index(direction), stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
     at = tangents(of, along(commanded, axis))

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from flexfem.commands import at_work
-from flexfem.commands.at_work import working
+from flexfem import terminal as at_work
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
 from flexfem.reports import drive
+from flexfem.terminal import working
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 

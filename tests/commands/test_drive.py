@@ -11,12 +11,12 @@ import pytest
 import flexfem as package
 from flexfem.commands.drive import print_command
 from flexfem.commands.reach import print_reach
-from flexfem.commands.tables import people
 from flexfem.fem.drive import driven_response
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.drives import drive_of
 from flexfem.page.answers import alone_table
+from flexfem.terminal import people
 from flexfem.verify.driven import driven
 from flexfem.verify.driven_models import engaged_stiffness
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands import streams
-from flexfem.commands.grouped import GROUPS
+from flexfem import terminal as streams
+from flexfem.cli import GROUPS
 
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")

@@ -12,11 +12,11 @@ from contextlib import nullcontext
 import pytest
 
 from flexfem.clock import Stopwatch
-from flexfem.commands.streams import Plain, reason_of
 from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 from flexfem.sources import _Loader, child_command, hashes
+from flexfem.terminal import Plain, reason_of
 
 from ..conftest import ROOT
 

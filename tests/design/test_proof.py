@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +14,7 @@ from flexfem.design.outcome import checked_by
 from flexfem.design.proof import Proof, ProposedElements, Store, mapped, quantity_band
 from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
+from flexfem.study.workers import Failure
 
 from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
 
@@ -30,7 +30,7 @@ def solved(monkeypatch):
     """Studies and stages that are solved in this process; every output is the resolution of the mesh."""
     found = []
 
-    def solve(study, stage):
+    def solve(number, study, stage, versions=None):
         found.append((study.study, stage))
         return [float(study.study.resolution)] * len(study.outputs)
 
@@ -60,21 +60,28 @@ def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(lo
     assert counts == {"finite elements in three dimensions": 2}
 
 
+class InOrder:
+    """What computes tasks in this process, the last first."""
+
+    def results(self, function, next_task, limit):
+        for task in reversed([*iter(next_task, None)]):
+            yield task, function(*task)
+
+
 @pytest.mark.parametrize("parallel", [False, True])
 def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, parallel):
     counts = Counter()
-    with ThreadPoolExecutor(2) as executor:
-        proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), counts, executor if parallel else None)
-        first, again = proposed.of(OWN), proposed.of(OWN)
-        assert first == again and len(solved) == 3 and counts == {"finite elements": 3}
-        proposed.of(OWN + 0.01)
+    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), counts, InOrder() if parallel else None)
+    first, again = proposed.of(OWN), proposed.of(OWN)
+    assert first == again and len(solved) == 3 and counts == {"finite elements": 3}
+    proposed.of(OWN + 0.01)
     assert len(solved) == 6 and counts == {"finite elements": 6}
 
 
 def test_an_answer_is_kept_for_the_versions_that_gave_it(load, solved, monkeypatch):
     proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
     proposed.of(OWN)
-    monkeypatch.setattr(module, "versions", lambda: {"flexfem": "another"})
+    monkeypatch.setattr(module, "versions_of", lambda meshed: {"flexfem": "another"})
     proposed.of(OWN)
     assert len(solved) == 6
 
@@ -84,7 +91,7 @@ def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_
     off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))
     names = {"coupling_xy": (1, "elbow"), "coupling_xt": (2, "platform"), "coupling_yt": (3, "base")}
 
-    def solve(study, stage):
+    def solve(number, study, stage):
         return [stage.hinge(*names[n]).neck if n in names else study.study.resolution for n in study.outputs]
 
     monkeypatch.setattr(module, "solved", solve)
@@ -94,14 +101,11 @@ def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_
 
 
 def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
-    def fails(study, stage):
-        raise ComputationFailed("the mesh folds")
-
     proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
     with monkeypatch.context() as patched, pytest.raises(ComputationFailed, match="proposed design: the mesh folds"):
-        patched.setattr(module, "solved", fails)
+        patched.setattr(module, "solved", lambda *task: Failure("failed", "the mesh folds"))
         proposed.of(OWN)
-    monkeypatch.setattr(module, "solved", lambda study, stage: [4.0] * len(study.outputs))
+    monkeypatch.setattr(module, "solved", lambda number, study, stage: [4.0] * len(study.outputs))
     assert proposed.of(OWN).columns[0]["kxx_n_per_mm"] == 4.0
 
 

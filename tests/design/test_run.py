@@ -27,7 +27,7 @@ def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept
 
     def found(loaded, elements, say):
         elements.store.keep("a question", 1.0)
-        seen.append((sorted(path.name for path in folder.iterdir()), elements.executor is None))
+        seen.append((sorted(path.name for path in folder.iterdir()), elements.workers is None))
         return recorded(seed=11)
 
     monkeypatch.setattr(run, "designed", found)
@@ -51,11 +51,11 @@ def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_ele
     flexfem.run_design(path, tmp_path / "two", workers=2)
     original, count = proof.solved, []
 
-    def stopped(study, stage):
+    def stopped(*task):
         count.append(1)
         if len(count) == 5:
             raise KeyboardInterrupt
-        return original(study, stage)
+        return original(*task)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr(proof, "solved", stopped)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flexfem.plot.design_front import front_figure
-from flexfem.plot.sensitivity import sensitivity_figure
-from flexfem.synthesis.result import Step
 from matplotlib import pyplot
 
 import flexfem
-from flexfem.plot.design import design_figure
+from flexfem.design.result import Step
+from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 
 from ..design.recorded import OTHER, REQUIREMENTS, STAGE, recorded
 

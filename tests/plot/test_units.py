@@ -111,12 +111,7 @@ def test_units_are_spelled_in_one_place() -> None:
     others = (
         "commands/tables",
         "commands/comparisons",
-        "verify/warning",
-        "verdicts/measures",
-        "verdicts/second_order",
-        "verdicts/shares",
-        "verify/alternatives",
-        "verify/other_stages",
+        "questions/warnings",
         "commands/baseline/rules",
         "study/findings",
     )

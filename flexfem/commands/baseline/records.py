@@ -24,13 +24,12 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions.bands import levels
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verdicts.claims import load_claims
-from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed, workspace
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
-from flexfem.verify.errors import compare, levels
+from flexfem.verify.errors import compare
 from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case
 from flexfem.verify.stage_report import report_stage
 
@@ -65,7 +64,7 @@ def settings(kind: Kind) -> dict[str, Leaf]:
         "workspace": {"amplitude": workspace.AMPLITUDE, "turn": workspace.TURN, "resolution": workspace.RESOLUTION},
     }
     of_case = {"committed": {"resolution": COARSE}}
-    found = {"stage": of_stage, "case": of_case, "claims": {"resolution": RESOLUTION}}.get(kind, {})
+    found = {"stage": of_stage, "case": of_case}.get(kind, {})
     return {key_path(path): value for path, value in leaves(found).items()}
 
 
@@ -154,11 +153,6 @@ def _imposed(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
     return {"model": {"given": given.given.tolist()}, "percent": percent.tolist()}
 
 
-def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
-    load_claims(path)
-    return {"claims": lambda: report_claims(path, solve).model_copy(update={"file": path.name})}
-
-
 def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     """What the analytic model reads from a chart of flexfem itself."""
     if path.stem == "thickness_chart":
@@ -229,7 +223,6 @@ def _or_refused(make: Section) -> Any:
 _SECTIONS: dict[Kind, Callable[[Path, Path, Solve], dict[str, Section]]] = {
     "stage": _of_stage,
     "case": _of_case,
-    "claims": _of_claims,
     "study": _of_study,
     "chart": _of_chart,
 }

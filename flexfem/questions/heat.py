@@ -1,0 +1,401 @@
+"""What a change of temperature does to a stage: pose, stress and reactions per kelvin and per K/mm.
+
+Stage and frame have the same temperature at every place, linear in X and Y (in three dimensions also in Z): the change
+at the platform's centre, and gradients about it. The stage does not strain the frame. A frame of the stage's own
+material leaves the stage at rest under all of these: every answer is proportional to the difference of the two
+coefficients of expansion. In plane strain the faces are held at the expansion of the frame; in three dimensions they
+are free, and displacements out of the plane are those against the frame as it bows.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
+from flexfem.analytic.model import ModelChoice, hinge_compliance
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
+from flexfem.analytic.responses import drift as analytic_drift
+from flexfem.arrays import Array, Index
+from flexfem.fem.export import write_solid_vtu
+from flexfem.fem.heat import CORNER, HeatResponse, edge_maxima, heat_response, largest_within
+from flexfem.fem.layers import layers_of
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plane_stress import von_mises
+from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
+from flexfem.fem.sectors import build_mesh, mesh_sectors
+from flexfem.fem.solid import sheet_of
+from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
+from flexfem.fem.solid_heat import WarmHalf, free_solid, warm_half
+from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.strength import von_mises_along
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import located
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import ROUND_OFF, SAFETY, coarser, corner_bands, levels, pose_bands
+from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
+from flexfem.refused import BadInput
+from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.units import EXPANSION
+from flexfem.verify.result import Fields
+
+CASES = ("uniform", "gradient in x", "gradient in y")
+IN_DEPTH = "gradient in z"
+SHEET = "plane stress"  # label of the plane problem beside three dimensions
+LEAST_SOLID = 6  # on 4 triangles across a neck bands left out the z of 2 of 4 stages: meshes agreed by chance
+PLACES = ((0, 2), (0, 0), (0, 1), (1, 2))  # of each case: mirror half, and its place among the three of `WarmHalf`
+UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
+_MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
+UNLIKE_CHAINS = ((_MORE, 1.0, 1.0), (_LESS, 1.0, 1.0), (_MORE, _LESS, 1.0))  # factors on the necks of each chain
+CASE_DRIFT = Gate(FRESH.relative, absolute=1e-15)
+
+
+class Drift(Result):
+    """What a change of temperature does to a stage."""
+
+    title = "change of temperature"
+    labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
+    figure = "drift.drift_figure"
+    drawn_from_fields = True
+    reading = (
+        "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, in stage and frame alike",
+        "all numbers are proportional to the difference of the two coefficients of expansion",
+    )
+    pose = Quantity(
+        "displacement of the platform", ("mm", "mm", "rad"), ("case", "model", "direction"), CASE_DRIFT, "pose",
+        prefixed=True,
+    )  # fmt: skip
+    stress = Quantity(
+        "highest neck stress", "mpa", ("case", "model", "chain", "hinge"), STRESS, "all", largest=("chain", "hinge")
+    )
+    edges = Quantity(
+        "highest stress at clamped edges", "mpa", ("case", "model", "chain"), STRESS, "all", largest=("chain",),
+        note="without a fifth of each edge at both corners, where elastic stress has no bound",
+    )  # fmt: skip
+    tilt = Quantity(
+        "displacement by a gradient in z, rotations about x and y", ("mm", "rad", "rad"), ("model", "out of plane"),
+        FRESH, "all", prefixed=True,
+    )  # fmt: skip
+    unlike = Quantity(
+        f"displacement with the necks of some chains {UNLIKE:g} % unlike, analytic", ("mm", "mm", "rad"),
+        ("case", "direction"), SOLVED, "pose", prefixed=True,
+    )  # fmt: skip
+    reaction = Quantity(
+        "reaction of the ground about the platform's centre", ("n", "n", "n_mm"),
+        ("case", "model", "chain", "direction"), FRESH, "all", shown=False,
+    )  # fmt: skip
+    columns = ("direction", "out of plane")
+
+
+class Expansion(NamedTuple):
+    """In-plane expansion of stage and frame, and stress across the plane, MPa, where nothing strains: per kelvin."""
+
+    stage: float
+    frame: float
+    across: float
+
+
+class WarmFields(NamedTuple):
+    """Fields of the finest plane mesh by case, per kelvin or per K/mm.
+
+    ground : (k, 3), edges of the mesh that the frame carries.   hub_radius : mm, of the disc that expands freely.
+    """
+
+    cases: dict[str, Fields]
+    ground: Index
+    hub_radius: float
+
+
+class SolidWarmFields(NamedTuple):
+    """Both mirror halves in three dimensions, per unit of the frame's expansion beyond the stage's."""
+
+    stage: Stage
+    halves: tuple[WarmHalf, WarmHalf]
+
+    def write(self, path: Path) -> list[Path]:
+        """Write displacement, mm, and von Mises stress, MPa, of half of the thickness by case as VTU."""
+        own, mesh, layers = float(self.stage.material.expansion or 0.0), self.halves[0].mesh, self.halves[0].layers
+        beyond, fields = frame_expansion_of(self.stage) - own, dict[str, Array]()
+        for case, (kind, at) in zip((*CASES, IN_DEPTH), PLACES, strict=True):
+            half = self.halves[kind]
+            field, every = beyond * half.fields[at], np.arange(len(mesh.nodes))
+            stress = solid_nodal_stress(mesh, sheet_of(self.stage), half.layers, field, every)
+            fields[f"displacement, {case}"] = own * free_solid(mesh.nodes, half.layers)[at] + field
+            fields[f"von Mises stress, {case}"] = solid_von_mises(stress)
+        path = path.with_suffix(".vtu")
+        write_solid_vtu(mesh, layers.heights, path, fields)
+        return [path]
+
+
+class CaseArrays:
+    """The answers of one model, arrays whose first axis is the case: nan where the model has no answer.
+
+    pose, pose_band : (cases, 3).   stress : (cases, 3 chains, 3 hinges).   reaction : (cases, 3 chains, 3).
+    edges, edges_band : (cases, 3 chains).
+    """
+
+    def __init__(self, **parts: ArrayLike) -> None:
+        shapes = {
+            "pose": (3,),
+            "stress": (3, 3),
+            "reaction": (3, 3),
+            "edges": (3,),
+            "pose_band": (3,),
+            "edges_band": (3,),
+        }
+        self.parts = {name: np.full((len(CASES), *shape), np.nan) for name, shape in shapes.items()}
+        self.parts |= {name: np.asarray(part) for name, part in parts.items()}
+
+    def part(self, name: str, cases: int) -> Array:
+        """One of the arrays, with as many cases as others have."""
+        found = self.parts[name]
+        return np.concatenate([found, np.full((cases - len(found), *found.shape[1:]), np.nan)])
+
+
+def drift(
+    stage: Stage,
+    *,
+    models: Models = "both",
+    analytic: Analytic = DEFAULT,
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> Drift:
+    """Displacement and stress of a stage per kelvin, and per kelvin per mm along X and Y.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage, which states its coefficient of expansion.
+    models : {"both", "analytic", "elements"}
+        The models that answer.
+    analytic : Analytic
+        The analytic model.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4, in three dimensions from 6.
+    layers : int, optional
+        Three dimensions with so many layers in half the thickness, from 3; also a gradient through the thickness.
+    progress : callable, optional
+        Called with a line whenever a part is done.
+
+    Returns
+    -------
+    Drift
+
+    Raises
+    ------
+    BadInput
+        The stage states no `material.expansion_um_per_m_k`, cannot be made, or the analytic model does not suit it.
+    ComputationFailed
+        A mesh or a solution does not pass its checks.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.drift(flexfem.load("geometry/mobility6.toml"), models="analytic")
+    >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
+    5.5
+    """
+    check_feasible(stage)
+    mesh = mesh_of(models, resolution, layers, 4, LEAST_SOLID)
+    alpha, warnings = expansion_of(stage), _warnings(stage)
+    found: dict[str, CaseArrays] = {}
+    values: dict[str, Array] = {}
+    bands: dict[str, Array] = {}
+    fields: WarmFields | SolidWarmFields | None = None
+    cases: tuple[str, ...] = CASES
+    name = None
+    if models != "elements":
+        chosen = analytic.chosen(stage, warnings)
+        found[ANALYTIC], name = by_network(chosen, alpha), chosen.name
+        if stage.chains_alike and (unlike := _unlike(chosen)) is not None:
+            values["unlike"] = unlike
+    if mesh is not None and mesh.layers:
+        solved = _in_three_dimensions(stage, mesh.resolution, mesh.layers, progress)
+        found[SHEET], found[SOLID], tilt, tilt_band, fields = solved
+        at = (np.array(tuple(found)) == SOLID)[:, None]
+        values["tilt"], bands["tilt"] = np.where(at, tilt, np.nan), np.where(at, tilt_band, np.nan)
+        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *warning.held_faces(stage)]
+    elif mesh is not None:
+        found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution)
+    for quantity in ("pose", "stress", "reaction", "edges"):
+        values[quantity] = np.stack([one.part(quantity, len(cases)) for one in found.values()], axis=1)
+    for quantity in ("pose", "edges"):
+        bands[quantity] = np.stack([one.part(f"{quantity}_band", len(cases)) for one in found.values()], axis=1)
+    expansions = float(stage.material.expansion or 0.0), frame_expansion_of(stage)
+    stated = [f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in expansions]
+    settings = dict(zip(("expansion", "frame"), stated, strict=True)) | {"analytic model": name}
+    axes = {"case": cases, "model": tuple(found)}
+    return Drift(about(stage, heat=True), values, bands, axes, settings | meshed(mesh), warnings, fields=fields)
+
+
+def _warnings(stage: Stage) -> list[str]:
+    warnings = list(warning.of_numbers(stage))
+    if stage.frame.expansion is None:
+        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
+    return warnings + warning.of_stacks(stage)
+
+
+def frame_expansion_of(stage: Stage) -> float:
+    """Coefficient of the frame, 1/K: the stage's where none is stated."""
+    own = stage.material.expansion if stage.frame.expansion is None else stage.frame.expansion
+    return float(own or 0.0)
+
+
+def expansion_of(stage: Stage) -> Expansion:
+    """What the plane problem of a stage sees of its expansion. Raises BadInput when it is not stated."""
+    with located(stage):
+        require_expansion(stage)
+    (plane,), (frame,) = in_plane(lower(stage))
+    free = frame - float(stage.material.expansion or 0.0)
+    across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
+    return Expansion(float(plane), float(frame), across)
+
+
+def by_network(chosen: ModelChoice, alpha: Expansion) -> CaseArrays:
+    """The three cases by the pseudo-rigid model."""
+    stage, mobility, formula, links = chosen
+    design = lower(stage)
+    own = mobility is None and not links
+    freedoms = stage_freedoms(design.prismatic) if own else freedoms_of(21 if mobility is None else mobility)
+    hinges = Compliance(*(np.asarray(part)[None] for part in hinge_compliance(stage, formula)))
+    rates = (np.array([alpha.stage]), np.array([alpha.frame]))
+    bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if links else None
+    pose, reaction, stress = (part[0] for part in analytic_drift(design, hinges, freedoms, *rates, bodies))
+    along = stress / von_mises_along(design.out_of_plane)[0]
+    centres, pull = stage_frames(stage).centres, float(design.out_of_plane[0])
+    zz = alpha.across * np.concatenate([np.ones((3, 3, 1)), centres], axis=-1)
+    stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + zz,)], axis=0)
+    return CaseArrays(pose=pose.T, stress=np.moveaxis(stress, -1, 0), reaction=np.moveaxis(reaction, -1, 0))
+
+
+def _in_plane(stage: Stage, alpha: Expansion, resolution: int) -> tuple[CaseArrays, WarmFields]:
+    """The three cases by plane finite elements on three meshes."""
+    plate, lever = plate_of(stage), stage.chain.link_lengths[2]
+    steps = np.array(levels(resolution), dtype=float)
+    poses, edges = [], []
+    for level in levels(resolution):
+        mesh = build_mesh(stage, level)
+        found = heat_response(mesh, plate, alpha.stage, alpha.frame)
+        stresses = [_von_mises(stage, alpha, mesh, found, k) for k in range(3)]
+        poses.append(found.pose)
+        edges.append([edge_maxima(mesh, each) for each in stresses])
+    edges_band = np.full((3, 3), np.nan)
+    for case in range(3):  # the band of the highest of the three edges
+        highest = int(np.argmax(edges[-1][case]))
+        edges_band[case, highest] = corner_bands(steps, np.array([np.max(each[case]) for each in edges]))
+    warm = CaseArrays(
+        pose=found.pose.T,
+        pose_band=pose_bands(steps, np.array(poses), lever).T,
+        stress=[neck_maxima(stage, mesh, each) for each in stresses],
+        reaction=found.reactions,
+        edges=edges[-1],
+        edges_band=edges_band,
+    )
+    drawn = {
+        case: Fields(
+            nodes=mesh.nodes,
+            triangles=mesh.triangles,
+            bodies=mesh.bodies,
+            displacement=found.fields[k],
+            stress=stresses[k],
+        )
+        for k, case in enumerate(CASES)
+    }
+    return warm, WarmFields(drawn, mesh.edges["ground"], stage.platform.hub_radius)
+
+
+def _von_mises(stage: Stage, alpha: Expansion, mesh: StageMesh, response: HeatResponse, case: int) -> Array:
+    """Von Mises stress (n,) at the nodes by one case, MPa."""
+    warm = np.concatenate([np.ones((len(mesh.nodes), 1)), mesh.nodes], axis=1)[:, case]
+    return von_mises(response.stress[case], out_of_plane_ratio_of(stage), alpha.across * warm)
+
+
+def _in_three_dimensions(
+    stage: Stage, resolution: int, layers: int, progress: Progress | None
+) -> tuple[CaseArrays, CaseArrays, Array, Array, SolidWarmFields]:
+    """The four cases by wedges: in plane stress on the same mesh, in three dimensions, and what a gradient in z tilts.
+
+    Notes
+    -----
+    A frame that expands otherwise strains the clamped faces most at their corners, where stress has no bound: poses
+    converge by twice its exponent (M. L. Williams, J. Appl. Mech. 19 (1952) 526), far slower than compliances. With the
+    order of these, meshes of 3, 4 and 6 triangles across a neck left out 2 of 16 poses of four stages on 9.
+    """
+    own, lever = float(stage.material.expansion or 0.0), stage.chain.link_lengths[2]
+    beyond, plate = frame_expansion_of(stage) - own, sheet_of(stage)
+    meshes = {level: mesh_sectors(stage, level) for level in levels(resolution)}
+    halves, bands = [], []
+    for name, antisymmetric in (("in the plane", False), ("out of the plane", True)):
+
+        def solved(level: int, number: int, antisymmetric: bool = antisymmetric) -> WarmHalf:
+            return warm_half(meshes[level], plate, layers_of(stage, number, antisymmetric))
+
+        scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
+        meshed, layered = coarser(
+            lambda *sizes, scale=scale, solved=solved: scale * solved(*sizes).pose, resolution, layers
+        )
+        of_mesh = pose_bands(np.array(list(meshes), dtype=float), np.array(meshed), 1.0)
+        bands.append(abs(beyond) * (of_mesh + layer_bands(*layered)) / scale)
+        halves.append(solved(resolution, layers))
+        if progress is not None:
+            progress(f"{name}: {halves[-1].unknowns} unknowns")
+    loads, places = beyond * np.eye(3), [(halves[kind], at) for kind, at in PLACES]
+    stress = [solid_neck_stresses(stage, plate, half, loads[[at]]).highest[0] for half, at in places]
+    edges = [_clamped(stage, half, beyond * half.fields[at]) for half, at in places]
+    order = [at for _, at in PLACES[:3]]
+    warm = CaseArrays(pose=beyond * halves[0].pose.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges)
+    sheet = CaseArrays(pose=heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T)
+    tilt, tilt_band = beyond * halves[1].pose[:, 2], bands[1][:, 2]
+    return sheet, warm, tilt, tilt_band, SolidWarmFields(stage, (halves[0], halves[1]))
+
+
+def _clamped(stage: Stage, half: WarmHalf, field: Array) -> Array:
+    """Highest stress (3 chains,) on the clamped face of each pad, MPa, of displacements (n, m, 3) beyond free ones.
+
+    A share `CORNER` of the length and of the half thickness along the borders is left out: stress has no bound there.
+    """
+    ground, heights = np.unique(half.mesh.edges["ground"]), half.layers.heights
+    stress = np.zeros(field.shape[:2])
+    stress[ground] = solid_von_mises(solid_nodal_stress(half.mesh, sheet_of(stage), half.layers, field, ground))
+    return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)
+
+
+def layer_bands(few: Array, many: Array) -> Array:
+    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
+
+    Notes
+    -----
+    The largest change of a case's components bounds all of them, times `SAFETY`; what is round-off by both has the
+    larger of its values.
+    """
+    largest = np.maximum(np.abs(few), np.abs(many))
+    common = SAFETY * np.max(np.abs(many - few), axis=0)
+    return np.asarray(np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, common))
+
+
+def _unlike(chosen: ModelChoice) -> Array | None:
+    """Poses (3 cases, 3) of the stage with chains made unlike, of each case the one that moves furthest in X and Y."""
+    stage, found = chosen.stage, []
+    for factors in UNLIKE_CHAINS:
+        necks = {
+            (chain, name): {"neck": factor * stage.hinge(chain, name).neck}
+            for chain, factor in zip(CHAINS, factors, strict=True)
+            for name in HINGE_NAMES
+        }
+        try:
+            other = stage.replace(override=necks)
+            found.append(by_network(chosen._replace(stage=other), expansion_of(other)).parts["pose"])
+        except BadInput:  # a neck as wide as its link, or off the chart
+            continue
+    if not found:
+        return None
+    poses = np.array(found)
+    furthest = np.argmax(np.hypot(poses[..., 0], poses[..., 1]), axis=0)
+    return np.asarray(poses[furthest, np.arange(len(CASES))])

@@ -1,0 +1,615 @@
+"""Results: what a question answers, declared once.
+
+A question declares a subclass of `Result` whose attributes are `Quantity` objects: name, unit, axes, meaning and the
+change that `regression` accepts. Everything that a person or a program sees follows from this declaration: the table on
+the console, in Markdown and in HTML, the JSON document and its schema, the paths of study columns, the reference in the
+documentation and the gate of `regression`.
+
+Values are stored inside in N, mm, MPa, rad, tonne and s. JSON and tables have them in the unit of the declaration.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from importlib.metadata import PackageNotFoundError, version
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexfem.arrays import Array
+from flexfem.files.digest import digest
+from flexfem.files.toml import read_bytes
+from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput
+from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for
+
+PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
+FORMAT = 1  # version of the JSON documents
+LARGEST_FILE = 2**26  # bytes of a stored result
+ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
+ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
+AXES = {
+    "direction": DIRECTIONS,
+    "component": DIRECTIONS,
+    "chain": ("chain 1", "chain 2", "chain 3"),
+    "hinge": ("base", "elbow", "platform"),
+}
+Progress: TypeAlias = Callable[[str], object]
+Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
+UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
+
+
+class Gate(NamedTuple):
+    """The change that `regression` accepts: relative to the scale of a value, of its band, and in inside units."""
+
+    relative: float
+    band: float = 0.05
+    absolute: float = 0.0
+
+
+EXACT = Gate(1e-12)  # closed forms and small dense algebra
+SOLVED = Gate(1e-9)  # iterated to a tolerance, or differences of such numbers
+FRESH = Gate(1.5e-5)  # finite elements on a mesh made now: gmsh 4.13 to 4.15 mesh the reference stages alike
+COARSER = Gate(3e-4)  # the same on coarser meshes, and what is extrapolated from them
+STRESS = Gate(5e-3)  # largest stress on such a mesh
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of a result: a descriptor that gives the array of an instance.
+
+    Parameters
+    ----------
+    meaning : str
+        What the quantity is, a noun phrase. It heads the column of a table.
+    unit : str or tuple
+        Key of `units.UNITS`, "" for a pure number; one for each label of the axis "direction", or without it of the
+        last axis; or a matrix of them for the last two axes.
+    over : tuple of str
+        Axes of the array.
+    gate : Gate
+        What `regression` accepts.
+    scale : str
+        What a change is relative to: the value itself; the largest of the last axis or of all; the largest of a pose or
+        wrench with rotations times the lever and moments divided by it; or the diagonal of a matrix.
+    largest : tuple of str
+        Axes over which tables show the largest value alone.
+    prefixed : bool
+        Tables choose a prefix for every number (um, nm, mrad).
+    shown : bool
+        Whether tables have it; JSON always has.
+    note : str
+        A sentence on how it is to be read, below the tables.
+    """
+
+    meaning: str
+    unit: UnitNames = ""
+    over: tuple[str, ...] = ()
+    gate: Gate = EXACT
+    scale: Scale = "value"
+    largest: tuple[str, ...] = ()
+    prefixed: bool = False
+    shown: bool = True
+    note: str = ""
+    name: str = field(default="", init=False)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Quantity: ...
+    @overload
+    def __get__(self, instance: Result, owner: type) -> Array: ...
+    def __get__(self, instance: Result | None, owner: type) -> Quantity | Array:
+        if instance is None:
+            return self
+        try:
+            return instance.values[self.name]
+        except KeyError:
+            raise AttributeError(f"{owner.__name__} without {self.name!r}: {self.meaning} was not computed") from None
+
+    def unit_at(self, place: tuple[int, ...]) -> Unit:
+        """The unit of the value at a place of the array."""
+        name: Any = self.unit
+        if isinstance(name, tuple) and isinstance(name[0], str):
+            name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
+        elif isinstance(name, tuple):
+            name = name[place[-2]][place[-1]]
+        return UNITS[name] if name else Unit(1.0, "")
+
+    def factors(self, shape: tuple[int, ...]) -> Array:
+        """Factors from inside units to those of the declaration, as an array of a shape."""
+        found = np.ones(shape)
+        for place in np.ndindex(shape):
+            found[place] = self.unit_at(place).factor
+        return found
+
+
+class About(NamedTuple):
+    """What a result is of.
+
+    name : of the stage.   file, hash : where it was read, and of its physical content.
+    assumed, not_stated : key paths of numbers that are assumed, and of those without a stated source.
+    lever : l3, mm, which makes rotations comparable with translations.
+    """
+
+    name: str
+    file: str = ""
+    hash: str = ""
+    assumed: Sequence[str] = ()
+    not_stated: Sequence[str] = ()
+    lever: float = 1.0
+
+
+class Number(NamedTuple):
+    """One number of a result: its path, value and band in inside units, and the change that is accepted."""
+
+    path: str
+    value: float
+    band: float
+    unit: Unit
+    accepted: float
+    accepted_band: float
+
+
+class TextTable(NamedTuple):
+    """A table as text: its head, its rows, how many columns at the left name the rows, and what it shows."""
+
+    head: list[str]
+    rows: list[list[str]]
+    names: int
+    caption: str = ""
+
+
+class Result:
+    """Quantities with labelled axes, bands, and what they are of. Subclasses declare; see the module.
+
+    Parameters
+    ----------
+    about : About
+    values : mapping of str to array
+        By quantity, inside units; nan where there is no answer. A quantity that was not computed is left out.
+    bands : mapping of str to array
+        Half-widths of the numerical uncertainty, of the same shapes; nan where there is none.
+    axes : mapping of str to sequence of str
+        Labels of the axes that the class does not fix.
+    settings : mapping
+        What the question was asked with: models, resolutions.
+    warnings, notes : sequence of str
+        Where the answer leaves what it is meant for, and how its table is to be read.
+    fields : object
+        Fields of finite elements for figures; not stored.
+    """
+
+    title: ClassVar[str] = ""
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {}
+    columns: ClassVar[tuple[str, ...]] = ("direction",)
+    figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
+    drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
+    reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
+    quantities: ClassVar[dict[str, Quantity]] = {}
+    kinds: ClassVar[dict[str, type[Result]]] = {}
+
+    def __init_subclass__(cls) -> None:
+        inherited = {name: one for base in reversed(cls.__mro__[1:]) for name, one in vars(base).items()}
+        found = {name: one for name, one in (inherited | vars(cls)).items() if isinstance(one, Quantity)}
+        cls.quantities = found
+        Result.kinds[cls.kind()] = cls
+
+    def __init__(
+        self,
+        about: About,
+        values: Mapping[str, ArrayLike],
+        bands: Mapping[str, ArrayLike] | None = None,
+        axes: Mapping[str, Sequence[str]] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        warnings: Sequence[str] = (),
+        notes: Sequence[str] = (),
+        fields: Any = None,
+    ) -> None:
+        self.about, self.settings, self.fields = about, dict(settings or {}), fields
+        self.warnings, self.notes = list(warnings), list(notes)
+        used = {axis for name in values for axis in self.quantities[name].over}
+        self.axes = {
+            axis: tuple(labels) for axis, labels in {**AXES, **self.labels, **(axes or {})}.items() if axis in used
+        }
+        self.values: dict[str, Array] = {}
+        self.bands: dict[str, Array] = {}
+        for target, source in ((self.values, values), (self.bands, bands or {})):
+            for name, given in source.items():
+                shape = tuple(len(self.axes[axis]) for axis in self.quantities[name].over)
+                array = np.array(given, dtype=float)
+                assert array.shape == shape, f"{self.kind()}.{name}: shape {array.shape}, declared {shape}"
+                array.flags.writeable = False
+                target[name] = array
+
+    @classmethod
+    def kind(cls) -> str:
+        """Name of the kind of result: that of the class in lower case."""
+        return "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
+
+    # access
+
+    def at(self, quantity: str, **labels: str) -> Array:
+        """The part of a quantity at labels of some of its axes; the others keep their order."""
+        return self._at(self.values[quantity], quantity, labels)
+
+    def band(self, quantity: str, **labels: str) -> Array:
+        """Bands of that part; nan where there are none."""
+        bands = self.bands.get(quantity, np.full(self.values[quantity].shape, np.nan))
+        return self._at(bands, quantity, labels)
+
+    def _at(self, array: Array, quantity: str, labels: Mapping[str, str]) -> Array:
+        over = self.quantities[quantity].over
+        for axis, label in labels.items():
+            if axis not in over or label not in self.axes[axis]:
+                known = ", ".join(self.axes.get(axis, over))
+                raise BadInput(f"{self.kind()}.{quantity}: {axis} {label!r}, expected one of: {known}")
+        place = tuple(self.axes[a].index(labels[a]) if a in labels else slice(None) for a in over)
+        return np.asarray(array[place])
+
+    def entries(self) -> Iterator[Number]:
+        """All numbers by path, `quantity.label.label`, blanks of labels as underscores."""
+        for name, values in self.values.items():
+            quantity, sizes, bands = self.quantities[name], self.sizes(name), self.band(name)
+            for place, labels in self._places(quantity.over):
+                value, band = float(values[place]), float(bands[place])
+                accepted = quantity.gate.relative * sizes[place] + quantity.gate.absolute
+                path = ".".join([name, *labels]).replace(" ", "_")
+                yield Number(path, value, band, quantity.unit_at(place), accepted, quantity.gate.band * abs(band))
+
+    def _places(self, over: Sequence[str]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
+        for each in product(*(enumerate(self.axes[axis]) for axis in over)):
+            yield tuple(k for k, _ in each), tuple(label for _, label in each)
+
+    def sizes(self, name: str) -> Array:
+        """What changes of a quantity are relative to, and round-off is small against: an array of its shape."""
+        values, scale = np.abs(np.nan_to_num(self.values[name], posinf=0.0, neginf=0.0)), self.quantities[name].scale
+        if scale == "value":
+            return values
+        if scale == "all":
+            return np.full(values.shape, np.max(values, initial=0.0))
+        if scale == "matrix":
+            diagonal = np.sqrt(np.diagonal(values, axis1=-2, axis2=-1))
+            return np.asarray(diagonal[..., :, None] * diagonal[..., None, :])
+        power = {"axis": 0, "pose": 1, "wrench": -1}[scale]
+        weights = np.where(np.arange(values.shape[-1]) == 2, self.about.lever**power, 1.0) if power else 1.0
+        return np.asarray(np.max(values * weights, axis=-1, keepdims=True) / weights + 0.0 * values)
+
+    # documents
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document: numbers in the units of the declaration, null where there is no answer."""
+        found = {}
+        for name, values in self.values.items():
+            quantity = self.quantities[name]
+            factors = quantity.factors(values.shape)
+            found[name] = {"meaning": quantity.meaning, "unit": _lists(quantity.unit), "over": list(quantity.over)}
+            found[name]["values"] = _nested(values * factors)
+            if name in self.bands:
+                found[name]["bands"] = _nested(self.bands[name] * factors)
+        return {
+            "result": self.kind(),
+            "format": FORMAT,
+            **{
+                key: list(part) if isinstance(part, list | tuple) else part
+                for key, part in self.about._asdict().items()
+            },
+            "settings": self.settings,
+            "axes": {axis: list(labels) for axis, labels in self.axes.items()},
+            "quantities": found,
+            "warnings": self.warnings,
+            "notes": self.notes,
+            "versions": versions(),
+        }
+
+    def write(self, path: Path) -> Path:
+        """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
+        data = json.loads(json.dumps(self.to_dict(), allow_nan=False))
+        text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
+        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+        return path
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a stored result of this kind, or of any for `Result`.
+
+        Raises
+        ------
+        BadInput
+            It is none, it was changed since it was stored, or another version stored it.
+        """
+        try:
+            data = json.loads(read_bytes(path, LARGEST_FILE))
+            found = Result.kinds[data["result"]]
+            stated = data.pop("digest")
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise BadInput(f"{path}: expected a result that flexfem stored as JSON") from None
+        if not issubclass(found, cls):
+            raise BadInput(f"{path}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
+        if stated != digest(data):
+            raise BadInput(f"{path}: changed since it was stored, its digest is of other content")
+        try:
+            return found._from(data)
+        except (KeyError, TypeError, ValueError, AssertionError):
+            raise BadInput(f"{path}: not what this version of flexfem stores, make it again") from None
+
+    @classmethod
+    def _from(cls, data: Mapping[str, Any]) -> Self:
+        parts: dict[str, dict[str, Array]] = {"values": {}, "bands": {}}
+        for name, each in data["quantities"].items():
+            for part, found in parts.items():
+                if part in each:
+                    array = np.array(_numbers(each[part]), dtype=float)
+                    found[name] = array / cls.quantities[name].factors(array.shape)
+        about = About(**{key: data[key] for key in About._fields})
+        rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
+        return cls(about, parts["values"], parts["bands"], **rest)
+
+    @classmethod
+    def schema(cls) -> dict[str, Any]:
+        """JSON schema of the document."""
+        text: dict[str, Any] = {"type": "string"}
+        texts: dict[str, Any] = {"type": "array", "items": text}
+        quantities: dict[str, Any] = {}
+        for name, one in cls.quantities.items():
+            values: dict[str, Any] = {"type": ["number", "null", "string"]}
+            for _ in one.over:
+                values = {"type": "array", "items": values}
+            properties = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
+            properties |= {"values": values, "bands": values}
+            required = [key for key in properties if key != "bands"]
+            parts: dict[str, Any] = {"type": "object", "properties": properties, "required": required}
+            quantities[name] = {"description": one.meaning, **parts, "additionalProperties": False}
+        properties = {
+            "result": {"const": cls.kind()},
+            "format": {"const": FORMAT},
+            **dict.fromkeys(("name", "file", "hash", "digest"), text),
+            **dict.fromkeys(("assumed", "not_stated", "warnings", "notes"), texts),
+            "lever": {"type": "number", "description": "mm"},
+            "settings": {"type": "object"},
+            "axes": {"type": "object", "additionalProperties": texts},
+            "quantities": {"type": "object", "properties": quantities, "additionalProperties": False},
+            "versions": {"type": "object", "additionalProperties": text},
+        }
+        required = [key for key in properties if key != "digest"]
+        found = {"title": f"flexfem: {cls.title}", "type": "object", "properties": properties, "required": required}
+        return {"$schema": "http://json-schema.org/draft-07/schema#", **found, "additionalProperties": False}
+
+    @classmethod
+    def reference(cls) -> TextTable:
+        """The declaration as a table for the documentation."""
+        rows = [
+            [f"{cls.kind()}.{name}", one.meaning, _units_said(one.unit), ", ".join(one.over) or "one number"]
+            for name, one in cls.quantities.items()
+        ]
+        return TextTable(["quantity", "meaning", "unit", "for each"], rows, 1)
+
+    # tables
+
+    def tables(self, plain: bool = True) -> list[TextTable]:
+        """Tables of all quantities: those with the same rows and the same kind of columns make one table.
+
+        Parameters
+        ----------
+        plain : bool
+            Units in ASCII letters, for terminals.
+        """
+        groups: dict[tuple[tuple[str, ...], str], list[Quantity]] = {}
+        for name, quantity in self.quantities.items():
+            if quantity.shown and name in self.values and not np.all(np.isnan(self.values[name])):
+                rows = tuple(a for a in quantity.over if a not in self.columns and a not in quantity.largest)
+                groups.setdefault((rows, self._spread(quantity)), []).append(quantity)
+        return [self._table(rows, spread, group, plain) for (rows, spread), group in groups.items()]
+
+    def _table(self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool) -> TextTable:
+        if not over and not spread:  # one number each: a list
+            rows = [[one.meaning, self._cell(one, self._shown(one, (), ())[0], plain, True)] for one in group]
+            return TextTable(["", ""], rows, 1)
+        if over == ("model",) and not spread and len(group) > 3:  # a row for each quantity, a column for each model
+            models = self.axes["model"]
+            rows = []
+            for one in group:
+                cells = [self._cell(one, self._shown(one, over, (k,))[0], plain, True) for k in range(len(models))]
+                more = self._differences(one, over, (len(models) - 1,)) if len(models) > 1 else []
+                rows.append([one.meaning, *cells, *more])
+            return TextTable(["", *models, *(["difference (%)"] if len(models) > 1 else [])], rows, 1)
+        if not spread:  # a column for each quantity
+            head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
+            return TextTable(head, self._rows(over, group, plain), len(over))
+        labels = self.axes[spread]
+        if len(group) == 1 and not any(isinstance(each, tuple) for each in group[0].unit):
+            head = [*over, *(self._headed(label, group[0], k, plain) for k, label in enumerate(labels))]
+            return TextTable(head, self._rows(over, group, plain), len(over), group[0].meaning)
+        stacked = []  # rows for each quantity, whose name has the units
+        for one in group:
+            unit = "" if one.prefixed or not one.unit else f" ({_units_said(one.unit, plain)})"
+            for k, row in enumerate(self._rows(over, [one], plain)):
+                stacked.append([f"{one.meaning}{unit}" if k == 0 else "", *row])
+        return TextTable(["", *over, *labels], stacked, 1 + len(over))
+
+    def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
+        """The head of a column with its unit; prefixed numbers have theirs with them."""
+        name = _name(quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)), plain)
+        return f"{text} ({name})" if name and not self._with_unit(quantity) else text
+
+    def _with_unit(self, quantity: Quantity) -> bool:
+        """Whether cells have their unit: where numbers have prefixes of their own, or units differ by row."""
+        by_direction = isinstance(quantity.unit, tuple) and "direction" in quantity.over
+        return quantity.prefixed or (by_direction and self._spread(quantity) not in ("direction", "component"))
+
+    def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
+        """Rows of quantities with the same axes; behind the last model how the first differs from it."""
+        rows, last = [], tuple[str, ...]()
+        last_model = len(self.axes.get("model", ())) - 1
+        for place, labels in self._places(over):
+            names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
+            cells = [
+                self._cell(one, at, plain, self._with_unit(one))
+                for one in group
+                for at in self._shown(one, over, place)
+            ]
+            if any(cells):
+                rows.append([*names, *cells])
+                last = labels
+            if over and over[-1] == "model" and place[-1] == last_model > 0:
+                differences = [cell for one in group for cell in self._differences(one, over, place)]
+                if any(differences):
+                    rows.append([*[""] * (len(over) - 1), "difference (%)", *differences])
+        return rows
+
+    def _spread(self, quantity: Quantity) -> str:
+        """The axis of a quantity whose labels are columns."""
+        found = [axis for axis in quantity.over if axis in self.columns]
+        return found[-1] if found else ""
+
+    def _shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[tuple[int, ...]]:
+        """Places of the array behind the cells of one row: for each column that of the largest value."""
+        spread = self._spread(quantity)
+        found = []
+        for k in range(len(self.axes[spread]) if spread else 1):
+            known = dict(zip(over, place, strict=True)) | {spread: k}
+            ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
+            found.append(max(product(*ranges), key=lambda at: _size(float(self.values[quantity.name][at]))))
+        return found
+
+    def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
+        value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
+        if abs(value) <= ROUND_OFF * self.sizes(quantity.name)[at]:
+            value, band = 0.0, np.nan
+        unit = quantity.unit_at(at)
+        if quantity.prefixed:
+            unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
+        text = number(value * unit.factor, band * unit.factor)
+        text = f"{text} {_name(unit, plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
+        places = dict(zip(quantity.over, at, strict=True))
+        where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
+        return f"{text} ({', '.join(where)})" if where and value and text else text
+
+    def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
+        """By how much per cent the first model differs from the last one, for the cells of a row of the last one."""
+        if "model" not in quantity.over:
+            return [""] * len(self._shown(quantity, over, place))
+        values, sizes, found = self.values[quantity.name], self.sizes(quantity.name), []
+        first = (*place[:-1], 0)
+        for a, b in zip(self._shown(quantity, over, first), self._shown(quantity, over, place), strict=True):
+            known = np.isfinite(values[a]) and abs(values[b]) > ROUND_OFF * sizes[b]
+            found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
+        return found
+
+    def heading(self) -> str:
+        """The stage and the settings in one line."""
+        said = [f"{key} {value}" for key, value in self.settings.items() if value not in (None, "", False)]
+        return f"{self.about.name}: {'; '.join([self.title, *said])}" if said else f"{self.about.name}: {self.title}"
+
+    def sentences(self) -> list[str]:
+        """What stands below the tables: how to read them."""
+        banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
+        band = ["±: half-width of the numerical uncertainty, by meshes"] if banded else []
+        notes = [
+            f"{one.meaning}: {one.note}" for name, one in self.quantities.items() if one.note and name in self.values
+        ]
+        return [*self.reading, *notes, *self.notes, *band]
+
+    def to_markdown(self) -> str:
+        """All tables in Markdown."""
+        lines = []
+        for table in self.tables(plain=False):
+            marks = ["---"] * table.names + ["--:"] * (len(table.head) - table.names)
+            lines += [f"{table.caption}:", ""] if table.caption else []
+            lines += ["| " + " | ".join(row) + " |" for row in (table.head, marks, *table.rows)] + [""]
+        return "\n".join([f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())])
+
+    def to_html(self) -> str:
+        """All tables in HTML."""
+        found = []
+        for table in self.tables(plain=False):
+            head = "".join(f"<th>{escape(text)}</th>" for text in table.head)
+            rows = "".join(
+                "<tr>"
+                + "".join(
+                    f"<th>{escape(text)}</th>" if k < table.names else f'<td class="number">{escape(text)}</td>'
+                    for k, text in enumerate(row)
+                )
+                + "</tr>"
+                for row in table.rows
+            )
+            caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+            found.append(f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>")
+        below = "".join(f"<li>{escape(text)}</li>" for text in [*self.sentences(), *self.warnings])
+        return "".join(found) + (f"<ul>{below}</ul>" if below else "")
+
+    _repr_html_ = to_html
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{name}{list(values.shape) or ''}" for name, values in self.values.items())
+        return f"<{type(self).__name__} of {self.about.name!r}: {parts}>"
+
+    def to_frame(self) -> Any:
+        """All numbers as a pandas DataFrame: path, value, band, unit."""
+        import pandas as pd
+
+        rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
+        return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
+
+
+def number(value: float, band: float = np.nan) -> str:
+    """A number with as many digits as its band carries, five significant ones without a band; "" for nan."""
+    if not np.isfinite(value):
+        return "" if np.isnan(value) else "unlimited"
+    if not band > 0:
+        return f"{value:.5g}" if value else "0"
+    places = min(max(1 - int(np.floor(np.log10(band))), 0), 12)
+    if abs(value) >= 1e7 or places > 9:
+        return f"{value:.5g} ± {band:.2g}"
+    return f"{value:z.{places}f} ± {band:.{places}f}"
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that move numbers."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed as a package"
+    return found
+
+
+def _size(value: float) -> float:
+    return -1.0 if np.isnan(value) else abs(value)
+
+
+def _name(unit: Unit, plain: bool) -> str:
+    return unit.plain if plain else unit.name
+
+
+def _nested(values: Array) -> Any:
+    """An array as nested lists, None where a number is not finite."""
+    plain = np.where(np.isnan(values), None, values)  # type: ignore[call-overload]
+    plain = np.where(np.isposinf(values), "unlimited", plain)
+    return np.where(np.isneginf(values), "-unlimited", plain).tolist()
+
+
+def _numbers(value: Any) -> Any:
+    """Nested lists of a document with nan for null and inf for "unlimited"."""
+    if isinstance(value, list):
+        return [_numbers(each) for each in value]
+    words = {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}
+    return words.get(value, value)
+
+
+def _lists(value: Any) -> Any:
+    return [_lists(each) for each in value] if isinstance(value, tuple) else value
+
+
+def _units_said(unit: UnitNames, plain: bool = False) -> str:
+    if isinstance(unit, str):
+        return _name(UNITS[unit], plain) if unit else "1"
+    return ", ".join(dict.fromkeys(", ".join(_units_said(each, plain) for each in unit).split(", ")))

@@ -1,0 +1,109 @@
+"""Results: what follows from a declaration of quantities."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import ClassVar
+
+import jsonschema
+import numpy as np
+import pytest
+
+from flexfem.refused import BadInput
+from flexfem.results import About, Gate, Quantity, Result, number
+
+
+class Trial(Result):
+    """A result with every kind of quantity."""
+
+    title = "a trial"
+    labels: ClassVar = {"case": ("cold", "very hot"), "model": ("analytic", "finite elements")}
+    mass = Quantity("mass", "kg")
+    pose = Quantity(
+        "displacement", ("mm", "mm", "rad"), ("case", "model", "direction"), Gate(1e-3), "pose", prefixed=True
+    )
+    stress = Quantity("stress", "mpa", ("case", "model", "hinge"), Gate(0.1), largest=("hinge",))
+
+
+POSE = [[[0.01, 0.02, 1e-12], [0.0125, 0.02, 1e-9]], [[0.0, 0.0, 2e-3], [np.nan, 0.0, 1e-3]]]
+STRESS = [[[1.0, 5.0, 2.0], [4.0, 3.0, 2.0]], [[1.0, 1.0, 3.0], [0.5, 2.0, 1.0]]]
+BANDS = {"pose": [[[np.nan] * 3, [0.0003, np.nan, np.nan]], [[np.nan] * 3] * 2]}
+
+
+@pytest.fixture
+def found() -> Trial:
+    about = About("a stage", "a.toml", "abc", ["thickness_mm"], [], 20.0)
+    return Trial(about, {"mass": 2e-3, "pose": POSE, "stress": STRESS}, BANDS, settings={"resolution": 8})
+
+
+def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Trial) -> None:
+    single, table, stress = found.tables()
+    assert single.rows == [["mass", "2 kg"]]
+    assert table.head == ["case", "model", "x", "y", "theta"] and table.caption == "displacement"
+    assert table.rows == [
+        ["cold", "analytic", "10 um", "20 um", "0"],
+        ["", "finite elements", "12.50 ± 0.30 um", "20 um", "1 nrad"],
+        ["", "difference (%)", "-20.00", "+0.00", "-99.90"],
+        ["very hot", "analytic", "0", "0", "2 mrad"],
+        ["", "finite elements", "", "0", "1 mrad"],
+        ["", "difference (%)", "", "", "+100.00"],
+    ]
+    assert stress.head == ["case", "model", "stress (MPa)"]
+    assert stress.rows[:3] == [
+        ["cold", "analytic", "5 (elbow)"],
+        ["", "finite elements", "4 (base)"],
+        ["", "difference (%)", "+25.00"],
+    ]
+
+
+def test_a_document_has_declared_units_and_reads_back(found: Trial, tmp_path: Path) -> None:
+    path = found.write(tmp_path / "trial.json")
+    data = json.loads(path.read_text())
+    jsonschema.validate(data, Trial.schema())
+    assert data["quantities"]["mass"]["values"] == pytest.approx(2.0)  # kg, of tonne inside
+    assert data["quantities"]["pose"]["values"][1][1] == [None, 0.0, 0.001]
+    again = Result.read(path)
+    assert isinstance(again, Trial) and again.settings == {"resolution": 8} and again.about.lever == 20.0
+    np.testing.assert_allclose(again.pose, found.pose)
+    np.testing.assert_allclose(again.band("pose"), found.band("pose"))
+    assert float(again.mass) == pytest.approx(2e-3)
+    path.write_text(path.read_text().replace("12", "13"))
+    with pytest.raises(BadInput, match="changed since it was stored"):
+        Result.read(path)
+
+
+def test_a_gate_is_relative_to_the_pose_with_rotations_times_the_lever(found: Trial) -> None:
+    by_path = {each.path: each for each in found.entries()}
+    assert by_path["pose.cold.analytic.theta"].accepted == pytest.approx(1e-3 * 0.02 / 20.0)
+    assert by_path["pose.very_hot.analytic.x"].accepted == pytest.approx(1e-3 * 2e-3 * 20.0)
+    assert by_path["stress.cold.analytic.elbow"].accepted == pytest.approx(0.5)
+    assert by_path["pose.cold.finite_elements.x"].accepted_band == pytest.approx(0.05 * 0.0003)
+
+
+def test_labels_choose_parts_and_unknown_ones_are_refused(found: Trial) -> None:
+    np.testing.assert_array_equal(found.at("stress", case="very hot", hinge="platform"), [3.0, 1.0])
+    with pytest.raises(BadInput, match="case 'warm', expected one of: cold, very hot"):
+        found.at("stress", case="warm")
+
+
+def test_markdown_html_and_the_frame_have_the_same_numbers(found: Trial) -> None:
+    assert "| cold | analytic | 10 µm |" in found.to_markdown()
+    assert '<td class="number">12.50 ± 0.30 µm</td>' in found.to_html()
+    frame = found.to_frame().set_index("path")
+    assert frame.loc["mass", "value"] == pytest.approx(2.0) and frame.loc["mass", "unit"] == "kg"
+
+
+@pytest.mark.parametrize(
+    ("value", "band", "text"),
+    [
+        (12.50638, 0.0092, "12.5064 ± 0.0092"),
+        (-1e-12, 0.1, "0.00 ± 0.10"),
+        (3.14159265, np.nan, "3.1416"),
+        (7181.54, 3.9, "7181.5 ± 3.9"),
+        (np.nan, 1.0, ""),
+        (np.inf, np.nan, "unlimited"),
+    ],
+)
+def test_a_number_has_as_many_digits_as_its_band_carries(value: float, band: float, text: str) -> None:
+    assert number(value, band) == text
