@@ -28,8 +28,8 @@ from flexfem.design.result import (
 )
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import Say, optimum, silent
-from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.refusals import key_path, path_of
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat

@@ -22,9 +22,8 @@ from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, corre
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import ScatteredStages, stated
 from flexfem.design.search import BestDesign, Say, optimum, silent
-from flexfem.files.digest import digest
 from flexfem.files.refusals import place_of
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed

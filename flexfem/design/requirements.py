@@ -15,11 +15,11 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.digest import digest
-from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, ruled, says, when, without
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, says, when, without
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput

@@ -11,7 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexfem.arrays import Array
-from flexfem.files.keypath import path_of
+from flexfem.files.refusals import path_of
 from flexfem.plot.text import SPACE, significant
 from flexfem.study.columns import Column
 from flexfem.study.outputs import STRESSES

@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.files import quantities
-from flexfem.files.json_schema import COUNT, Rule, beside, either, has, ruled, says
+from flexfem.files.quantities import COUNT, Rule, beside, either, has, ruled, says
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Table
 

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.files import quantities
-from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns

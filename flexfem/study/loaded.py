@@ -9,11 +9,10 @@ from itertools import chain
 from pathlib import Path
 
 from flexfem.analytic.responses import require_expansion
-from flexfem.files.digest import digest
-from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, is_assumed
-from flexfem.files.refusals import shown
+from flexfem.files.refusals import key_path, shown
 from flexfem.files.toml import bad_key, validate
+from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage, load_feasible

@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.files import quantities
-from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import ruled
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label
 from flexfem.mechanism.keys import keys, meant

@@ -7,9 +7,8 @@ from typing import get_args
 
 import numpy as np
 
-from flexfem.files.json_schema import Rule, both, has, only, says, when, without
-from flexfem.files.keypath import key_path
-from flexfem.files.refusals import refusal, shown, suggestion
+from flexfem.files.quantities import Rule, both, has, only, says, when, without
+from flexfem.files.refusals import key_path, refusal, shown, suggestion
 from flexfem.mechanism.keys import keys
 from flexfem.study.columns import NAMED, WAYS, Factor, columns_of
 from flexfem.study.outputs import FEASIBLE, RESERVED

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.json_schema import (
+from flexfem.files.quantities import (
     COUNT,
     OF_THE_KEY,
     Rule,
