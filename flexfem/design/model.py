@@ -22,9 +22,9 @@ from flexfem.mechanism.feasibility import check_feasible, conditions
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
-from flexfem.study.columns import Column
-from flexfem.study.designs import designs_of, evaluated, stage_of
-from flexfem.study.outputs import ERRORS, STIFFNESSES
+from flexfem.study.columns import ERRORS, STIFFNESSES
+from flexfem.study.factors import Column
+from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
 from flexfem.verify.questions import ask_formulas
 

@@ -34,9 +34,7 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.study.answer import answer_designs, doubted
-from flexfem.study.columns import Column, Factor
-from flexfem.study.designs import stage_of
-from flexfem.study.outputs import (
+from flexfem.study.columns import (
     BANDS,
     CROSSES,
     DRIFTS,
@@ -49,6 +47,8 @@ from flexfem.study.outputs import (
     round_off_of,
     row_of,
 )
+from flexfem.study.factors import Column, Factor
+from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
 from flexfem.verify.driven_models import commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions

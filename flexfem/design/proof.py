@@ -28,9 +28,8 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import solved_values
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.columns import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine

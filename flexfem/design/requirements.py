@@ -23,13 +23,10 @@ from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
-from flexfem.study.columns import MANY, Column, Factor, Number, Step, acting, columns_of
-from flexfem.study.expression import names_in
+from flexfem.study.columns import ERRORS
+from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
 from flexfem.study.loaded import LoadedStudy, require_model
-from flexfem.study.outputs import ERRORS
-from flexfem.study.plan import Study
-from flexfem.study.tables import Expression, Output
+from flexfem.study.plan import Drifting, Drive, Expression, Frequencies, Lasting, Output, Study, names_in
 from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 MOST_STEPS = 100_000  # of one dimension

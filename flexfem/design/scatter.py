@@ -19,7 +19,7 @@ from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import Designs, Frames
-from flexfem.study.sampling import INSIDE, monte_carlo
+from flexfem.study.loaded import INSIDE, monte_carlo
 
 LEVEL = 0.95  # of stages whose coupling is at most the one that is asked
 CONFIDENCE = 0.95  # of an interval of that coupling

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from flexfem.page.drawn import shown_figure
-from flexfem.page.section import Cell, Content, PageSection, facts, notes, table
+from flexfem.page.section import Cell, Content, PageSection, facts, notes, shown_figure, table
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.text import SPACE, significant
 

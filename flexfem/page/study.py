@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from markupsafe import Markup
 
-from flexfem.page.assemble import file_text
-from flexfem.page.inline import inline_svg
-from flexfem.page.section import PageFigure, PageSection, figure_html, notes, table
+from flexfem.page.section import PageFigure, PageSection, figure_html, file_text, inline_svg, notes, table
 from flexfem.page.study_asked import asked_section, marked
 from flexfem.page.study_designs import columns_shown, drawn_designs, farthest
 from flexfem.page.study_pointed import designs_data, pointed_html
@@ -28,7 +26,7 @@ from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares, Shown
 if TYPE_CHECKING:
     from flexfem.plot.study_records import Source
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.tables import Figure
+    from flexfem.study.plan import Figure
 
 
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]
@@ -79,7 +77,7 @@ def _figures(source: Source, found: list[Shown]) -> list[FoundFigure]:
 def _points(source: Source, figure: Figure, shown: Shown, most: int) -> PointedDesigns | None:
     if isinstance(shown, Best):
         return of_front(source, figure, shown, most)
-    return of_map(source, figure, most) if isinstance(shown, Extremes) else None
+    return of_map(source, figure, shown.cells, most) if isinstance(shown, Extremes) else None
 
 
 def _figure_section(source: Source, one: FoundFigure, reach: int, data: Markup) -> PageSection:

@@ -12,9 +12,8 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Stated
 from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import Outline, draw_outline, outline_of
-from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels, wrapped
+from flexfem.plot.style import COLOURS, GREY, INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
 from flexfem.units import LENGTH

@@ -21,7 +21,7 @@ from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.reports.modes import reduced
-from flexfem.study.statistics import Indices, Percentile
+from flexfem.study.findings import Indices, Percentile
 from flexfem.verify.hinges import hinge_review, thickness_review
 
 from ..conftest import annular_vibration
@@ -83,7 +83,7 @@ def vibrating() -> Any:
 
 def lived() -> Any:
     stage = flexfem.load(STAGE).replace(material="al-2024-t4")
-    return flexfem.life(stage, [0.05, 0.02, 3e-4], ratio=0, resolution=4)
+    return flexfem.life(stage, amplitude=(0.05, 0.02, 3e-4), ratio=0, resolution=4)
 
 
 def responding() -> Any:
