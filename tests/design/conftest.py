@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.synthesis.requirements import LoadedRequirements, load_requirements
+from flexfem.design.requirements import LoadedRequirements, load_requirements
 
 ROOT = Path(__file__).parents[2]
 HEAD = f'name = "a test"\nstage = "{ROOT / "geometry/mobility6.toml"}"\nseed = 7\n'

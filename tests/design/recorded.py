@@ -5,17 +5,17 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from flexfem.mechanism.stage import Stage
-from flexfem.synthesis.result import (
+from flexfem.design.result import (
     Designed,
     FrontDesign,
     Goal,
     Requirement,
-    ScatteredCoupling,
+    Round,
+    Scattered,
     SoleRelaxation,
     Step,
-    Turn,
 )
+from flexfem.mechanism.stage import Stage
 
 from .conftest import ROOT
 
@@ -26,7 +26,7 @@ OTHER = STAGE.replace("[30.0, 32.0, 24.0]", "[36.0, 32.0, 24.0]")
 
 def requirement(name: str, label: str, **said: Any) -> Requirement:
     """A requirement that is met, is not active and rests on the model alone, but for what is `said`."""
-    about = {"band": None, "band_percent": None, "active": False, "price_percent": None, "relax_to": None}
+    about = {"band": None, "band_percent": None, "active": False, "relax_to": None}
     about |= {"verdict": "met", "checked_by": "analytic model alone", "at_least": None, "at_most": None}
     return Requirement(name=name, label=label, **(about | said))
 
@@ -34,7 +34,7 @@ def requirement(name: str, label: str, **said: Any) -> Requirement:
 REQUIREMENTS = [
     requirement(
         STIFFNESS, "stiffness", value=61.5, band=0.25, uncorrected=66.0, checked_by="finite elements", at_least=60.0,
-        at_most=80.0, size=80.0, margin=1.5, margin_percent=1.875, band_percent=0.3125, active=True, price_percent=0.47,
+        at_most=80.0, size=80.0, margin=1.5, margin_percent=1.875, band_percent=0.3125, active=True,
     ),
     requirement(
         ENVELOPE, "diameter", value=153.0, uncorrected=152.0, at_most=150.0, size=150.0, margin=-3.0,
@@ -61,10 +61,6 @@ FRONT = [
 
 def recorded(**changes: Any) -> Designed:
     """The record of a design that misses a requirement, with a front of two, but for `changes`."""
-    coupling = ScatteredCoupling(
-        name=COUPLING, searched=0.0121, searched_stages=500, others=0.0136, low=0.0132, high=0.0141,
-        other_stages=100_000, checked_stages=20, factor=0.9632, misfit=0.00027,
-    )  # fmt: skip
     said: dict[str, Any] = {
         "name": "Recorded", "file": "wanted.toml", "base": "base.toml", "seed": 2003, "stage": STAGE,
         "accuracy_percent": 0.3, "design": {"neck": 0.505, "l1": 31.5}, "relaxed": {"neck": 0.5042, "l1": 31.62},
@@ -74,9 +70,9 @@ def recorded(**changes: Any) -> Designed:
         "at_ends": ["l1"],
         "sensitivities": {"neck": dict(zip(FOLLOWED, (-1.31, 0.12, -2.43, 0.54, None), strict=True)),
                           "l1": dict(zip(FOLLOWED, (0.65, 0.76, 1.87, 0.98, 1.09), strict=True))},
-        "rounds": [Turn(design={"neck": 0.5, "l1": 31.0}, gap_percent=7.53, evaluations=41_000),
-                   Turn(design={"neck": 0.505, "l1": 31.5}, gap_percent=0.066, evaluations=12_345)],
-        "front": FRONT, "scattered": [coupling],
+        "rounds": [Round(design={"neck": 0.5, "l1": 31.0}, gap_percent=7.53, evaluations=41_000),
+                   Round(design={"neck": 0.505, "l1": 31.5}, gap_percent=0.066, evaluations=12_345)],
+        "front": FRONT, "scattered": Scattered(share=0.824, stages=2000, notes=["coupling_95 of many"]),
         "history": [Step(evaluations=1000, objective=None, missed=0.21), Step(evaluations=3000, objective=390.0,
                     missed=0.0), Step(evaluations=7000, objective=410.0, missed=0.0)],
         "evaluations": {"analytic": 53_345, "drawn": 17, "finite elements": 12},
