@@ -199,8 +199,8 @@ def _study(path: Path, folder: Path) -> Subject:
 
 
 def _stored(files: Sequence[Path]) -> Subject:
+    from flexfem.design.result import is_design, read_design
     from flexfem.page.design import design_parts
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_result
 
     drawn = [path for path in files if is_design(path)]
