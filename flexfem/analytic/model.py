@@ -47,7 +47,7 @@ JOINTS = tuple(ends for first, last in LINKS for ends in ((GROUND, first), (firs
 AT_PLATFORM = (2, 5, 8)  # of the joints: the hinges of the platform
 
 
-class AtRest(NamedTuple):
+class PlatformAtRest(NamedTuple):
     """What the platform of n designs does at rest; directions and 3 x 3 matrices in x, y, theta.
 
     stiffness : (n, 3, 3), N/mm, N, N mm; nan for a singular design.
@@ -71,7 +71,7 @@ class AnalyticResult(NamedTuple):
     hinges : Compliance of the nine hinges, fields (3, 3).
     in_range : (3, 3), whether t/R is within the range of the formula.
     links : whether pads, links and platform are elastic.
-    wrench, stress : as in `AtRest`, (3 chains, 3 hinges, 3 directions).
+    wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     plane : how the stage is made a plane problem.
     """
 
@@ -182,7 +182,7 @@ def at_necks(frames: Frames, wrenches: Array) -> Wrench:
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
 
 
-def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> AtRest:
+def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:
     """The platform of n designs at rest, by hinges of compliances (n, 3, 3).
 
     Parameters
@@ -197,7 +197,7 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     wrench = at_necks(designs.frames, found.paths[..., None, :, :])
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
-    return AtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
+    return PlatformAtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
 
 
 def analyse(
