@@ -325,8 +325,8 @@ def _in_words(of: dict[str, Any]) -> str:
 def _limits(of: dict[str, Any]) -> str:
     choices = of.get("anyOf", [])
     low = next((each["minimum"] for each in choices if "minimum" in each), of.get("minimum"))
-    ends = (("from", low), ("above", of.get("exclusiveMinimum") if low is None else None))
-    ends += (("up to", of.get("maximum")), ("below", of.get("exclusiveMaximum")))
+    above = of.get("exclusiveMinimum") if low is None else None
+    ends = (("from", low), ("above", above), ("up to", of.get("maximum")), ("below", of.get("exclusiveMaximum")))
     said = (f"{word} {_short(limit)}" for word, limit in ends if limit is not None)
     return ("0, or " if {"const": 0} in choices else "") + " ".join(said)
 
