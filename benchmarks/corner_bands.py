@@ -24,14 +24,15 @@ from random_stages import dimensions, scattered
 from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.clock import Limit
+from flexfem.design.proof import OF_CORNERS, quantity_band
 from flexfem.fem.heat import heat_response
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.outputs import (
+from flexfem.study.columns import (
     DRIFTS,
     DRIVE_RANGES,
     ENGAGED,
@@ -42,7 +43,6 @@ from flexfem.study.outputs import (
     outputs_of,
     values_of,
 )
-from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.driven_models import metal_answers
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
@@ -53,7 +53,7 @@ SETTLED = 0.5  # of a band, which extrapolation adds to the truth at most
 ROUND_OFF = 1e-8  # of the largest number of the kind: zero by symmetry
 ALONG_X = (True, False, False)
 REPEATED = Repeated(scaled(np.array([0.05, 0.0, 0.0]), None, -1.0), 1e6)
-COLUMNS = outputs_of(False, False, False, True, moved=ALONG_X, drifting=True)
+COLUMNS = outputs_of("drive", "life", "drift", moved=ALONG_X)
 KINDS = {
     "drive range": DRIVE_RANGES,
     "engaged stiffness": ENGAGED,
@@ -149,7 +149,7 @@ def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
     found = found._replace(drives=metal_answers(stage, mesh), drift=rates_of(poses[None]))
-    return values_of(found, None)[0], poses
+    return values_of(found, COLUMNS, None)[0], poses
 
 
 def judged(found: Solved) -> dict[str, Judged]:
@@ -165,7 +165,11 @@ def judged(found: Solved) -> dict[str, Judged]:
 def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
     values = found.columns[:, :, [COLUMNS.index(name) for name in names]]
     bands = [
-        [quantity_band(frozenset({name}), RESOLUTIONS, each[:3, k]) for k, name in enumerate(names)] for each in values
+        [
+            quantity_band(frozenset({name}), np.array(RESOLUTIONS, dtype=float), each[:3, k])
+            for k, name in enumerate(names)
+        ]
+        for each in values
     ]
     order = CORNER_ORDER if names[0] in OF_CORNERS else STRESS_ORDER
     sizes = np.max(np.abs(values[:, -1]), axis=1, keepdims=True) if names == DRIFTS else np.abs(values[:, -1])

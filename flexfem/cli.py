@@ -46,6 +46,7 @@ MADE = {  # commands made from signatures, and the functions behind them
             "view",
             "summary",
             "stiffness",
+            "modes",
             "drift",
             "life",
             "experiment",

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from flexfem import questions
+from flexfem.design.requirements import Requirements
 from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
 from flexfem.files.refusals import SHOWN, as_toml, one_line
@@ -31,7 +32,6 @@ from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.results import Result
 from flexfem.study.plan import Study
-from flexfem.synthesis.requirements import Requirements
 from flexfem.units import unit_of
 from flexfem.verify.case import Case
 

@@ -19,7 +19,7 @@ from flexfem.files.writing import markdown_table  # noqa: E402
 from flexfem.mechanism.actuators import catalogue  # noqa: E402
 from flexfem.mechanism.materials import KEYS, REGISTERED, materials  # noqa: E402
 from flexfem.schemas import FILE, FORMATS, KeyRow, KeyTable, results, schema, tables_of  # noqa: E402
-from flexfem.study.meanings import MEANINGS  # noqa: E402
+from flexfem.study.columns import MEANINGS  # noqa: E402
 from flexfem.units import unit_of  # noqa: E402
 
 FOLDER = ROOT / "docs/reference"

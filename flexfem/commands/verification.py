@@ -76,7 +76,7 @@ def budget(
     with working("meshing and solving", 3) as say:
         found = reports.budget(loaded, amplitudes, progress=say, three_dimensional=three_dimensional)
     if path is not None:
-        from flexfem.plot.accuracy import budget_figure
+        from flexfem.plot.errors import budget_figure
 
         console.keep(found, path, budget_figure)
     console.show(found, json, comparisons.print_budget)
@@ -112,11 +112,11 @@ def workspace(
     with working("workspace", reports.steps_of(loaded)) as say:
         found = reports.workspace(loaded, largest, progress=say, load=load)
     if path is not None:
-        from flexfem.plot.workspace import workspace_figure
+        from flexfem.plot.drive import workspace_figure
 
         console.keep(found, path, workspace_figure)
         if beside is not None and found.reach is not None:
-            from flexfem.plot.reach import reach_figure
+            from flexfem.plot.drive import reach_figure
 
             console.keep(found.reach, beside, reach_figure)
     console.show(found, json, comparisons.print_workspace)
@@ -142,7 +142,7 @@ def converge(
     with working("refining", len(resolutions)) as say:
         found = reports.converge(loaded, resolutions, say)
     if path is not None:
-        from flexfem.plot.accuracy import convergence_figure
+        from flexfem.plot.errors import convergence_figure
 
         console.keep(found, path, convergence_figure)
     console.show(found, json, comparisons.print_convergence)
@@ -158,9 +158,9 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.design.result import is_design, read_design
     from flexfem.files.refusals import place_of
     from flexfem.plot.write import write_design_figures, write_figures
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_fields, read_result
 
     designs = [(path, read_design(path)) for path in results if is_design(path)]

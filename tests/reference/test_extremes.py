@@ -8,6 +8,7 @@ import warnings
 
 import pytest
 
+from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.actuators import Catalogue
@@ -16,7 +17,6 @@ from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.schemas import FORMATS
 from flexfem.study.loaded import load_study
-from flexfem.synthesis.requirements import load_requirements
 from flexfem.verify.case import LoadedCase
 
 from .test_schemas import ROOT, shipped

@@ -13,8 +13,7 @@ from flexfem.hinges.formulas import formulas
 from flexfem.mechanism.actuators import catalogue
 from flexfem.mechanism.materials import materials
 from flexfem.schemas import FORMATS, results, tables_of
-from flexfem.study.meanings import MEANINGS
-from flexfem.study.outputs import outputs_of
+from flexfem.study.columns import ASKED, MEANINGS, outputs_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -66,8 +65,7 @@ def test_every_table_quantity_and_name_is_on_a_page():
 
 
 def test_every_output_of_a_study_has_a_meaning():
-    every = outputs_of(True, True, True, True, True, (True, True, True), True)
-    assert tuple(column for group in MEANINGS for column in group) == every
+    assert tuple(column for group in MEANINGS for column in group) == outputs_of(*ASKED)
 
 
 def test_the_page_of_commands_has_every_command_with_its_options(tmp_path):

@@ -19,9 +19,7 @@ from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import LoadedStudy, designs_of, sample, stage_of
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
 ROUND_OFF = 1e-11  # the same sums in another order
@@ -248,7 +246,7 @@ def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:
 @pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
 def test_the_highest_neck_stress_is_that_of_finite_elements(studies: Any, plane: Plane) -> None:
     """Rigid links carry up to 2.5 % more than the bending ones of the finite elements; elastic links within 1 %."""
-    from flexfem.fem.response import load_case
+    from flexfem.fem.fields import load_case
     from flexfem.verify.protocol import solve_stage
 
     resolution = 10  # the stress is 0.3 % below its limit
