@@ -26,7 +26,7 @@ from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.design.proof import OF_CORNERS, quantity_band
 from flexfem.fem.heat import heat_response
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands

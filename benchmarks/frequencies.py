@@ -6,7 +6,7 @@ off are the analytic models?
 The truth is extrapolated from two much finer meshes, by order four: above the third mode, where the order falls with
 the mesh, that says too little. What the model with rigid links leaves out is their bending; the one with elastic links,
 that inertia acts along a link as a whole, and the rotary inertia within it. `--keep` stores what was solved, which
-`tests/verify/test_modes.py` counts again without solving.
+`tests/questions/test_modes.py` counts again without solving.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from random_stages import unlike
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
+from flexfem.fem.mesh import build_mesh
 from flexfem.fem.modes import modes
-from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage

@@ -191,9 +191,8 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
         The mesh does not pass its checks.
     """
     from flexfem.fem.export import check_format, write_mesh
-    from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.response import plate_of
-    from flexfem.fem.sectors import build_mesh
+    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.structure import plate_of
     from flexfem.mechanism.stage_file import of_stage
     from flexfem.questions import warnings as warning
 
@@ -212,27 +211,6 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
         triangles=len(made.triangles),
         warnings=list(warning.of_numbers(stage)),
     )
-
-
-def schema_of(name: str) -> dict[str, Any]:
-    """The JSON schema, draft 7, of a kind of file: whatever flexfem accepts, it accepts.
-
-    Parameters
-    ----------
-    name : "stage", "case", "study", "requirements", "fixture", "measured", "material", "stack" or "necks".
-
-    Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
-    there is no such kind.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.schema_of("stage")["properties"]["thickness_mm"]["x-unit"]
-    'mm'
-    """
-    from flexfem.reference import schemas
-
-    return schemas.schema_of(name)
 
 
 class HingeFormulas(NamedTuple):
