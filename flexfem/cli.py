@@ -53,6 +53,7 @@ MADE = {  # commands made from signatures, and the functions behind them
             "identify",
             "export",
             "mesh",
+            "schema",
         )
     },
 }
@@ -150,7 +151,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             callback = _usable if one.default is None else None
             option = typer.Option("--output", "-o", callback=callback, help=texts[name])
             yield _parameter(name, Annotated[hint, option], one.default)
-        elif one.default is one.empty and one.kind is not one.KEYWORD_ONLY:
+        elif one.kind is not one.KEYWORD_ONLY:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
             yield _parameter(
@@ -221,8 +222,10 @@ def show(found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
         print(json.dumps(found.to_dict() if isinstance(found, Result) else plain(found), indent=1, allow_nan=False))
     elif isinstance(found, Result):
         print_result(found)
-    else:
+    elif hasattr(found, "_asdict"):
         print_record(found)
+    else:  # files written, or what says itself
+        people().print("\n".join(map(str, found)) if isinstance(found, list) else str(found))
 
 
 def plain(value: Any) -> Any:
