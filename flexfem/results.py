@@ -504,7 +504,7 @@ class Result:
 
     def heading(self) -> str:
         """The stage and the settings in one line."""
-        said = [f"{key} {value}" for key, value in self.settings.items() if value not in (None, "", False)]
+        said = [f"{key} {value}" for key, value in self.settings.items() if value not in (None, "", False) and not isinstance(value, Mapping)]
         return f"{self.about.name}: {'; '.join([self.title, *said])}" if said else f"{self.about.name}: {self.title}"
 
     def sentences(self) -> list[str]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexfem.mechanism.stage import Stage
-    from flexfem.verify.case import LoadedCase
+    from flexfem.questions.case import LoadedCase
     from flexfem.verify.protocol import Solved
     from flexfem.verify.result import Fields, Record, Result
 
@@ -121,7 +121,7 @@ def keep(record: Kept, path: Path, draw: Callable[[Kept], Figure]) -> None:
 
 def load_cases(paths: Sequence[Path]) -> list[LoadedCase]:
     """Read all cases before any is run. Raises BadInput, also when two would write the same result."""
-    from flexfem.verify.case import LoadedCase
+    from flexfem.questions.case import LoadedCase
 
     loaded = [LoadedCase(path) for path in paths]
     seen: dict[str, Path] = {}

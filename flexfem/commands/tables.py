@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from flexfem.arrays import Array
     from flexfem.verify.answers import LoadReport, StiffnessReport
-    from flexfem.verify.case import Direction
+    from flexfem.units import Direction
     from flexfem.verify.pose_set import Extent
     from flexfem.verify.solid_report import SolidReport
 

@@ -27,9 +27,9 @@ from flexfem.verify.result import stamp, versions
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from flexfem.questions.errors import Verification
     from flexfem.synthesis.result import Designed
     from flexfem.verdicts.records import ClaimsReport
-    from flexfem.verify.result import Result
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 MORE = ("workspace", "modes", "drift", "life")
@@ -211,26 +211,22 @@ def _study(path: Path, folder: Path) -> Subject:
 def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.page import results as of_results
     from flexfem.page.design import design_parts
+    from flexfem.questions.errors import Verification
     from flexfem.synthesis.stored import is_design, read_design
-    from flexfem.verify.result_files import read_result
 
     claims = [path for path in files if is_claims(path)]
     drawn = [path for path in files if path not in claims and is_design(path)]
-    results = [read_result(path) for path in files if path not in (*claims, *drawn)]
+    results = [Verification.read(path) for path in files if path not in (*claims, *drawn)]
     reports = [read_claims(path) for path in claims]
     designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
         parts += design_parts(design, number, len(designs) > 1)
-    if results:
-        parts += [("errors", lambda: of_results.errors_section(results))]
-        for number, result in enumerate(results, start=1):
-            parts.append((result.name, lambda one=result, k=number: of_results.curves_section(one, k)))  # type: ignore[misc]
+    for number, result in enumerate(results, start=1):
+        parts.append((result.name, lambda one=result, k=number: of_results.curves_section(one, k)))  # type: ignore[misc]
     for number, each in enumerate(reports, start=1):
         parts.append(("verdicts", lambda one=each, k=number: _numbered(of_results.claims_section(one), k)))  # type: ignore[misc]
-    if results:
-        parts += [("models", lambda: of_results.models_section(results))]
-    every: list[Result | ClaimsReport | Designed] = [*results, *reports, *designs]
+    every: list[Verification | ClaimsReport | Designed] = [*results, *reports, *designs]
     parts += [("sources", lambda: of_results.doubts_section(results, [*reports, *designs]))]
     found = ([key for each in every for key in getattr(each, kind)] for kind in ("assumed", "not_stated"))
     assumed, not_stated = (list(dict.fromkeys(keys)) for keys in found)

@@ -4,112 +4,58 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING
 
+import numpy as np
 from markupsafe import Markup
 
 from flexfem.mechanism.stage_file import counted
 from flexfem.page.drawn import sentence, shown_figure
 from flexfem.page.section import Content, PageSection, notes, table
-from flexfem.plot.curves import driven_by, error_figure
-from flexfem.plot.text import banded, significant
+from flexfem.plot.curves import error_figure, error_text
+from flexfem.plot.text import significant
 from flexfem.plot.told import error_spots
 from flexfem.synthesis.result import Designed
-from flexfem.units import LENGTH, STRESS, unit_for
+from flexfem.units import DIRECTIONS, unit_for
 from flexfem.verdicts.page import said_of_ensemble
 from flexfem.verdicts.records import ClaimsReport
-from flexfem.verify.case import DIRECTIONS
 
 if TYPE_CHECKING:
-    from flexfem.verify.result import Result
+    from flexfem.questions.errors import Verification
 
 SYMBOLS = {"x": "X", "y": "Y", "theta": "θ"}
 TAG = Markup('<span class="tag">{}</span>')
 
 
-def errors_section(results: Sequence[Result]) -> PageSection:
-    """Error percentages of all curves, and how they were come by."""
-    rows = []
-    for result in results:
-        for label, error in result.error_percent.items():
-            bands = result.uncertainty[label]
-            cells = [banded(getattr(error, axis), bands[axis].band) for axis in DIRECTIONS]
-            rows.append([result.case, commanded(result), driven_by(result), label, *cells])
-    head = ["case", "command", "the metal is given", "curve", *SYMBOLS.values()]
-    said = Markup(
-        "<p>Finite-element displacement minus the commanded one, at the largest command, in per cent of it "
-        "(rotations times l<sub>3</sub>); ± is the band of the meshes.</p>"
-    )
-    parts = said + table(head, rows, numbers=3, caption="Errors at the largest command")
-    warnings = [f"{result.case}: {text}" for result in results for text in result.warnings]
-    return PageSection("errors", "Errors", parts + notes(warnings))
-
-
-def commanded(result: Result) -> str:
-    """The largest command in words."""
-    largest = max(result.commanded)
-    unit = unit_for(result.direction, largest)
-    return f"{SYMBOLS[result.direction]} = {largest * unit.factor:.6g} {unit}"
-
-
-def curves_section(result: Result, number: int) -> PageSection:
-    """The curves of a case with the bands of the meshes."""
-    command = unit_for(result.direction, max(map(abs, result.commanded)))
-    heads, columns = (
-        [f"commanded {SYMBOLS[result.direction]} ({command})"],
-        [[v * command.factor for v in result.commanded]],
-    )
-    for label, series in result.curves.items():
-        for axis in DIRECTIONS:
-            values = getattr(series, axis)
-            unit = unit_for(axis, max(map(abs, values)))
-            heads.append(f"{label}: error in {SYMBOLS[axis]} ({unit})")
-            columns.append([value * unit.factor for value in values])
+def curves_section(result: Verification, number: int) -> PageSection:
+    """The curves of a case with the bands of the meshes, and its numbers."""
+    command = unit_for(result.direction, float(np.max(np.abs(result.commanded))))
+    heads = [f"commanded {SYMBOLS[result.direction]} ({command})"]
+    columns = [result.commanded * command.factor]
+    for label, axis in product(result.curves, DIRECTIONS):
+        values = result.at("error", curve=label, direction=axis)
+        unit = unit_for(axis, float(np.max(np.abs(values))))
+        heads.append(f"{label}: error in {SYMBOLS[axis]} ({unit})")
+        columns.append(values * unit.factor)
     rows = [[significant(value, 5) for value in row] for row in zip(*columns, strict=True)]
-    data = table(heads, rows, numbers=len(heads) - 1)
     said = "; ".join(
-        f"{label}: "
-        + ", ".join(f"{SYMBOLS[a]} {banded(getattr(error, a), result.uncertainty[label][a].band)}" for a in DIRECTIONS)
-        for label, error in result.error_percent.items()
+        f"{label}: {', '.join(f'{SYMBOLS[axis]} {error_text(result, label, axis)}' for axis in DIRECTIONS)}"
+        for label in result.curves
     )
     figure = shown_figure(
         f"curves-{number}",
         lambda: error_figure(result),
         f"Error curves of the case {result.name} in three panels, X, Y and θ. At the largest command: {said}.",
         lambda figure: error_spots(figure, result),
-        data,
+        table(heads, rows, numbers=len(heads) - 1),
     )
-    return PageSection(f"case-{number}", result.name, figure)
+    return PageSection(f"case-{number}", result.name, figure + Markup(result.to_html()))
 
 
-def models_section(results: Sequence[Result]) -> PageSection:
-    """The two models behind every curve: stage, formula, mesh, stress."""
-    rows = []
-    for result in results:
-        for label, model in result.models.items():
-            formula = f"{model.formula}{', elastic links' if model.links else ''}"
-            formula += "" if model.formula_in_range else ", outside its range"
-            stress = significant(max(value for row in model.neck_stress for value in row), 4)
-            row = [label, result.case, model.stage, model.hash[:12], str(model.mobility), formula]
-            rows.append([*row, f"{model.lever:g}", str(model.resolution), f"{model.unknowns:,}", stress])
-    head = [
-        "curve",
-        "case",
-        "stage",
-        "hash",
-        "mobility",
-        "hinge formula",
-        f"l3 ({LENGTH})",
-        "triangles across a neck",
-        "unknowns",
-    ]
-    head.append(f"largest neck stress ({STRESS})")
-    return PageSection("models", "Models and meshes", table(head, rows, numbers=4))
-
-
-def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | Designed] = ()) -> PageSection:
+def doubts_section(results: Sequence[Verification], others: Sequence[ClaimsReport | Designed] = ()) -> PageSection:
     """Numbers that are assumed or have no source, and versions of what computed the results."""
-    named: list[tuple[str, Result | ClaimsReport | Designed]] = [
+    named: list[tuple[str, Verification | ClaimsReport | Designed]] = [
         *((each.case, each) for each in results),
         *((each.name, each) for each in others),
     ]
@@ -131,7 +77,7 @@ def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | De
     return PageSection("provenance", "Where the numbers come from", parts)
 
 
-def _computed(of: Result | ClaimsReport | Designed) -> tuple[str, str]:
+def _computed(of: Verification | ClaimsReport | Designed) -> tuple[str, str]:
     """When a result was computed and how long that took; of claims and designs neither is stored."""
     return ("", "") if isinstance(of, ClaimsReport | Designed) else (of.written, f"{of.seconds:g} s")
 

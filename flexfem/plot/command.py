@@ -16,8 +16,7 @@ from flexfem.plot.drive_sketch import platform_factor, plot_drive
 from flexfem.plot.style import GREY, INK, PALE, below_header, in_house_style, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
-from flexfem.units import COMMANDS, FORCES, MICROMETRE, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import COMMANDS, DIRECTIONS, FORCES, MICROMETRE, Direction, unit_for
 from flexfem.verify.command import Command
 from flexfem.verify.driven import CRITERIA
 

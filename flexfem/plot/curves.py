@@ -12,9 +12,8 @@ from flexfem.arrays import Array
 from flexfem.plot.driven_text import BANDS, BRIEF, OF_STAGE
 from flexfem.plot.style import GREY, INK, in_house_style, inches, legend_beside, panels, wrapped
 from flexfem.plot.text import banded, scientific
-from flexfem.units import LENGTH, Unit, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.result import Result
+from flexfem.questions.errors import Verification
+from flexfem.units import DIRECTIONS, LENGTH, Direction, Unit, unit_for
 
 ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
 HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
@@ -50,14 +49,14 @@ class Panel(NamedTuple):
     round_off: bool
 
 
-def panel_of(result: Result, freedom: Direction) -> Panel:
+def panel_of(result: Verification, freedom: Direction) -> Panel:
     """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
     amplitude = max(map(abs, result.commanded))
     largest, relative, honest = 0.0, 0.0, 0.0
-    for label, series in result.curves.items():
-        lever = result.models[label].lever
+    for label, model in result.models.items():
+        lever = model.lever
         comparable = (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
-        error = max(map(abs, getattr(series, freedom)))
+        error = float(np.max(np.abs(result.at("error", curve=label, direction=freedom))))
         largest = max(largest, error)
         relative = max(relative, error / (amplitude * comparable))
         honest = max(honest, HONEST * amplitude * comparable)
@@ -67,19 +66,19 @@ def panel_of(result: Result, freedom: Direction) -> Panel:
     return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
 
 
-def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
+def mesh_band(result: Verification, label: str, freedom: Direction) -> Array:
     """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
     lever = result.models[label].lever
     comparable = (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
-    return np.abs(result.commanded) * comparable * result.uncertainty[label][freedom].band / 100.0
+    return np.abs(result.commanded) * comparable * result.band("percent", curve=label, direction=freedom) / 100.0
 
 
-def driven_by(result: Result) -> str:
+def driven_by(result: Verification) -> str:
     """What the finite elements were given, in words."""
     return EXACT if result.analysis == "nonlinear" else BRIEF[result.drive]
 
 
-def normalisation(result: Result) -> str:
+def normalisation(result: Verification) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = sorted({model.lever for model in result.models.values()})
     l3 = "l₃ = " + ", ".join(f"{lever:g}" for lever in levers) + f" {LENGTH}"
@@ -93,7 +92,7 @@ def normalisation(result: Result) -> str:
 
 
 @in_house_style
-def error_figure(result: Result, displacement: bool = False) -> Figure:
+def error_figure(result: Verification, displacement: bool = False) -> Figure:
     """Draw a verification as one page of three panels, X, Y and theta.
 
     Parameters
@@ -126,7 +125,7 @@ def error_figure(result: Result, displacement: bool = False) -> Figure:
     return figure
 
 
-def plot_displaced(ax: Axes, result: Result) -> Axes:
+def plot_displaced(ax: Axes, result: Verification) -> Axes:
     """Draw displacement over command of every curve in the commanded direction; returns `ax`.
 
     The grey line is the command itself, where an exact model has every curve. Mesh bands are drawn, and errors stated,
@@ -136,8 +135,8 @@ def plot_displaced(ax: Axes, result: Result) -> Axes:
     command = unit_for(freedom, max(map(abs, result.commanded)))
     x = np.array(result.commanded) * command.factor
     ax.plot(x, x, color=GREY, linewidth=0.8, zorder=1, label="_command")
-    for index, (label, series) in enumerate(result.curves.items()):
-        y = x + np.array(getattr(series, freedom)) * command.factor
+    for index, label in enumerate(result.curves):
+        y = x + result.at("error", curve=label, direction=freedom) * command.factor
         style = curve_style(index, len(result.curves), len(x))
         ax.plot(x, y, label=f"{label} ", **style)
         band = mesh_band(result, label, freedom) * command.factor
@@ -151,7 +150,7 @@ def plot_displaced(ax: Axes, result: Result) -> Axes:
     return ax
 
 
-def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
+def plot_errors(ax: Axes, result: Verification, freedom: Direction) -> Axes:
     """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
 
     The legend beside states the percentages at the largest command.
@@ -160,8 +159,8 @@ def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     x = np.array(result.commanded) * command.factor
     ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
-    for index, (label, series) in enumerate(result.curves.items()):
-        y = np.array(getattr(series, freedom)) * panel.unit.factor
+    for index, label in enumerate(result.curves):
+        y = result.at("error", curve=label, direction=freedom) * panel.unit.factor
         style = curve_style(index, len(result.curves), len(x))
         ax.plot(x, y, label=f"{label} ", **style)
         band = mesh_band(result, label, freedom) * panel.unit.factor
@@ -182,9 +181,10 @@ def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
     return ax
 
 
-def error_text(result: Result, label: str, freedom: Direction) -> str:
+def error_text(result: Verification, label: str, freedom: Direction) -> str:
     """Error percentage of one curve in one direction, with the band of its meshes."""
-    return banded(getattr(result.error_percent[label], freedom), result.uncertainty[label][freedom].band)
+    where = {"curve": label, "direction": freedom}
+    return banded(float(result.at("percent", **where)), float(result.band("percent", **where)))
 
 
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
@@ -204,7 +204,7 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     }
 
 
-def _draw_legend(ax: Axes, result: Result, freedom: Direction, said: str = "") -> None:
+def _draw_legend(ax: Axes, result: Verification, freedom: Direction, said: str = "") -> None:
     """Legend beside the panel, in the largest letters with which it is no higher than the panel."""
     height = inches(ax)[1]
     entries = {label: error_text(result, label, freedom) for label in result.curves}

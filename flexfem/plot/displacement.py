@@ -20,8 +20,9 @@ from flexfem.plot.driven_text import SHOWN_OF_SOLID
 from flexfem.plot.marks import clear_spot, edges_of, loops_of, polygon, quarters
 from flexfem.plot.style import INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import round_factor, significant
+from flexfem.questions.errors import CurveModels, Verification
 from flexfem.units import STRESS, unit_for
-from flexfem.verify.result import CurveModels, Fields, Result
+from flexfem.verify.result import Fields
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
@@ -38,7 +39,7 @@ class Peak(NamedTuple):
 
 
 @in_house_style
-def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
+def deformed_figure(result: Verification, fields: dict[str, Fields]) -> Figure:
     """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named.
 
     Parameters
@@ -62,8 +63,9 @@ def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
         axes.remove()
     for axes, label in zip(found, result.curves, strict=False):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=result.models[label].hub_radius)
-        _name_largest(axes, result.models[label], fields[label], factor)
+        model = result.models[label]
+        plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=model.hub_radius)
+        _name_largest(axes, model, fields[label], factor)
     draw_scale(figure, norm)
     return figure
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexfem.verify.case import Drive, Elements
+from flexfem.questions.case import Drive, Elements
 
 OF_STAGE: dict[Elements, str] = {"fe": "", "three_dimensional": ", in three dimensions"}
 BANDS: dict[Elements, str] = {"fe": "mesh band", "three_dimensional": "band of mesh and layers"}

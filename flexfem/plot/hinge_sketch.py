@@ -14,8 +14,8 @@ from flexfem.plot.marks import Point, arrow
 from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.plot.text import significant
+from flexfem.questions.errors import CurveModels
 from flexfem.units import LENGTH
-from flexfem.verify.result import CurveModels
 
 NECK = 0.42  # t/R of the drawing, whatever the stage's
 BLOCK = 1.5  # length of the blocks beside the notch, per R

@@ -13,8 +13,8 @@ from flexfem.arrays import Array
 from flexfem.plot.marks import clear_spot, frame_cross, hatch_ground, write
 from flexfem.plot.placed import HasHinges, Placed, placed
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, inches, panels, text_width
+from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.units import DEGREE, LENGTH
-from flexfem.verify.result import CurveModels, HingeDrawing
 
 WIDTH = 8.27  # in
 LINK, SLIDER = "#30465E", "#0072B2"

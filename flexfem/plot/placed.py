@@ -10,8 +10,8 @@ from flexfem.files.refusals import shown
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
-from flexfem.verify.result import CurveModels, HingeDrawing
 from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 

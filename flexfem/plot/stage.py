@@ -28,8 +28,9 @@ from flexfem.plot.marks import (
 )
 from flexfem.plot.style import GREY, INK, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import SPACE
+from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.units import LENGTH
-from flexfem.verify.result import CurveModels, Fields, HingeDrawing
+from flexfem.verify.result import Fields
 
 MESH_COLOUR = "#5B7FA6"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")

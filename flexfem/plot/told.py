@@ -10,27 +10,28 @@ from flexfem.plot.curves import NAMES, mesh_band, panel_of
 from flexfem.plot.placed import HasHinges, placed
 from flexfem.plot.text import significant
 from flexfem.plot.vector import Spot
-from flexfem.units import DEGREE, LENGTH, unit_for
-from flexfem.verify.budget import Budget
-from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.result import Result
+from flexfem.questions.budget import TOTAL, Budget
+from flexfem.questions.errors import Verification
+from flexfem.units import DEGREE, DIRECTIONS, LENGTH, Direction, unit_for
 
 BAR = 0.62  # height of a bar of a budget
 
 
-def error_spots(figure: Figure, result: Result) -> list[Spot]:
+def error_spots(figure: Figure, result: Verification) -> list[Spot]:
     """Spots on the points of the curves of an `error_figure`: command, error and the band of the meshes."""
     return [
         spot for ax, freedom in zip(figure.axes, DIRECTIONS, strict=False) for spot in _of_curves(ax, result, freedom)
     ]
 
 
-def _of_curves(ax: Axes, result: Result, freedom: Direction) -> list[Spot]:
+def _of_curves(ax: Axes, result: Verification, freedom: Direction) -> list[Spot]:
     unit, command = panel_of(result, freedom).unit, unit_for(result.direction, max(map(abs, result.commanded)))
     spots = []
-    for label, series in result.curves.items():
+    for label in result.curves:
         bands = mesh_band(result, label, freedom) * unit.factor
-        for given, error, band in zip(result.commanded, getattr(series, freedom), bands, strict=True):
+        for given, error, band in zip(
+            result.commanded, result.at("error", curve=label, direction=freedom), bands, strict=True
+        ):
             said = f"{significant(error * unit.factor)} ± {significant(float(band), 2)} {unit}"
             at = f"{significant(given * command.factor)} {command}"
             text = f"{label}\ncommanded {NAMES[result.direction]} {at}\nerror in {NAMES[freedom]} {said}"
@@ -40,18 +41,17 @@ def _of_curves(ax: Axes, result: Result, freedom: Direction) -> list[Spot]:
 
 def budget_spots(figure: Figure, budget: Budget) -> list[Spot]:
     """Spots on the bars of a `budget_figure`: name and percentage points of the share."""
-    spots = []
+    spots, names = [], budget.axes["share"]
     for ax, direction in zip(figure.axes, DIRECTIONS, strict=False):
-        split = budget.split[direction]
+        *values, total = budget.at("share", direction=direction).tolist()
         start = 0.0
-        for place, share in enumerate(split.shares):
-            value = getattr(share.points, direction)
-            text = f"{share.name}\n{significant(value)} percentage points of {NAMES[direction]}"
+        for place, (name, value) in enumerate(zip(names, values, strict=False)):
+            text = f"{name}\n{significant(value)} percentage points of {NAMES[direction]}"
             spots.append(Spot(ax, start + value / 2, place, text, abs(value), BAR))
             start += value
-        total = getattr(split.total, direction)
-        text = f"total\n{significant(total)} ± {significant(split.band, 2)} % in {NAMES[direction]}"
-        spots.append(Spot(ax, total / 2, len(split.shares), text, abs(total), BAR))
+        band = float(budget.band("share", share=TOTAL, direction=direction))
+        text = f"total\n{significant(total)} ± {significant(band, 2)} % in {NAMES[direction]}"
+        spots.append(Spot(ax, total / 2, len(values), text, abs(total), BAR))
     return spots
 
 

@@ -12,8 +12,7 @@ from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, NAMES, ROUND_OFF
 from flexfem.plot.style import GREY, INK, in_house_style, panels
 from flexfem.plot.text import scientific
-from flexfem.units import COMMANDS, Unit, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import COMMANDS, DIRECTIONS, Direction, Unit, unit_for
 from flexfem.verify.workspace import Travel, Workspace
 
 WIDTH, HEIGHT = 11.69, 8.5  # in

@@ -22,10 +22,11 @@ from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
+from flexfem.questions.errors import CurveModels, Verification
 from flexfem.synthesis.result import Designed
-from flexfem.verify.result import CurveModels, Fields, Result
+from flexfem.verify.result import Fields
 
-Stored: TypeAlias = tuple[Result, dict[str, Fields]]
+Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
 FORMS = ("png", "pdf")
 PAGE = "verification.md"
 

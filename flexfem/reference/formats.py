@@ -17,7 +17,7 @@ from flexfem.study.plan import Study
 from flexfem.synthesis.requirements import Requirements
 from flexfem.verdicts.claims import Claims
 from flexfem.verify.as_built import Necks
-from flexfem.verify.case import Case
+from flexfem.questions.case import Case
 from flexfem.verify.fixture import Fixture, Measurement
 
 

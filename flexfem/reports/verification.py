@@ -15,7 +15,8 @@ from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import budget as verify_budget
 from flexfem.verify import converge as verify_converge
 from flexfem.verify.budget import Budget
-from flexfem.verify.case import Direction, LoadedCase
+from flexfem.questions.case import LoadedCase
+from flexfem.units import Direction
 from flexfem.verify.converge import MeshStudy
 from flexfem.verify.protocol import run_case
 from flexfem.verify.result import Fields, Result

@@ -22,7 +22,7 @@ from flexfem.study.expression import names_in
 from flexfem.study.outputs import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.rules import APPLIES, require_correlated, require_sampled, require_shown, require_unlike, rules
 from flexfem.study.tables import MOST, Constraint, Correlation, Figure, Output, Sampling
-from flexfem.verify.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
+from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 
 
 class Study(Sourced):

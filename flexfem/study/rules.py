@@ -14,7 +14,7 @@ from flexfem.mechanism.keys import keys
 from flexfem.study.columns import NAMED, WAYS, Factor, columns_of
 from flexfem.study.outputs import FEASIBLE, RESERVED
 from flexfem.study.tables import Correlation, Figure, Method, normal_correlation
-from flexfem.verify.case import LINKS
+from flexfem.questions.case import LINKS
 
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",

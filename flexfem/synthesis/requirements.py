@@ -32,7 +32,7 @@ from flexfem.study.plan import Study
 from flexfem.study.tables import Output
 from flexfem.synthesis.scatter import NeckScatter
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
-from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
+from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 MASS = ("mass_kg",)

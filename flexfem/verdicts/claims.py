@@ -20,7 +20,7 @@ from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
 from flexfem.study.columns import FACTOR_RULES, WAYS, Column, Factor, acting, columns_of, unasked, with_mean
 from flexfem.verdicts.measures import MEASURES
-from flexfem.verify.case import CommandMrad, CommandUm
+from flexfem.questions.case import CommandMrad, CommandUm
 
 Side: TypeAlias = Literal["three", "six"]
 SIDES: tuple[Side, ...] = ("three", "six")

@@ -12,7 +12,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 
 
 class Metal(NamedTuple):

@@ -11,7 +11,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import COARSER, grid_convergence
 from flexfem.refused import BadInput
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 

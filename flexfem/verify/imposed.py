@@ -26,7 +26,8 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels, stress_bands
-from flexfem.verify.case import DIRECTIONS, Case, Drive
+from flexfem.questions.case import Case, Drive
+from flexfem.units import DIRECTIONS
 from flexfem.verify.command import of_limits
 from flexfem.verify.driven import Driven, commands_for, driven, held
 from flexfem.verify.errors import Comparison, compare

@@ -17,7 +17,7 @@ from flexfem.mechanism.stage import HINGE_NAMES, Hinge, Stage
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.units import LENGTH, MICROMETRE
-from flexfem.verify.case import Drive
+from flexfem.questions.case import Drive
 from flexfem.verify.imposed import elements, imposed
 from flexfem.verify.protocol import Solve
 

@@ -26,7 +26,8 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import Convergence, command_errors, levels, percentages
 from flexfem.refused import ComputationFailed
-from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
+from flexfem.questions.case import Case, Curve, LoadedCase
+from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify.errors import Comparison, compare
 from flexfem.verify.imposed import CurveAnswer, FullCommand, answer_to_joints, peak_band
 from flexfem.verify.result import CurveModels, Fields, Result, Series, Triple, Uncertainty, stamp, versions

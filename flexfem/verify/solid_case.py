@@ -22,7 +22,8 @@ from flexfem.questions.bands import (
     solve_solid,
 )
 from flexfem.questions.warnings import held_faces
-from flexfem.verify.case import DIRECTIONS, Case
+from flexfem.questions.case import Case
+from flexfem.units import DIRECTIONS
 from flexfem.verify.errors import compare
 from flexfem.verify.imposed import CurveAnswer, FullCommand
 from flexfem.verify.solid import neck_stress_of

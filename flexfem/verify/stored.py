@@ -8,7 +8,8 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.files.provenance import Doubts
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.verify.case import DIRECTIONS, Curve, LoadedCase
+from flexfem.questions.case import Curve, LoadedCase
+from flexfem.units import DIRECTIONS
 from flexfem.verify.imposed import CurveAnswer
 from flexfem.verify.result import CurveModels, Fields, HingeDrawing, NeckPeak, Triple
 

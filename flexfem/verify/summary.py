@@ -16,7 +16,7 @@ from flexfem.questions.bands import levels, stress_bands
 from flexfem.refused import ComputationFailed
 from flexfem.units import PLANES
 from flexfem.verify.answers import BandedStress
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify.pose_set import Range
 from flexfem.verify.protocol import Solve, Solved
 from flexfem.verify.reach import reach

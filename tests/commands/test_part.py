@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.mechanism.stage import load_feasible
 from flexfem.study.loaded import load_study
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 
 ROOT = Path(__file__).parents[2]
 HOSTILE = 'a "b" <i>&amp; $HOME #1.toml'

@@ -13,7 +13,7 @@ from flexfem.files.provenance import is_assumed
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import doubt_note, markdown_report
 from flexfem.study.loaded import load_study
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 
 ROOT = Path(__file__).parents[2]

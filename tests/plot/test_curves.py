@@ -12,7 +12,7 @@ from flexfem.plot.curves import HONEST, error_figure, normalisation, panel_of
 from flexfem.plot.displacement import deformed_figure
 from flexfem.plot.stage import mesh_size
 from flexfem.plot.text import markdown_report
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 from flexfem.verify.result import Triple
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}

@@ -15,7 +15,7 @@ import pytest
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import command_convergence, compliance_bands, grid_convergence
 from flexfem.verdicts import verdict
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 from flexfem.verify.protocol import _bands, _by_direction, solve_stage
 
 ROOT = Path(__file__).parents[2]

@@ -18,7 +18,7 @@ from flexfem.reference.schemas import schema_of
 from flexfem.refused import BadInput
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.verdicts.claims import load_claims
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")

@@ -16,7 +16,8 @@ from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import BadInput
 from flexfem.verify import budget as module
 from flexfem.verify.budget import budget, thick_compliance
-from flexfem.verify.case import DIRECTIONS, LoadedCase
+from flexfem.questions.case import LoadedCase
+from flexfem.units import DIRECTIONS
 from flexfem.verify.protocol import run_case, solve_stage
 from flexfem.verify.summary import summary
 

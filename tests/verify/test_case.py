@@ -12,7 +12,7 @@ from flexfem.fem.response import load_case
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.refused import BadInput
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 from flexfem.verify.protocol import run_case, solve_stage
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 from flexfem.verify.errors import compare
 
 ROUND_OFF = 1e-9  # per cent; products of 3 x 3 matrices with entries of order one

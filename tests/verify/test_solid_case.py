@@ -17,7 +17,7 @@ from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, so
 from flexfem.questions.bands import RelativeError, SolidLevels, pose_bounds, solve_solid
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify import protocol, solid_case
-from flexfem.verify.case import Case, LoadedCase
+from flexfem.questions.case import Case, LoadedCase
 from flexfem.verify.protocol import run_case
 
 ROOT = Path(__file__).parents[2]

@@ -15,7 +15,7 @@ from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import ComputationFailed
 from flexfem.verdicts.claims import load_claims
 from flexfem.verify import workspace as module
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.workspace import workspace
 

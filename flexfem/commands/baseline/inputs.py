@@ -19,7 +19,7 @@ from flexfem.mechanism.stage import load_stage
 from flexfem.mechanism.stage_file import of_drive, of_heat
 from flexfem.refused import BadInput
 from flexfem.verdicts.claims import Claims
-from flexfem.verify.case import Case
+from flexfem.questions.case import Case
 
 Kind: TypeAlias = Literal["case", "claims", "study", "stage", "chart"]
 Keys: TypeAlias = dict[str, Leaf]

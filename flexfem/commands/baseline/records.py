@@ -29,7 +29,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed, workspace
-from flexfem.verify.case import Curve, LoadedCase
+from flexfem.questions.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
 from flexfem.verify.errors import compare
 from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case

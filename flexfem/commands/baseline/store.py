@@ -18,7 +18,7 @@ from flexfem.commands.baseline.records import meshes, record, settings
 from flexfem.commands.baseline.rules import rule_of
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 from flexfem.verify.protocol import Solve
 from flexfem.verify.result import Record, Result, stamp, versions
 
