@@ -37,6 +37,7 @@ class Clock:
 
 def run() -> dict[str, float]:
     import numpy as np
+    from flexfem.verify.errors import compare
 
     from flexfem.analytic.model import analyse
     from flexfem.fem.factor import factorise
@@ -45,7 +46,6 @@ def run() -> dict[str, float]:
     from flexfem.fem.response import plate_of, platform_response, tie_hub
     from flexfem.fem.sectors import build_mesh
     from flexfem.mechanism.stage import load_feasible
-    from flexfem.verify.errors import compare
 
     clock = Clock()
     clock("import", lambda: subprocess.run([sys.executable, "-c", IMPORTS], check=True))

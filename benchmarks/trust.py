@@ -3,7 +3,7 @@
     python benchmarks/trust.py [--output reports]
 
 The designs of the study, but in the place of plane finite elements the hinges of three-dimensional ones (the thickness
-chart) with elastic links, `verify.budget.thick_compliance`. Draws the map, and prints the error along X and theta where
+chart) with elastic links, `questions.budget.thick_compliance`. Draws the map, and prints the error along X and theta where
 the plane one says that necks are thin, and the neck at which it changes its sign.
 """
 
@@ -21,11 +21,11 @@ from flexfem.plot.study_labels import Caption, factor, output
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample
-from flexfem.verify.budget import thick_compliance
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flexfem.api import errors as errors
     from flexfem.api import load as load
     from flexfem.api import solve as solve
-    from flexfem.commands.baseline.regression import baseline as baseline
-    from flexfem.commands.baseline.regression import regression as regression
+    from flexfem.baselines import baseline as baseline
+    from flexfem.baselines import regression as regression
     from flexfem.designs import design as design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
@@ -43,7 +43,14 @@ if TYPE_CHECKING:
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.as_built import as_built as as_built
+    from flexfem.questions.budget import budget as budget
+    from flexfem.questions.convergence import converge as converge
+    from flexfem.questions.errors import Verification as Verification
+    from flexfem.questions.errors import verification as verification
+    from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.heat import drift as drift
+    from flexfem.questions.identify import identify as identify
     from flexfem.questions.life import life as life
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
@@ -53,20 +60,12 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import command as command
     from flexfem.reports.drive import reach as reach
     from flexfem.reports.drive import workspace as workspace
-    from flexfem.reports.experiment import experiment as experiment
-    from flexfem.reports.experiment import identify as identify
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
     from flexfem.reports.modes import vibration as vibration
     from flexfem.reports.modes import vibration_solid as vibration_solid
-    from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
-    from flexfem.reports.verification import Verification as Verification
-    from flexfem.reports.verification import budget as budget
-    from flexfem.reports.verification import claims as claims
-    from flexfem.reports.verification import converge as converge
-    from flexfem.reports.verification import verification as verification
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -99,7 +98,9 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "hinges.strength": ("Basquin", "fit_basquin"),
     "hinges.formulas": ("formulas", "register_formula"),
     "reports.drive": ("command", "reach", "workspace"),
-    "reports.experiment": ("experiment", "identify"),
+    "questions.as_built": ("as_built",),
+    "questions.experiment": ("experiment",),
+    "questions.identify": ("identify",),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
@@ -107,11 +108,13 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check"),
-    "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
+    "reports.stage": ("check",),
+    "questions.budget": ("budget",),
+    "questions.convergence": ("converge",),
+    "questions.errors": ("Verification", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
-    "commands.baseline.regression": ("baseline", "regression"),
+    "baselines": ("baseline", "regression"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 

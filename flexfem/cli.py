@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -26,10 +27,10 @@ from flexfem.terminal import people, working
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
-    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
-    "Measure": ("experiment", "identify"),
+    "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
@@ -37,11 +38,32 @@ GROUPS = {
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
-    **{name: name for name in ("check", "view", "summary", "stiffness", "drift", "life", "export", "mesh")},
+    "as-built": "as_built",
+    "verify": "verification",
+    **{
+        name: name
+        for name in (
+            "check",
+            "view",
+            "summary",
+            "stiffness",
+            "drift",
+            "life",
+            "budget",
+            "converge",
+            "regression",
+            "baseline",
+            "experiment",
+            "identify",
+            "export",
+            "mesh",
+        )
+    },
 }
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
+LONG = 40  # characters: texts of a list that are longer have lines of their own
 
 
 class Commands(TyperGroup):
@@ -63,6 +85,14 @@ class Commands(TyperGroup):
         if name in RENAMED:
             ctx.fail(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
         return command(name) if name in MADE else super().get_command(ctx, name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments begin with; an unknown one is refused with the nearest names."""
+        known = self.list_commands(ctx)
+        if args and args[0] not in known and args[0] not in RENAMED:
+            near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
+            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the sections, each command with its first sentence."""
@@ -192,12 +222,20 @@ def show(found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
 
     if isinstance(found, Result) and folder is not None:
         write(found, folder / f"{stem}.json")
+    several = isinstance(found, list)
     if as_json:
-        print(json.dumps(found.to_dict() if isinstance(found, Result) else plain(found), indent=1, allow_nan=False))
-    elif isinstance(found, Result):
-        print_result(found)
+        data = [each.to_dict() if isinstance(each, Result) else plain(each) for each in (found if several else [found])]
+        print(json.dumps(data if len(data) != 1 else data[0], indent=1, allow_nan=False))
     else:
-        print_record(found)
+        for each in found if several else [found]:
+            if isinstance(each, Result):
+                print_result(each)
+            elif isinstance(each, Path):
+                print(each)
+            else:
+                print_record(each)
+    if getattr(found, "findings", None):  # of a check
+        raise typer.Exit(1)
 
 
 def plain(value: Any) -> Any:
@@ -259,6 +297,8 @@ def print_record(found: Any) -> None:
         elif isinstance(value, dict):
             for text in dict.fromkeys(map(_text, value.values())):
                 out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
+        elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
+            print(f"{title}:", *value, sep="\n")
         elif value not in (None, "", [], False):
             out.print(f"{title}: {_text(value)}")
     _print_doubts(out, *doubts)

@@ -31,7 +31,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("verdicts", "synthesis"),
     ("plot", "reference"),
     ("models",),
-    ("api", "study_answers"),
+    ("api",),
     ("reports", "studies", "designs", "workshop"),
     ("page",),
     ("terminal",),

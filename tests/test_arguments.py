@@ -105,7 +105,6 @@ BAD = [
     (lambda s, f: flexfem.thickness_review(0.46), "poissons_ratio 0.46"),
     (lambda s, f: flexfem.load(b"a.toml"), "expected the path"),
     (lambda s, f: flexfem.verification(3), "3, expected the path"),
-    (lambda s, f: flexfem.claims(None), "None, expected the path"),
     (lambda s, f: flexfem.run_study(None), "None, expected the path"),
     *(
         (lambda s, f, n=n: flexfem.run_study(STUDY, f.parent, n), f"workers {n!r}, expected an integer from 1 to 1024")

@@ -15,6 +15,7 @@ from flexfem.plot.accuracy import budget_figure
 from flexfem.plot.commanded import CommandedStage, commanded_figure, neck_spots
 from flexfem.plot.text import SPACE, banded, percent, significant
 from flexfem.plot.told import budget_spots
+from flexfem.questions.budget import TOTAL
 from flexfem.units import COMMANDS, COMPLIANCE, DIRECTIONS, FORCES, STIFFNESS, STRESS, STRESSES, Unit
 from flexfem.verify.result import Fields
 
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from flexfem.api import Errors
     from flexfem.mechanism.stage import Stage
     from flexfem.models import ElementModel
+    from flexfem.questions.budget import Budget
     from flexfem.verify.answers import StiffnessReport
-    from flexfem.verify.budget import Budget
     from flexfem.verify.summary import ModelSummary, Summary
 
 SYMBOLS = ("X", "Y", "θ")
@@ -180,23 +181,15 @@ def _share(stage: Stage, each: CommandedStage) -> str:
 
 def budget_section(found: Budget) -> PageSection:
     """The shares of the error of the paper's model."""
-    names = [share.name for share in found.split["x"].shares]
-    rows = [
-        [
-            name,
-            *(f"{getattr(split.shares[k].points, axis):+.3f}".replace("-", "−") for axis, split in found.split.items()),
-        ]
-        for k, name in enumerate(names)
-    ]
-    rows.append(["total", *(banded(getattr(split.total, axis), split.band) for axis, split in found.split.items())])
-    head = ["share (percentage points)", *SYMBOLS]
-    data = table(head, rows, numbers=3, sortable=False)
-    totals = ", ".join(f"{name} {row}" for name, row in zip(SYMBOLS, rows[-1][1:], strict=True))
+    values, bands = found.at("share", share=TOTAL), found.band("share", share=TOTAL)
+    totals = ", ".join(
+        f"{name} {banded(value, band)}" for name, value, band in zip(SYMBOLS, values, bands, strict=True)
+    )
     figure = shown_figure(
         "budget-figure",
         lambda: budget_figure(found),
         f"Bars of the shares of the error in the commanded direction, a panel for each direction. Totals: {totals}.",
         lambda figure: budget_spots(figure, found),
-        data,
+        Markup(found.to_html()),
     )
-    return PageSection("budget", "Error budget", figure + notes(found.warnings))
+    return PageSection("budget", "Error budget", figure)

@@ -15,9 +15,10 @@ from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
 from flexfem.questions import heat, life
+from flexfem.questions.budget import budget
 from flexfem.questions.stiffness import stiffness
 from flexfem.questions.summary import summary
-from flexfem.reports import drive, modes, verification
+from flexfem.reports import drive, modes
 from flexfem.results import Result
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
     makers: dict[str, Callable[[], PageSection | None]] = {
         "analytic": lambda: table_section("analytic", "Analytic model", stiffness(stage, models="analytic")),
         "elements": lambda: table_section("elements", "Finite elements", summary(stage)),
-        "budget": lambda: answers.budget_section(verification.budget(stage, three_dimensional=False)),
+        "budget": lambda: answers.budget_section(budget(stage, plane=True)),
         "stress": lambda: answers.stress_section(stage, api.solve(stage)),
         "drive": driven,
         "workspace": lambda: motion.workspace_section(drive.workspace(stage)),

@@ -1,8 +1,7 @@
-"""What a page says of stored verifications and of claims: curves with bands, percentages, verdicts, provenance."""
+"""What a page says of stored verifications: curves with bands, percentages, provenance."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING
@@ -11,15 +10,13 @@ import numpy as np
 from markupsafe import Markup
 
 from flexfem.mechanism.stage_file import counted
-from flexfem.page.drawn import sentence, shown_figure
-from flexfem.page.section import Content, PageSection, notes, table
+from flexfem.page.drawn import shown_figure
+from flexfem.page.section import Content, PageSection, table
 from flexfem.plot.curves import error_figure, error_text
 from flexfem.plot.text import significant
 from flexfem.plot.told import error_spots
 from flexfem.synthesis.result import Designed
 from flexfem.units import DIRECTIONS, unit_for
-from flexfem.verdicts.page import said_of_ensemble
-from flexfem.verdicts.records import ClaimsReport
 
 if TYPE_CHECKING:
     from flexfem.questions.errors import Verification
@@ -53,9 +50,9 @@ def curves_section(result: Verification, number: int) -> PageSection:
     return PageSection(f"case-{number}", result.name, figure + Markup(result.to_html()))
 
 
-def doubts_section(results: Sequence[Verification], others: Sequence[ClaimsReport | Designed] = ()) -> PageSection:
+def doubts_section(results: Sequence[Verification], others: Sequence[Designed] = ()) -> PageSection:
     """Numbers that are assumed or have no source, and versions of what computed the results."""
-    named: list[tuple[str, Verification | ClaimsReport | Designed]] = [
+    named: list[tuple[str, Verification | Designed]] = [
         *((each.case, each) for each in results),
         *((each.name, each) for each in others),
     ]
@@ -72,30 +69,10 @@ def doubts_section(results: Sequence[Verification], others: Sequence[ClaimsRepor
         counted(assumed, "number is", "numbers are"), counted(len(kinds) - assumed, "has", "have")
     )
     parts += table(["key of the file", "kind", "in"], rows) if rows else Markup("")
-    made = [[name, *_computed(each), _versions(each.versions)] for name, each in named]
-    parts += Markup("<h3>Computed with</h3>") + table(["of", "computed (UTC)", "time", "versions"], made)
+    made = [[name, _versions(each.versions)] for name, each in named]
+    parts += Markup("<h3>Computed with</h3>") + table(["of", "versions"], made)
     return PageSection("provenance", "Where the numbers come from", parts)
-
-
-def _computed(of: Verification | ClaimsReport | Designed) -> tuple[str, str]:
-    """When a result was computed and how long that took; of claims and designs neither is stored."""
-    return ("", "") if isinstance(of, ClaimsReport | Designed) else (of.written, f"{of.seconds:g} s")
 
 
 def _versions(of: dict[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in of.items())
-
-
-def claims_section(report: ClaimsReport) -> PageSection:
-    """The verdicts on the claims of a file."""
-    rows: list[list[Content]] = []
-    for each in report.verdicts:
-        claim = each.statement + (f" Read as: {each.reading}." if each.reading else "")
-        found = " ".join(sentence(text) for text in (each.found, each.ensemble, each.argument, each.missing) if text)
-        rows.append([claim, each.where, Markup("<strong>{}</strong>").format(each.verdict), found])
-    counts = Counter(each.verdict for each in report.verdicts)
-    said = Markup("<p>{}.</p>").format("; ".join(f"{ruling}: {count}" for ruling, count in counts.items()))
-    if report.ensemble is not None:
-        said += Markup("<p>{}</p>").format(said_of_ensemble(report.ensemble))
-    parts = said + table(["claim", "where in the paper", "verdict", "found"], rows, caption="Verdicts")
-    return PageSection("claims", "Verdicts", parts + notes(report.warnings))

@@ -10,10 +10,10 @@ from flexfem.files.refusals import shown
 from flexfem.plot.curves import COLOURS, NAMES, curve_style
 from flexfem.plot.style import GREY, INK, in_house_style, legend_beside, panels, wrapped
 from flexfem.plot.text import scientific
-from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, Direction
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
 from flexfem.questions.convergence import MeshConvergence
+from flexfem.refused import BadInput
+from flexfem.units import DIRECTIONS, Direction
 
 WIDTH, NAME = 8.27, 2.1  # in, of a figure, and of the name of a share
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
@@ -25,8 +25,8 @@ ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 def budget_figure(budget: Budget) -> Figure:
     """Draw the shares of the error in the commanded direction, one panel a direction."""
     lines = [
-        f"Error of the finite elements under the force of (18), {budget.settings['model']}, and what it is made of. The "
-        "shares add up to the total; the bar there is the band of the meshes.",
+        f"Error of the finite elements under the force of (18), {budget.settings['model']}, and what it is made of. "
+        "The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
     doubts = (budget.about.assumed, budget.about.not_stated)

@@ -195,13 +195,13 @@ def measured(stage: Stage) -> tuple[Array, Array]:
     """
     resolution, count = SOLID
     coarse, medium, _ = levels(resolution)
-    of_mesh = _change(stage, resolution, 1) - _change(stage, medium, 1)
-    of_layers = _change(stage, coarse, count) - _change(stage, coarse, levels(count)[1])
+    of_mesh = change(stage, resolution, 1) - change(stage, medium, 1)
+    of_layers = change(stage, coarse, count) - change(stage, coarse, levels(count)[1])
     band = SAFETY * (np.abs(of_mesh) + np.abs(of_layers))
-    return _change(stage, resolution, count), np.where(np.eye(3, dtype=bool), band, np.nan)
+    return change(stage, resolution, count), np.where(np.eye(3, dtype=bool), band, np.nan)
 
 
-def _change(stage: Stage, resolution: int, layers: int) -> Array:
+def change(stage: Stage, resolution: int, layers: int) -> Array:
     """Percentage points (3, 3), column j for command j, from the stage's own plane problem to three dimensions."""
     response, predicted = solve_solid(stage, resolution, layers), analyse(stage).stiffness
     plane, lever = cyclic_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]

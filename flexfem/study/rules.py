@@ -11,10 +11,10 @@ from flexfem.files.json_schema import Rule, both, has, only, says, when, without
 from flexfem.files.keypath import key_path
 from flexfem.files.refusals import refusal, shown, suggestion
 from flexfem.mechanism.keys import keys
+from flexfem.questions.case import LINKS
 from flexfem.study.columns import NAMED, WAYS, Factor, columns_of
 from flexfem.study.outputs import FEASIBLE, RESERVED
 from flexfem.study.tables import Correlation, Figure, Method, normal_correlation
-from flexfem.questions.case import LINKS
 
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",

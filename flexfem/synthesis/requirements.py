@@ -22,6 +22,7 @@ from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, bad_key, validate
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.refused import BadInput
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Column, acting, columns_of
@@ -32,7 +33,6 @@ from flexfem.study.plan import Study
 from flexfem.study.tables import Output
 from flexfem.synthesis.scatter import NeckScatter
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
-from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 MASS = ("mass_kg",)

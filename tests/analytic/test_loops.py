@@ -15,10 +15,8 @@ from flexfem.analytic.paper import (
     influence,
     joints_of,
     mechanism,
-    rank_revealing,
     stiffness,
 )
-from flexfem.arrays import inverse
 from flexfem.mechanism.designs import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
@@ -38,14 +36,6 @@ def test_loops_close_at_finite_displacements(generic, table) -> None:
     pose = chain_poses(of.frames, of.joints, phi).pose
     np.testing.assert_allclose(pose, pose[:1] + np.zeros((3, 1)), rtol=0, atol=1e-12)  # rounding of a few mm
     assert np.max(np.abs(pose)) > 0.01
-
-
-def test_closing_the_loops_leaves_the_independent_joints_alone(generic, table) -> None:
-    of = mechanism(*generic(22), table)
-    given = np.random.default_rng(5).uniform(-0.02, 0.02, of.springs.shape)
-    closed = close_loops(of, given)
-    independent = of.choice.independent
-    assert np.array_equal(closed[independent], given[independent])
 
 
 def test_every_chain_gives_the_same_platform_coefficients(generic, table) -> None:
@@ -94,15 +84,6 @@ def test_the_papers_independent_joints_are_taken_where_it_names_them(generic) ->
         assert set(joints.hinge[independent]) == hinges
 
 
-def test_each_design_of_a_batch_gets_its_own_dependent_joints(generic) -> None:
-    stage, table = generic(27, 40), FREEDOMS_BY_MOBILITY[21]
-    of = mechanism(*stage, table)
-    assert of.choice.dependent.shape == (40, 6) and of.choice.independent.shape == (40, 21)
-    assert len({tuple(row) for row in of.choice.dependent}) > 1
-    together = np.sort(np.concatenate(of.choice, axis=-1), axis=-1)
-    assert np.array_equal(together, np.broadcast_to(np.arange(27), (40, 27)))
-
-
 @pytest.mark.parametrize("number", [12, 21])
 def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> None:
     stage = generic(28)
@@ -113,15 +94,6 @@ def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> 
     assert np.isnan(stiffness(of._replace(choice=slides)).K_uu).all()
 
 
-def test_elimination_does_not_depend_on_units(generic) -> None:
-    stage, joints = generic(29), joints_of(FREEDOMS_BY_MOBILITY[21])
-    springs = np.random.default_rng(1).uniform(1.0, 2.0, 27) * np.where(joints.kind == 0, 1e3, 1e5)
-    metres = np.where(joints.kind == 0, 1e-3, 1e3)  # N mm to N m, N/mm to N/m
-    small = stage.frames._replace(centres=stage.frames.centres * 1e-3)
-    one, other = (rank_revealing(f, joints, k) for f, k in ((stage.frames, springs), (small, springs * metres)))
-    assert np.array_equal(one.dependent, other.dependent)
-
-
 def test_singular_loops_give_nan_in_their_design_alone(generic) -> None:
     """Elbow, platform hinge and platform centre of every chain in one line: the dependent joints cannot be solved."""
     stage = generic(30, 3)
@@ -130,14 +102,3 @@ def test_singular_loops_give_nan_in_their_design_alone(generic) -> None:
     of = mechanism(stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3])
     K = stiffness(of).K_uu
     assert np.isnan(K[1]).all() and np.isfinite(K[[0, 2]]).all()
-
-
-def test_inverse_refuses_what_it_cannot_resolve() -> None:
-    good = np.array([[2.0, 1.0], [1.0, 3.0]])
-    units = np.diag([1e9, 1e-9])
-    nearly = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-12]])
-    batch = np.stack([good, np.ones((2, 2)), nearly, np.zeros((2, 2)), np.full((2, 2), np.nan), units @ good @ units])
-    found = inverse(batch)
-    assert np.isnan(found[1:5]).all()
-    np.testing.assert_allclose(found[0] @ good, np.eye(2), atol=1e-15)
-    np.testing.assert_allclose(units @ found[5] @ units @ good, np.eye(2), atol=1e-15)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import AT_PLATFORM, JOINTS, lowered
+from flexfem.analytic.model import JOINTS, lowered
 from flexfem.analytic.network import GROUND, Mechanism, joint_compliance, solve, stiffness, topology
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, rank_revealing
 from flexfem.analytic.paper import stiffness as stiffness_of_paper
@@ -129,7 +129,3 @@ def test_designs_broadcast_and_one_in_line_leaves_the_others(generic):
 def test_a_body_that_floats_is_named():
     with pytest.raises(ValueError, match=r"\[1, 2\]"):
         topology(3, 0, ((GROUND, 0), (1, 2), (2, 1)))
-
-
-def test_the_platform_hinges_are_those_that_end_at_the_platform():
-    assert [JOINTS[joint][1] for joint in AT_PLATFORM] == [0, 0, 0]

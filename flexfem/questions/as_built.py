@@ -1,0 +1,241 @@
+"""The stiffness of a stage as it was made, from its nine measured necks."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from flexfem.analytic.elastic_bodies import body_compliance
+from flexfem.analytic.model import AnalyticResult, analyse, at_rest, hinge_compliances
+from flexfem.arrays import Array
+from flexfem.files import quantities
+from flexfem.files.provenance import Sourced, doubts
+from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
+from flexfem.files.toml import Table, read_text, read_toml, validate
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.dimensioned import converted
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import HingeName
+from flexfem.questions import warnings as warning
+from flexfem.questions.setup import DEFAULT, Analytic, about
+from flexfem.questions.stiffness import OWN_STIFFNESS, STIFFNESSES
+from flexfem.refused import BadInput
+from flexfem.results import EXACT, SOLVED, Quantity, Result
+from flexfem.units import MICROMETRE
+
+DRAWS, SEED = 4000, 2003
+QUANTILES = (0.025, 0.975)
+PLAUSIBLE = (0.5, 2.0)  # a measured neck over the drawn one; beyond it the unit or the hinge is more likely wrong
+WIDEST = 0.2  # standard deviation over the neck
+
+_MICROMETRES = converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
+Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *_MICROMETRES]
+Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *_MICROMETRES]
+
+
+class MeasuredNeck(Table):
+    """One neck as measured, mm, and the standard deviation of that."""
+
+    chain: int = Field(ge=1, le=3, description="The chain of the hinge", examples=[2])
+    hinge: HingeName = Field(description="Which of its hinges")
+    neck: Neck = Field(
+        alias="neck_um", description="As measured; half to twice the drawn one, or it is refused", examples=[512.0]
+    )
+    sd: Deviation = Field(
+        default=0.0,
+        alias="sd_um",
+        description="Standard deviation of the measurement, of all nine necks or of none; at most a fifth of the neck",
+        examples=[3.0],
+    )
+
+
+class Necks(Sourced):
+    """The nine measured necks of a stage, each once."""
+
+    kind: ClassVar[str] = "necks file"
+
+    neck: tuple[MeasuredNeck, ...] = Field(
+        description="A neck as measured; each of the nine once", json_schema_extra={"minItems": 9, "maxItems": 9}
+    )
+
+    @model_validator(mode="after")
+    def _every_hinge_once(self) -> Necks:
+        given = [(each.chain, each.hinge) for each in self.neck]
+        for index, one in enumerate(given):
+            if one in given[:index]:
+                raise refusal("each hinge once", "neck", index)
+        missing = [f"{name} of chain {chain}" for chain in CHAINS for name in HINGE_NAMES if (chain, name) not in given]
+        if missing:
+            raise refusal(f"nine hinges: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing", "neck")
+        without = [index for index, each in enumerate(self.neck) if "sd" not in each.model_fields_set]
+        if 0 < len(without) < len(self.neck):  # none given is not one of zero
+            raise refusal("sd_um of all nine necks or of none", "neck", without[0])
+        return self
+
+    def array(self, what: str) -> Array:
+        """`neck` or `sd` of all hinges (3 chains, 3 hinges), mm."""
+        found = {(each.chain, each.hinge): getattr(each, what) for each in self.neck}
+        return np.array([[found[chain, name] for name in HINGE_NAMES] for chain in CHAINS])
+
+
+class AsBuilt(Result):
+    """Stiffness of a stage with its nine measured necks, and its scatter by that of the measurement."""
+
+    title = "stage as built"
+    columns = ("component",)
+    stiffness = Quantity("stiffness as built", STIFFNESSES, ("direction", "component"), EXACT, "matrix")
+    drawn = Quantity("stiffness as drawn", STIFFNESSES, ("direction", "component"), EXACT, "matrix", shown=False)
+    deviation = Quantity("deviation from the drawing", "percent", ("direction",))
+    spread = Quantity("standard deviation", OWN_STIFFNESS, ("direction",), SOLVED)
+    low = Quantity("95 % of stages from", OWN_STIFFNESS, ("direction",), SOLVED)
+    high = Quantity("to", OWN_STIFFNESS, ("direction",), SOLVED)
+    necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
+    sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
+    unanswered = Quantity("draws without an answer", shown=False)
+
+
+class _Rows(NamedTuple):
+    """What a table says, and on which lines."""
+
+    data: dict[str, Any]
+    lines: list[int]
+
+
+def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
+    """Read the nine necks of a stage: CSV with columns chain, hinge, neck_um and, if known, sd_um; or TOML, [[neck]].
+
+    Raises BadInput, naming file and line, also for a neck that is not half to twice the drawn one.
+    """
+    path = checked_path(path)
+    if path.suffix.lower() == ".toml":
+        necks, found = validate(Necks, path), read_toml(path)
+        lines = [found.lines.line(("neck", k)) or 1 for k in range(len(necks.neck))]
+    else:
+        rows = _table(path)
+        necks, lines = _of_rows(path, rows), rows.lines
+    for one, line in zip(necks.neck, lines, strict=True):
+        drawn, um = stage.hinge(one.chain, one.hinge).neck, MICROMETRE.factor
+        low, high = (share * drawn for share in PLAUSIBLE)
+        if not low <= one.neck <= high:
+            raise BadInput(
+                f"{place_of(path, line)}: neck.{one.chain}.{one.hinge}.neck_um = {um * one.neck:g}, expected "
+                f"{um * low:g} to {um * high:g}, half to twice the drawn neck: is the unit right?"
+            )
+        if one.sd > WIDEST * one.neck:
+            said = f"neck.{one.chain}.{one.hinge}.sd_um = {um * one.sd:g}, expected at most {WIDEST:g} of the neck"
+            raise BadInput(f"{place_of(path, line)}: {said}")
+    return necks
+
+
+def _table(path: Path) -> _Rows:
+    """Rows of a CSV file as TOML would give them."""
+    numbered = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
+    if not numbered:
+        raise BadInput(f"{place_of(path)}: empty, expected columns chain, hinge, neck_um and, if known, sd_um")
+    keys, *rows = ([cell.strip() for cell in next(csv.reader([line]))] for _, line in numbered)
+    known = [each.alias or name for name, each in MeasuredNeck.model_fields.items()]
+    if len(set(keys)) < len(keys) or not set(known[:3]) <= set(keys) <= set(known):
+        said = one_line(", ".join(keys), 60)
+        raise BadInput(
+            f"{place_of(path, numbered[0][0])}: columns {said}, expected {', '.join(known[:3])}, [{known[3]}]"
+        )
+    for (line, _), row in zip(numbered[1:], rows, strict=True):
+        if len(row) != len(keys):
+            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(keys)}, as the first line has")
+    data = [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]
+    return _Rows({"neck": data}, [line for line, _ in numbered[1:]])
+
+
+def _value(cell: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(cell)
+        except ValueError:
+            continue
+    return cell
+
+
+def _of_rows(path: Path, rows: _Rows) -> Necks:
+    try:
+        return Necks.model_validate(rows.data)
+    except ValidationError as error:
+        first = problem_of(error.errors(include_url=False)[0], rows.data)
+        at = [part for part in first.path if isinstance(part, int)]
+        place = place_of(path, rows.lines[at[0]] if at else None)
+        said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, rows.data)
+        raise BadInput(one_line(f"{place}: {said}")) from None
+
+
+def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
+    """Stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage as drawn.
+    necks : path
+        CSV file with columns chain, hinge, neck_um and, if known, sd_um; or TOML with these in [[neck]].
+    analytic : Analytic
+        The analytic model.
+
+    Returns
+    -------
+    AsBuilt
+
+    Raises
+    ------
+    BadInput
+        The file cannot be used, or a stage with these necks cannot be made.
+    ComputationFailed
+        The stage is at a singular configuration.
+    """
+    check_feasible(stage)
+    warnings = list[str]()
+    given = read_necks(necks, stage)
+    chosen = analytic.chosen(stage, warnings)
+    measured, sd = given.array("neck"), given.array("sd")
+    changes = {
+        (chain, name): {"neck": measured[chain - 1, k]} for chain in CHAINS for k, name in enumerate(HINGE_NAMES)
+    }
+    made = chosen.stage.replace(override=changes)
+    drawn, found = (analyse(*chosen._replace(stage=each)) for each in (chosen.stage, made))
+    scattered = _scattered(made, found, sd)
+    answered = scattered[np.all(np.isfinite(scattered), axis=1)]
+    low, high = np.quantile(answered, QUANTILES, axis=0)
+    said = doubts([("", stage), ("necks: ", given)])
+    known = f"each known to {MICROMETRE.factor * np.max(sd):.3g} um (standard deviation) or better; {DRAWS} draws"
+    left_out = DRAWS - len(answered)
+    notes = [known if np.any(sd) else "no standard deviation is given: no scatter is known"]
+    return AsBuilt(
+        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        {
+            "stiffness": found.stiffness,
+            "drawn": drawn.stiffness,
+            "deviation": 100 * (np.diag(found.stiffness) / np.diag(drawn.stiffness) - 1),
+            "spread": np.std(answered, axis=0, ddof=1),
+            "low": low,
+            "high": high,
+            "necks": measured,
+            "sd": sd,
+            "unanswered": left_out,
+        },
+        settings={"analytic model": found.name},
+        warnings=[*warnings, *warning.of_result(made, found)],
+        notes=notes + ([f"{left_out} draws have no answer and are left out"] if left_out else []),
+    )
+
+
+def _scattered(made: Stage, of: AnalyticResult, sd: Array) -> Array:
+    """Diagonals (draws, 3) of the stiffness of stages whose necks are normally scattered."""
+    designs = lower(made).repeated(DRAWS)
+    designs.neck[:] += sd * np.random.default_rng(SEED).normal(size=(DRAWS, 3, 3))
+    links = body_compliance(made)[None] if of.links else None
+    with np.errstate(all="ignore"):  # off a chart: no number
+        K = at_rest(designs, hinge_compliances(designs, of.formula), of.freedoms, links).stiffness
+    return np.asarray(np.diagonal(K, axis1=1, axis2=2))

@@ -1,0 +1,132 @@
+"""A stage as it was made: nine measured necks, their stiffness and its scatter."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.refused import BadInput
+
+ROOT = Path(__file__).parents[2]
+NECKS = [[481.0, 507.0, 493.0], [512.0, 498.0, 520.0], [476.0, 503.0, 489.0]]
+SDS = [[2.0, 1.0, 3.0], [1.5, 2.5, 1.0], [2.0, 3.0, 1.0]]
+OWN = flexfem.Analytic(formula="calibrated", links=True)
+HINGES = ("base", "elbow", "platform")
+
+
+def lines(necks=NECKS, sds=SDS):
+    cells = [(chain, name) for chain in (1, 2, 3) for name in HINGES]
+    flat = zip(cells, np.ravel(necks).tolist(), np.ravel(sds).tolist(), strict=True)
+    return [f"{chain}, {name}, {neck:g}, {sd:g}" for (chain, name), neck, sd in flat]
+
+
+def written(path, rows, head="chain, hinge, neck_um, sd_um"):
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return flexfem.load(ROOT / "geometry" / "mobility6.toml")
+
+
+def test_measured_necks_give_their_own_stiffness(stage, tmp_path):
+    found = flexfem.as_built(stage, written(tmp_path / "n.csv", lines()[::-1]), analytic=OWN)
+    override = {(c, h): {"neck": NECKS[c - 1][k] / 1e3} for c in (1, 2, 3) for k, h in enumerate(HINGES)}
+    K = flexfem.analyse(stage.replace(override=override), links=True, formula="calibrated").stiffness
+    np.testing.assert_allclose(found.stiffness, K, rtol=1e-12)
+    np.testing.assert_allclose(found.necks, np.array(NECKS) / 1e3)
+    drawn = flexfem.analyse(stage, links=True, formula="calibrated").stiffness
+    np.testing.assert_allclose(found.deviation, 100 * (np.diag(K) / np.diag(drawn) - 1), rtol=1e-9)
+    middle = (np.array(found.low) + found.high) / 2  # with rigid links 0.5 % stiffer
+    np.testing.assert_allclose(middle, np.diag(K), rtol=1e-3)
+    assert found.deviation[0] == pytest.approx(-0.24, abs=0.5) and found.unanswered == 0
+
+
+def test_the_scatter_is_that_of_the_nine_sensitivities(stage, tmp_path):
+    """Monte Carlo against differences, neck by neck, each with its own deviation."""
+    found = flexfem.as_built(stage, written(tmp_path / "n.csv", lines()), analytic=flexfem.Analytic(3))
+    override = {(c, h): {"neck": NECKS[c - 1][k] / 1e3} for c in (1, 2, 3) for k, h in enumerate(HINGES)}
+    made, variance = stage.replace(override=override), np.zeros(3)
+    K = np.diag(flexfem.analyse(made, 3).stiffness)
+    for c in (1, 2, 3):
+        for k, h in enumerate(HINGES):
+            other = made.replace(override={(c, h): {"neck": NECKS[c - 1][k] / 1e3 + 1e-5}})
+            slope = (np.diag(flexfem.analyse(other, 3).stiffness) - K) / 1e-5
+            variance += (slope * SDS[c - 1][k] / 1e3) ** 2
+    np.testing.assert_allclose(found.spread, np.sqrt(variance), rtol=0.04)
+    np.testing.assert_allclose(np.array(found.high) - found.low, 2 * 1.96 * np.sqrt(variance), rtol=0.06)
+    assert found.settings["analytic model"] == "paros-weisbord, mobility 3, plane stress"
+
+
+def test_toml_and_csv_say_the_same(stage, tmp_path):
+    rows = (line.split(", ") for line in lines())
+    text = "\n".join(
+        f'[[neck]]\nchain = {c}\nhinge = "{h}"\nneck_um = {float(t)}\nsd_um = {float(s)}' for c, h, t, s in rows
+    )
+    (tmp_path / "n.toml").write_text(text + '\n[provenance]\n"neck" = "measured under a microscope"\n')
+    toml, table = (
+        flexfem.as_built(stage, tmp_path / "n.toml"),
+        flexfem.as_built(stage, written(tmp_path / "n.csv", lines())),
+    )
+    np.testing.assert_array_equal(toml.stiffness, table.stiffness)
+    np.testing.assert_array_equal(toml.spread, table.spread)
+    assert "necks: neck.1.base.neck_um" in table.about.not_stated and not any(
+        "necks" in key for key in toml.about.not_stated
+    )
+
+
+def test_without_a_deviation_there_is_no_scatter(stage, tmp_path):
+    rows = [line.rpartition(",")[0] for line in lines()]
+    found = flexfem.as_built(stage, written(tmp_path / "n.csv", rows, "chain,hinge,neck_um"))
+    np.testing.assert_allclose(found.spread, 0.0, atol=1e-7)
+    np.testing.assert_allclose(found.low, np.diag(found.stiffness), rtol=1e-12)
+
+
+BAD = [
+    (lambda rows: rows[:-1], r"nine hinges: platform of chain 3 is missing"),
+    (lambda rows: rows[1:4], r"nine hinges: base of chain 1, .* are missing"),
+    (lambda rows: [*rows, rows[4]], r"n\.csv, line 11: .*expected each hinge once"),
+    (lambda rows: [rows[0].replace("481", "0.481"), *rows[1:]], r"line 2: neck\.1\.base\.neck_um = 0\.481, exp"),
+    (lambda rows: [*rows[:5], rows[5].replace("520", "-520"), *rows[6:]], r"line 7: .*neck_um = -520.*expected > 0"),
+    (lambda rows: [*rows[:5], rows[5].replace("520", "nan"), *rows[6:]], r"line 7: .*expected a finite number"),
+    (lambda rows: [*rows[:5], rows[5].replace("520", "wide"), *rows[6:]], r"line 7: .*expected a number"),
+    (lambda rows: [*rows[:5], "4" + rows[5][1:], *rows[6:]], r"line 7: .*chain = 4, expected <= 3"),
+    (lambda rows: [*rows[:5], rows[5].replace("platform", "toggle"), *rows[6:]], r"line 7: .*hinge = .toggle."),
+    (lambda rows: [*rows[:5], rows[5].replace("520,", ","), *rows[6:]], r"line 7: neck_um is missing"),
+    (lambda rows: [*rows[:5], rows[5] + ", 3", *rows[6:]], r"line 7: 5 values, expected 4"),
+    (lambda rows: [*rows[:5], rows[5].replace(", 1", ", 300"), *rows[6:]], r"line 7: .*sd_um = 300.*at most 0\.2"),
+    (lambda rows: [*rows[:5], rows[5].replace(", 1", ","), *rows[6:]], r"line 7: .*sd_um of all nine necks or of none"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("spoil", "said"), BAD, ids=[said for _, said in BAD])
+def test_what_are_no_nine_necks_is_refused_with_its_line(stage, tmp_path, spoil, said):
+    path = written(tmp_path / "n.csv", spoil(lines()))
+    with pytest.raises(BadInput, match=said) as refused:
+        flexfem.as_built(stage, path)
+    assert str(refused.value).startswith(str(path)) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "chain,hinge\n", '"chain,hinge,neck_um\n1,base,500\n'])
+def test_what_is_no_table_is_refused(stage, tmp_path, text):
+    (tmp_path / "n.csv").write_text(text)
+    with pytest.raises(BadInput, match=r"n\.csv.*expected") as refused:
+        flexfem.as_built(stage, tmp_path / "n.csv")
+    assert re.fullmatch(r"[^\n]+", str(refused.value))
+
+
+def test_necks_in_toml_are_refused_with_their_line(stage, tmp_path):
+    rows = [line.split(", ") for line in lines()]
+    text = "\n".join(f'[[neck]]\nchain = {c}\nhinge = "{h}"\nneck_um = {float(t)}' for c, h, t, _ in rows)
+    for old, new, said in (
+        ("neck_um = 520.0", "neck_um = 52.0", r"line 21: neck\.2\.platform\.neck_um = 52, expected 250 to 1000"),
+        ("chain = 3", "chain = 2", r"line 25: .*expected each hinge once"),
+    ):
+        (tmp_path / "n.toml").write_text(text.replace(old, new))
+        with pytest.raises(BadInput, match=said):
+            flexfem.as_built(stage, tmp_path / "n.toml")
