@@ -3,7 +3,7 @@
     python benchmarks/trust.py [--output reports]
 
 The designs of the study, but in the place of plane finite elements the hinges of three-dimensional ones (the thickness
-chart) with elastic links, `questions.budget.thick_compliance`. Draws the map, and prints the error along X and theta where
+chart) with elastic links. Draws the map, and prints the error along X and theta where
 the plane one says that necks are thin, and the neck at which it changes its sign.
 """
 

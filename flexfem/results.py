@@ -351,9 +351,9 @@ class Result:
                     found[name] = array / cls.quantities[name].factors(array.shape)
         about = About(**{key: data[key] for key in About._fields})
         rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
-        found = cls(about, parts["values"], parts["bands"], **rest)
-        found.versions = data["versions"]
-        return found
+        result = cls(about, parts["values"], parts["bands"], **rest)
+        result.versions = data["versions"]
+        return result
 
     @classmethod
     def schema(cls) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from flexfem.page import results as of_results
 from flexfem.page.answers import budget_section
 from flexfem.plot.curves import error_figure
 from flexfem.plot.told import error_spots
-from flexfem.verify.result import write_record
 
 HOSTILE = '"><img src=x onerror=alert(1)><script>{{7*7}}</script></svg>'
 ERRORS = {"one": (0.031, 0.007, -0.002), HOSTILE: (0.12, 0.0, 0.004)}
@@ -26,22 +25,9 @@ def titles(page):
 
 
 def test_percentages_stand_with_their_bands(made):
-    found = cells(of_results.errors_section([made.result(ERRORS, warnings=["beyond yield"])]).html)
-    at = found.index("one")
-    assert found[at - 2] == "X = 50 µm"
-    assert found[at + 1 : at + 4] == [
-        "3.100\xa0±\xa00.017\xa0%",
-        "0.700\xa0±\xa00.027\xa0%",
-        "−0.200\xa0±\xa00.037\xa0%",
-    ]
-
-
-def test_the_table_of_models_has_the_highest_stress_of_all_chains(made):
-    """31.7 MPa at the elbow hinge of chain 2."""
-    found = cells(of_results.models_section([made.result(ERRORS)]).html)
-    at = found.index("one")
-    assert found[at - 10 : at][-4:] == ["l3 (mm)", "triangles across a neck", "unknowns", "largest neck stress (MPa)"]
-    assert found[at + 3 : at + 10] == ["1234567890ab", "6", "paros-weisbord", "21", "5", "54,321", "31.70"]
+    found = cells(of_results.curves_section(made.result(ERRORS), 1).html)
+    at = len(found) - 1 - found[::-1].index("3.100 ± 0.017")
+    assert found[at - 1 : at + 3] == ["one", "3.100 ± 0.017", "0.700 ± 0.027", "-0.200 ± 0.037"]
 
 
 def test_a_spot_tells_command_error_and_band(made):
@@ -56,8 +42,7 @@ def test_a_spot_tells_command_error_and_band(made):
 
 def test_hostile_labels_and_names_are_text(made):
     one = made.result(ERRORS, name=HOSTILE, case=HOSTILE, warnings=[HOSTILE], assumed=[HOSTILE])
-    sections = (of_results.errors_section([one]), of_results.curves_section(one, 1), of_results.models_section([one]))
-    page = "".join(each.html for each in (*sections, of_results.doubts_section([one])))
+    page = "".join(each.html for each in (of_results.curves_section(one, 1), of_results.doubts_section([one])))
     assert "<img" not in page and "<script" not in page and page.count("<svg") == page.count("</svg>") == 1
     assert any(HOSTILE in each for each in titles(page)) and HOSTILE in cells(page)
 
@@ -66,27 +51,21 @@ def test_the_table_of_a_figure_has_its_numbers(made):
     """Errors of 3.1 % of 50 um in X, and of -0.2 % of it over the lever of 21 mm in theta: 1.55 um, -4.7619 urad."""
     found = cells(of_results.curves_section(made.result({"one": (0.031, 0.007, -0.002)}), 1).html)
     assert found[:4] == ["commanded X (µm)", "one: error in X (µm)", "one: error in Y (nm)", "one: error in θ (µrad)"]
-    assert found[-4:] == ["50.000", "1.5500", "350.00", "−4.7619"]
+    assert found[found.index("50.000") : found.index("50.000") + 4] == ["50.000", "1.5500", "350.00", "−4.7619"]
 
 
 def test_a_budget_tells_its_shares(made):
     page = budget_section(made.budget()).html
-    share = made.budget().split["x"].shares[1]
-    assert any(each.startswith(share.name) and "percentage points of X" in each for each in titles(page))
+    assert any(each.startswith("hinge formula") and "percentage points of X" in each for each in titles(page))
     found = cells(page)
-    for name, *along in (
-        ("share (percentage points)", "X", "Y", "θ"),
-        ("formula", "+11.796", "+8.523", "+9.685"),
-        ("what is left", "−0.308", "+0.092", "+0.051"),
-        ("total", "12.091\xa0±\xa00.013\xa0%", "9.19\xa0±\xa00.13\xa0%", "9.48\xa0±\xa00.24\xa0%"),
-    ):
-        assert found[found.index(name) + 1 : found.index(name) + 4] == along
+    assert found[found.index("hinge formula") + 1 :][:3] == ["11.796", "8.523", "9.685"]
+    assert found[found.index("total") + 1 :][:3] == ["12.091 ± 0.013", "9.19 ± 0.13", "9.48 ± 0.24"]
 
 
 def test_results_of_a_file_make_a_page(made, tmp_path):
     from flexfem.page.report import report
 
-    stored = write_record(made.result(ERRORS), tmp_path / "fig.json")
+    stored = made.result(ERRORS).write(tmp_path / "fig.json")
     found = report([stored], tmp_path / "page.html")
-    assert found.sections == ["Errors", "A case $y$", "Models and meshes", "Where the numbers come from"]
+    assert found.sections == ["A case $y$", "Where the numbers come from"]
     assert (tmp_path / "page.html").stat().st_size == found.bytes
