@@ -26,9 +26,8 @@ BAD = [
     (lambda s, f: flexfem.solve(s, 65), "resolution 65, expected an integer from 2 to 64"),
     (lambda s, f: flexfem.errors(s, resolution=3), "resolution 3, expected an integer from 4"),
     (lambda s, f: flexfem.budget(s, resolution=0), "resolution 0, expected an integer from 4"),
-    (lambda s, f: flexfem.budget(s, {"q": 1.0}), "amplitudes {'q': 1.0}, expected numbers by name: x, y, theta"),
-    (lambda s, f: flexfem.budget(s, {"y": NAN}), "amplitudes y nan"),
-    (lambda s, f: flexfem.budget(s, [1, 2, 3]), "amplitudes .* by name"),
+    (lambda s, f: flexfem.budget(s, amplitude=(1.0, NAN, 1.0)), "amplitude"),
+    (lambda s, f: flexfem.budget(s, amplitude=(0.0, 0.1, 0.1)), "expected three numbers above 0"),
     (lambda s, f: flexfem.workspace(s, 0), "amplitude 0, expected a number above 0"),
     (lambda s, f: flexfem.workspace(s, -0.5), "amplitude -0.5"),
     (lambda s, f: flexfem.workspace(s, "x"), "amplitude 'x'"),
@@ -40,9 +39,9 @@ BAD = [
     (lambda s, f: flexfem.reach(s, formula="none"), "none"),
     (lambda s, f: flexfem.reach(s, resolution=1), "resolution 1"),
     (lambda s, f: flexfem.reach(s.replace(actuator=[])), r"no \[\[actuator"),
-    (lambda s, f: flexfem.converge(s, [2, 3.5, 5]), "resolution 3.5"),
-    (lambda s, f: flexfem.converge(s, []), "expected three or more"),
-    (lambda s, f: flexfem.converge(s, 8), "resolutions 8"),
+    (lambda s, f: flexfem.converge(s, resolutions=[2, 3.5, 5]), "resolution 3.5"),
+    (lambda s, f: flexfem.converge(s, resolutions=[]), "expected three or more"),
+    (lambda s, f: flexfem.converge(s, resolutions=8), "resolutions 8"),
     (lambda s, f: flexfem.command(s, [1e300, 0, 0]), "pose: expected numbers within ±100"),
     (lambda s, f: flexfem.command(s, [0, 0, 0], load=[0, 0, 2e6]), r"load: expected numbers within ±1e\+06"),
     (lambda s, f: flexfem.command(s, [0, 0, 0], resolution=1), "resolution 1"),
@@ -136,9 +135,3 @@ def test_a_wrong_argument_is_refused_in_one_line_and_nothing_is_written(tmp_path
             ask(stage, target)
         assert "\n" not in str(refused.value), said
     assert list(tmp_path.iterdir()) == []
-
-
-def test_amplitudes_that_are_not_given_keep_their_default(monkeypatch):
-    monkeypatch.setattr("flexfem.verify.budget.budget", lambda stage, amplitudes, *_: amplitudes)
-    stage = flexfem.load(ROOT / "geometry" / "mobility6.toml")
-    assert flexfem.budget(stage, {"x": 0.1}, three_dimensional=False) == {"x": 0.1, "y": 0.05, "theta": 0.001}

@@ -8,10 +8,10 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from flexfem.commands.baseline.inputs import keys_of
 
 import flexfem
 from flexfem import sources
-from flexfem.commands.baseline.inputs import keys_of
 from flexfem.mechanism import materials
 from flexfem.verify.summary import summary
 

@@ -95,8 +95,13 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Ver
 def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
     """Shares that differ in all directions and within each, of both signs; totals are their sums."""
     shares = np.array(
-        [[0.216, -0.411, 0.137], [11.796, 8.523, 9.685], [0.526, 0.731, -0.722], [-0.308, 0.092, 0.051]]
-        + [[-0.139, 0.253, 0.326]]
+        [
+            [0.216, -0.411, 0.137],
+            [11.796, 8.523, 9.685],
+            [0.526, 0.731, -0.722],
+            [-0.308, 0.092, 0.051],
+            [-0.139, 0.253, 0.326],
+        ]
     )
     share = np.concatenate([shares, np.sum(shares, axis=0, keepdims=True)])
     band = np.full(share.shape, np.nan)
@@ -275,6 +280,4 @@ class Made(NamedTuple):
 @pytest.fixture(scope="session")
 def made() -> Made:
     """Makers of stored results with made-up numbers."""
-    return Made(
-        hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts
-    )
+    return Made(hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts)

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
-from flexfem.refused import BadInput
-from flexfem.questions import convergence
-from flexfem.questions.convergence import converge
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions import convergence
+from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
+from flexfem.questions.convergence import converge
+from flexfem.refused import BadInput
 
 
 def power_law(limit, slope, order, resolutions):

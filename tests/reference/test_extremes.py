@@ -13,11 +13,11 @@ import pytest
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.actuators import Catalogue
+from flexfem.questions.case import LoadedCase
 from flexfem.reference.formats import FORMATS
 from flexfem.reference.schemas import schema_of
 from flexfem.refused import BadInput
 from flexfem.synthesis.requirements import load_requirements
-from flexfem.questions.case import LoadedCase
 
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")
