@@ -23,9 +23,7 @@ from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import load_study
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import load_study, sample, stage_of
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

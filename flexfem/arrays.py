@@ -70,8 +70,10 @@ def _by_parts(a: Array) -> Array:
     size = p * s - q * r
     p, q, r, s = s / size, -q / size, -r / size, p / size
     g, h = -(p * u + q * v), -(r * u + s * v)
-    rows = (p, q, g), (r, s, h), (-(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h)
-    return np.stack([each for row in rows for each in row]).reshape(a.shape)
+    found = np.empty_like(a)
+    found[0], found[1] = (p, q, g), (r, s, h)
+    found[2] = -(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h
+    return found
 
 
 def _by_elimination(a: Array) -> Array:
@@ -85,3 +87,11 @@ def _by_elimination(a: Array) -> Array:
 def _norm(a: Array) -> Array:
     largest: Array = np.max(np.sum(np.abs(a), axis=0), axis=0)
     return largest
+
+
+WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
+
+
+def wide(values: Array) -> bool:
+    """Whether values (n,) are all positive and so far apart that they are best seen as logarithms."""
+    return bool(0 < WIDE * values.min() < values.max())

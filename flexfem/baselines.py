@@ -25,8 +25,7 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.fem.mesh import RESOLUTION, StageMesh, check_mesh
 from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import build_mesh
-from flexfem.files.keypath import key_path
-from flexfem.files.refusals import checked_path
+from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible

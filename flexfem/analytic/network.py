@@ -23,6 +23,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexfem.arrays import Array, inverse
 
@@ -45,8 +46,9 @@ class Mechanism(NamedTuple):
     output : the one that is moved.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
     compliance : (..., m, 3, 3), motion of the far body against the near one per wrench in the joint.
-    coupled : joints of a body that is elastic at them, its compliance being known at these joints together.
-    coupling : (..., 3 c, 3 c), that compliance, added to that of the coupled joints; None where all bodies are rigid.
+    coupled : joints of bodies that are elastic, body by body; a joint between two of them is named twice.
+    coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the joints; None where all
+        bodies are rigid.
     series : what joints that are not listed add to the paths, in the order of `topology`; None for nothing.
     """
 
@@ -79,18 +81,27 @@ class JointsInSeries(NamedTuple):
 
 
 class Topology(NamedTuple):
-    """The bodies kept (K), the output first, the P paths between them, and G (P, 3, 3 K) of the paths."""
+    """The bodies kept (K), the output first, and the P paths between them.
+
+    G : (P, 3, 3 K), of the paths.   signs : (P, m), of the joints on each path, zero for the others.
+    """
 
     kept: tuple[int, ...]
     paths: tuple[JointsInSeries, ...]
     G: Array
+    signs: Array
+
+    @property
+    def star(self) -> bool:
+        """Whether every path leads from the ground to the output."""
+        return all((path.near, path.far) == (GROUND, self.kept[0]) for path in self.paths)
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per twist of it."""
+    """Stiffness `matrix` (..., 3, 3) of the output, wrenches `paths` (..., P, 3, 3) of the paths per twist of it."""
 
     matrix: Array
-    wrenches: Array
+    paths: Array
 
 
 class MotionUnderLoads(NamedTuple):
@@ -134,12 +145,13 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     missing = set(range(bodies)) - set(kept) - {body for path in paths for body in path.inner}
     if missing:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
-    G = np.zeros((len(paths), 3, len(kept), 3))
+    G, signs_of = np.zeros((len(paths), 3, len(kept), 3)), np.zeros((len(paths), len(joints)))
     for k, path in enumerate(paths):
+        signs_of[k, path.joints] = path.signs
         for body, sign in ((path.near, -1), (path.far, 1)):
             if body != GROUND:
                 G[k, :, kept.index(body)] += sign * np.eye(3)
-    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1))
+    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1), signs_of)
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
@@ -158,38 +170,34 @@ def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, 
     return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # entry by entry in memory: faster
 
 
-def in_series(compliance: Array, paths: tuple[JointsInSeries, ...]) -> Array:
+def in_series(compliance: Array, by: Topology) -> Array:
     """Sums (..., P, 3, 3) of the compliances (..., m, 3, 3) of the joints of each path."""
-    order = [joint for path in paths for joint in path.joints]
-    starts = np.cumsum([0, *(len(path.joints) for path in paths)])[:-1]
-    entries = np.moveaxis(compliance, (-2, -1), (0, 1))
-    entries = entries if order == sorted(order) else entries[..., order]
-    return np.moveaxis(np.add.reduceat(entries, starts, axis=-1), (0, 1), (-2, -1))
+    return np.moveaxis(np.moveaxis(compliance, (-2, -1), (0, 1)) @ np.abs(by.signs).T, (0, 1), (-2, -1))
 
 
 def stiffness(of: Mechanism) -> OutputStiffness:
-    """Stiffness of the output, and what the joints carry when it moves.
+    """Stiffness of the output, and what the paths carry when it moves; `joint_wrenches` makes it that of the joints.
 
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
     by = topology(of.bodies, of.output, of.joints)
     A, G = _path_compliance(of, by), by.G
-    if of.coupling is None and len(by.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
+    if of.coupling is None and by.star:  # 3 by 3 alone, for many designs
         pulls = inverse(A)
     else:
         A = _coupled(A, of, by)
-        pulls = _of_paths(inverse(A) @ G.reshape(-1, G.shape[-1]), G)
-    K = np.sum(pulls, axis=-3) if len(by.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
+        pulls = _of_paths(inverse(A) @ _column(G), by)
+    K = np.sum(pulls, axis=-3) if by.star else np.einsum("pab,...pac->...bc", G, pulls)
     if len(by.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
-    if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
-        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), G)
+    if (ideal := _ideal(of, by, K)).any():
+        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), _column(G))
         direct = inverse(twists[..., :3, :3])
-        pulls = np.where(ideal[..., None, None, None], across[..., :3] @ direct[..., None, :, :], pulls)
+        pulls = np.where(ideal[..., None, None, None], _of_paths(across[..., :3] @ direct, by), pulls)
         K = np.where(ideal[..., None, None], direct, K)
-    return OutputStiffness(K, _of_joints(of, by, pulls))
+    return OutputStiffness(K, pulls)
 
 
 def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionUnderLoads:
@@ -198,37 +206,55 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
     nan for a design as of `stiffness`, and for one that moves without load.
     """
     by = topology(of.bodies, of.output, of.joints)
-    G, size = by.G, by.G.shape[-1]
     beyond, kept = _loads(of, by, loads)
-    own = _with_coupling(of, of.compliance @ beyond, beyond)
-    own = own if openings is None else own + openings
-    signed = np.zeros((len(by.paths), len(of.joints)))
-    for path in range(len(by.paths)):
-        for joint, sign in by.paths[path].steps:
-            signed[path, joint] = sign
-    t = np.einsum("pm,...mak->...pak", signed, own)
-    D = np.einsum("...mak,...mal->...kl", beyond, own)
+    own = _with_coupling(of, of.compliance @ beyond, beyond) if beyond.any() else beyond
+    B, D = _along_paths(own, by), _column(beyond).swapaxes(-1, -2) @ _column(own)
     if of.series is not None:
-        t, D = t + of.series.B, D + of.series.D
-    A = _coupled(_path_compliance(of, by), of, by)
-    t, G = t.reshape(*t.shape[:-3], -1, t.shape[-1]), G.reshape(-1, size)
+        B, D = B + _column(of.series.B), D + of.series.D
+    t = B
+    if openings is not None:
+        t, D = B + _along_paths(openings, by), D + _column(beyond).swapaxes(-1, -2) @ _column(openings)
+    A, G = _coupled(_path_compliance(of, by), of, by), _column(by.G)
     W = inverse(A)
     pulls = W @ G
     V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
     w = W @ (G @ V - t)
-    if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
-        inner, across, twists = _saddle(A, by.G)
-        across = across.reshape(*across.shape[:-3], -1, size)
+    if (ideal := _ideal(of, by, V)[..., None, None]).any():
+        inner, across, twists = _saddle(A, G)
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
-    by_loads = t if openings is None else t - np.einsum("pm,...mak->...pak", signed, openings).reshape(t.shape)
-    motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(by_loads, -1, -2) @ w + D
-    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by.G)) + beyond, motions)
+    motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
+    return MotionUnderLoads(V[..., :3, :], joint_wrenches(of, _of_paths(w, by)) + beyond, motions)
+
+
+def with_springs(motions: Array, rates: Array) -> Array:
+    """Motions (..., k, k) of k loads with springs along the lines of n more.
+
+    Parameters
+    ----------
+    motions : (..., k + n, k + n), of all of them without springs, as `solve` has it.
+    rates : (n,), stiffness of the springs.
+    """
+    k, root = motions.shape[-1] - len(rates), np.sqrt(rates)
+    across, openings = motions[..., :k, k:] * root, root[:, None] * motions[..., k:, k:] * root
+    held = np.linalg.solve(np.eye(len(rates)) + openings, root[:, None] * motions[..., k:, :k])
+    return np.asarray(motions[..., :k, :k] - across @ held)
+
+
+def _column(parts: Array) -> Array:
+    """Parts (..., n, 3, k) one below the other, (..., 3 n, k)."""
+    return parts.reshape(*parts.shape[:-3], 3 * parts.shape[-3], parts.shape[-1])
+
+
+def _along_paths(openings: Array, by: Topology) -> Array:
+    """Openings (..., 3 P, k) of the paths by those (..., m, 3, k) of their joints."""
+    flat = by.signs @ openings.reshape(*openings.shape[:-2], -1)
+    return _column(flat.reshape(*flat.shape[:-1], 3, -1))
 
 
 def _path_compliance(of: Mechanism, by: Topology) -> Array:
     """Compliances (..., P, 3, 3) of the paths but for `coupling`."""
-    A = in_series(of.compliance, by.paths)
+    A = in_series(of.compliance, by)
     return A if of.series is None else A + of.series.A
 
 
@@ -256,7 +282,8 @@ def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
     carried = wrenches[..., at, :, :].reshape(*wrenches.shape[:-3], 3 * len(at), wrenches.shape[-1])
     own = of.coupling @ carried
     found = np.broadcast_to(moved, (*own.shape[:-2], *moved.shape[-3:])).copy()
-    found[..., at, :, :] += own.reshape(*own.shape[:-2], len(at), 3, own.shape[-1])
+    for place, joint in enumerate(at):
+        found[..., joint, :, :] += own[..., 3 * place : 3 * place + 3, :]
     return found
 
 
@@ -275,50 +302,46 @@ def _loads(of: Mechanism, by: Topology, loads: Array) -> tuple[Array, Array]:
     return beyond, kept.reshape(*lead, 3 * len(by.kept), k)
 
 
-def _of_paths(w: Array, G: Array) -> Array:
+def _of_paths(w: Array, by: Topology) -> Array:
     """Wrenches (..., P, 3, k) of the paths, from one column (..., 3 P, k) of them."""
-    return w.reshape(*w.shape[:-2], len(G), 3, w.shape[-1])
+    return w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])
 
 
-def _balance(G: Array, pulls: Array) -> Array:
-    """Stiffness (..., 3 K, 3 K) of the bodies kept, from the wrenches (..., P, 3, 3 K) of the paths by their twists."""
-    return np.asarray(np.einsum("pab,...pac->...bc", G, pulls))
+def joint_wrenches(of: Mechanism, paths: Array) -> Array:
+    """Wrenches (..., m, 3, k) in the joints by those (..., P, 3, k) of their paths, the loads on these aside."""
+    by = topology(of.bodies, of.output, of.joints)
+    owner, signs = np.argmax(np.abs(by.signs), axis=0), np.sum(by.signs, axis=0)
+    found = np.moveaxis(np.take(np.moveaxis(paths, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
+    return np.asarray(found if np.all(signs == 1) else signs[:, None, None] * found)
 
 
-def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
-    """Wrenches (..., m, 3, k) in the joints by those of their paths (..., P, 3, k)."""
-    owner, sign = np.zeros(len(of.joints), dtype=int), np.zeros(len(of.joints))
-    for path in range(len(by.paths)):
-        for joint, one in by.paths[path].steps:
-            owner[joint], sign[joint] = path, one
-    found = np.moveaxis(np.moveaxis(pulls, (-2, -1), (0, 1))[..., owner], (0, 1), (-2, -1))
-    return found if np.all(sign == 1) else sign[:, None, None] * found
-
-
-def _ideal(of: Mechanism, by: Topology) -> Array:
-    """Which designs (...) have a path of joints with fewer than three freedoms together."""
-    size = np.sqrt(np.diagonal(of.compliance, axis1=-2, axis2=-1))
+def _ideal(of: Mechanism, by: Topology, found: Array) -> NDArray[np.bool_]:
+    """Which designs (...) without an answer (..., 3 K, j) have a path of joints with fewer than three freedoms."""
+    ideal = np.asarray(np.isnan(found[..., 0, 0]))
+    if not ideal.any():
+        return ideal
+    C = np.broadcast_to(of.compliance, (*ideal.shape, *of.compliance.shape[-3:]))
+    ideal[ideal] = np.isfinite(C[ideal]).all(axis=(-3, -2, -1))
+    size = np.sqrt(np.diagonal(C[ideal], axis1=-2, axis2=-1))
     square = size[..., :, None] * size[..., None, :]
-    values = np.linalg.eigvalsh(np.nan_to_num(of.compliance / np.where(square > 0, square, 1.0)))
+    values = np.linalg.eigvalsh(C[ideal] / np.where(square > 0, square, 1.0))
     freedoms = np.sum(values > SINGULAR * values[..., -1:], axis=-1)
-    elastic = {joint for joint in of.coupled if of.coupling is not None}
-    few = [
-        np.sum(freedoms[..., list(joints)], axis=-1) < 3
-        for joints in (path.joints for path in by.paths)
-        if of.series is None and not elastic & set(joints)
-    ]
-    return np.any(few, axis=0) if few else np.zeros(freedoms.shape[:-1], dtype=bool)
+    few = np.zeros(len(freedoms), dtype=bool)
+    for path in by.paths:
+        if of.series is None and (of.coupling is None or not set(of.coupled) & set(path.joints)):
+            few |= np.sum(freedoms[:, list(path.joints)], axis=-1) < 3
+    ideal[ideal] = few
+    return ideal
 
 
 def _saddle(A: Array, G: Array) -> tuple[Array, Array, Array]:
-    """Wrenches of the paths by their openings (..., 3 P, 3 P) and by loads (..., P, 3, 3 K), twists by loads
-    (..., 3 K, 3 K): of `G V - A w = t` and `G' w = F`, whether A (..., 3 P, 3 P) is singular or not."""
-    rows, size = A.shape[-1], G.shape[-1]
+    """Wrenches of the paths by openings (..., 3 P, 3 P) and by loads (..., 3 P, 3 K), twists by loads (..., 3 K, 3 K).
+
+    Of `G V - A w = t` and `G' w = F` with G (3 P, 3 K), whether A (..., 3 P, 3 P) is singular or not.
+    """
+    rows, size = G.shape
     scale = np.max(np.abs(A), axis=(-2, -1), keepdims=True)
     M = np.zeros((*A.shape[:-2], rows + size, rows + size))
-    M[..., :rows, :rows] = -A / scale
-    M[..., :rows, rows:] = G.reshape(rows, size)
-    M[..., rows:, :rows] = G.reshape(rows, size).T
+    M[..., :rows, :rows], M[..., :rows, rows:], M[..., rows:, :rows] = -A / scale, G, G.T
     found = inverse(M)
-    across = _of_paths(found[..., :rows, rows:], G)
-    return found[..., :rows, :rows] / scale, across, found[..., rows:, rows:] * scale
+    return found[..., :rows, :rows] / scale, found[..., :rows, rows:], found[..., rows:, rows:] * scale

@@ -24,10 +24,9 @@ from flexfem.fem.plane_stress import nodal_stress, von_mises
 from flexfem.fem.response import load_case, neck_maxima, out_of_plane_ratio_of, plate_of, tie_hub
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
-from flexfem.files.digest import digest, digest_of_arrays
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.files.refusals import checked_path
-from flexfem.files.writing import read_arrays, write_atomically
+from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.questions import bands, warnings

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from flexfem.arrays import AnyArray, Array, first_highest
-from flexfem.files.digest import digest
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import Convergence, Verdict
 from flexfem.units import DIRECTIONS

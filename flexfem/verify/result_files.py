@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from flexfem.files.digest import digest
 from flexfem.files.refusals import SHOWN, one_line, place_of
 from flexfem.files.toml import kind_of, read_bytes, read_toml
+from flexfem.files.writing import digest
 from flexfem.refused import BadInput
 from flexfem.verify.result import DIGEST, Record
 

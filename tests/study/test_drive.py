@@ -13,10 +13,8 @@ from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.outputs import DRIVE_RANGES, ENGAGED
-from flexfem.study.sampling import sample
+from flexfem.study.columns import DRIVE_RANGES, ENGAGED
+from flexfem.study.loaded import LoadedStudy, designs_of, load_study, sample, stage_of
 from flexfem.verify.drive_limits import limits_of_commands
 from flexfem.verify.driven_models import commanding, driven_metal
 
