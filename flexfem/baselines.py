@@ -36,6 +36,7 @@ from flexfem.questions.convergence import converge
 from flexfem.questions.errors import run_case
 from flexfem.questions.heat import drift
 from flexfem.questions.life import life
+from flexfem.questions.modes import modes
 from flexfem.questions.setup import Analytic, about
 from flexfem.questions.stiffness import COMPLIANCES, stiffness
 from flexfem.questions.summary import summary
@@ -63,6 +64,7 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
     ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
     ("summary", summary),
     ("drift", drift),
+    ("modes", modes),
     ("life", lambda stage: life(stage, amplitude=AMPLITUDE)),
     ("budget", lambda stage: budget(stage, plane=True)),
     ("convergence", lambda stage: converge(stage, resolutions=[*levels(RESOLUTION)])),
@@ -373,9 +375,9 @@ def read_mesh(path: Path) -> StageMesh:
 
 
 def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
-    """What the analytic model reads from a chart of flexfem itself, at every tenth point."""
+    """What the analytic model reads from a chart of flexfem itself, at every fifth point."""
     if path.stem == "thickness_chart":
-        found = {"": thickness_review()}
+        found = {"thickness": thickness_review()}
     else:
         middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
         review = hinge_review(middle)
@@ -384,7 +386,7 @@ def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, floa
         for field, values in each._asdict().items():
             if isinstance(values, np.ndarray):
                 for place in np.ndindex(values.shape):
-                    if place[-1] % 10 == 0:
+                    if place[-1] % 5 == 0:
                         value = float(values[place])
                         yield f"{name}.{field}.{'.'.join(map(str, place))}", _number(value, abs(value) * EXACT.relative)
 

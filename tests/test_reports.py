@@ -10,39 +10,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import flexfem as public
-from flexfem.commands import cli
 from flexfem.commands.plain import plain
 
 ROOT = Path(__file__).parents[1]
 STAGE = ROOT / "geometry" / "mobility6.toml"
-ANSWERED_BY = {  # commands whose names Python cannot have, or has for something else
-    "solve": "under_load",
-    "formulas": "known_formulas",
-    "verify": "verification",
-    "new": "new_stage",
-    "schema": "schema_of",
-    "study run": "run_study",
-    "study status": "study_status",
-    "study clean": "clean_study",
-    "study collect": "collect_study",
-    "study plot": "study_findings",
-}
-
-
-def commands():
-    """Every command by its name, those of studies with `study` before it."""
-    groups = [("", group.typer_instance) for group in cli.app.registered_groups if not group.name]
-    groups += [(f"{group.name} ", group.typer_instance) for group in cli.app.registered_groups if group.name]
-    return {f"{prefix}{one.name or one.callback.__name__}" for prefix, app in groups for one in app.registered_commands}
-
-
-def test_every_command_has_a_function_of_its_name_or_one_that_is_listed():
-    found = commands()
-    assert {"check", "study run", "budget", "regression", "baseline"} <= found and set(ANSWERED_BY) <= found
-    for name in found:
-        assert hasattr(public, ANSWERED_BY.get(name, name)), name
-
-
 ASKED = {
     ("check", STAGE): lambda stage: public.check(stage),
     ("stiffness", STAGE, "--mobility", 21, "--formula", "koster"): lambda stage: public.stiffness(stage, 21, "koster"),
@@ -51,7 +22,6 @@ ASKED = {
     ("solve", STAGE, "--resolution", 2, "--displacement", 0.01, 0, 1e-4): lambda stage: public.under_load(
         stage, displacement=[0.01, 0.0, 1e-4], resolution=2
     ),
-    ("converge", STAGE, *(f"--level={n}" for n in (2, 3, 4))): lambda stage: public.converge(stage, [2, 3, 4]),
     ("modes", STAGE, "--count", 2, "--payload", 0.1, 20, "--resolution", 4): lambda stage: public.modes(
         stage, 2, (0.1, 20.0), resolution=4
     ),
@@ -65,25 +35,6 @@ def test_a_record_from_python_is_what_the_command_prints(flexfem):
         code, out, _ = flexfem(*command, "--json")
         assert code == 0 and json.loads(out) == plain(ask(stage)), command
     assert isinstance(public.stiffness(stage).compliance, np.ndarray)
-
-
-def test_amplitudes_and_meshes_are_passed_on(flexfem, monkeypatch):
-    """In mm and rad; a mesh is said when it is solved, and solved once for all that is asked of a stage."""
-    asked = []
-
-    def answered(stage, amplitudes, resolution, solve):
-        asked.append((amplitudes, resolution, solve(stage, 2).response.unknowns))
-        raise public.BadInput("seen")
-
-    monkeypatch.setattr("flexfem.verify.budget.budget", answered)
-    code, _, err = flexfem("budget", STAGE, "--amplitude-um", 70, "--amplitude-mrad", 3)
-    assert code == 2 and "meshing and solving 1/3: " in err
-    stage, said = public.load(STAGE), []
-    with pytest.raises(public.BadInput, match="seen"):
-        public.budget(stage, {"x": 0.07, "y": 0.07, "theta": 0.003}, progress=said.append)
-    assert asked[0][0] == pytest.approx(asked[1][0]) and asked[0][1:] == asked[1][1:]
-    assert said == [f"{asked[1][2]} unknowns"]
-    assert public.solve(stage, 2).solved is public.solve(stage, 2).solved
 
 
 def test_stages_that_cannot_be_made_are_refused_by_every_question():

@@ -12,7 +12,7 @@ from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions import budget as module
 from flexfem.questions.bands import command_errors
-from flexfem.questions.budget import CHART, MEASURED, SHARES, TOTAL, budget, thick_compliance
+from flexfem.questions.budget import CHART, IN_ALL, MEASURED, SHARES, TOTAL, budget, thick_compliance
 from flexfem.questions.setup import solved
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS
@@ -119,9 +119,18 @@ def test_large_displacement_grows_with_the_command(made, stage):
 
 
 @pytest.mark.slow
-def test_three_dimensions_are_near_what_the_chart_of_hinges_says(stage):
-    found = budget(stage, resolution=SMALL)
-    np.testing.assert_allclose(found.at("solid", outside=MEASURED), found.at("solid", outside=CHART), atol=0.5)
+@pytest.mark.parametrize(("name", "points", "total"), [("mobility6", -10.673, 1.833), ("mobility3", -10.924, 3.121)])
+def test_a_budget_measures_what_three_dimensions_change(name, points, total):
+    """The chart of single hinges is 0.14 and 0.17 points off; 0.01 points are left for other versions of the mesher."""
+    found = budget(load_feasible(ROOT / "geometry" / f"{name}.toml"))
+    solid, band = found.at("solid", outside=MEASURED), found.band("solid", outside=MEASURED)
+    assert solid[0] == pytest.approx(points, abs=0.01)
+    assert found.at("solid", outside=IN_ALL)[0] == pytest.approx(total, abs=0.012)
+    assert 0.1 < found.at("solid", outside=CHART)[0] - solid[0] < 0.2 and 0.05 < band[0] < 0.15
+    assert abs(found.at("solid_across", outside=MEASURED, commanded="x")[1]) < 1e-6
+    if name == "mobility6":
+        cells = [f"{value:+.3f} ± {half:.3f}" for value, half in zip(solid, band, strict=True)]
+        assert f"| outside it: three dimensions | {' | '.join(cells)} |" in (ROOT / "docs/budget.md").read_text()
 
 
 def test_a_hinge_off_the_chart_is_refused_by_name(project):
