@@ -16,8 +16,9 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, BinaryIO, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -176,8 +177,13 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
             },
         }
         text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ")
-        write_atomically(target, lambda file, text=text: file.write(f"{text}\n".encode()), again=True)
+        content = f"{text}\n".encode()
+        write_atomically(target, partial(_put, content), again=True)
     return list(targets)
+
+
+def _put(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -377,7 +383,7 @@ def read_mesh(path: Path) -> StageMesh:
 def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
     """What the analytic model reads from a chart of flexfem itself, at every fifth point."""
     if path.stem == "thickness_chart":
-        found = {"thickness": thickness_review()}
+        found: dict[str, Any] = {"thickness": thickness_review()}
     else:
         middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
         review = hinge_review(middle)

@@ -52,7 +52,7 @@ def command(
     loaded, path = load_feasible(stage), console.target(output, f"{stage.stem}-command")
     found = reports.command(loaded, pose, load, mobility, formula, links, finest)
     if path is not None:
-        from flexfem.plot.command import command_figure
+        from flexfem.plot.drive import command_figure
 
         console.keep(found, path, lambda record: command_figure(record, loaded))
     console.show(found, json, print_command)

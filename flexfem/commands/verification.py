@@ -46,11 +46,11 @@ def workspace(
     with working("workspace", reports.steps_of(loaded)) as say:
         found = reports.workspace(loaded, largest, progress=say, load=load)
     if path is not None:
-        from flexfem.plot.workspace import workspace_figure
+        from flexfem.plot.drive import workspace_figure
 
         console.keep(found, path, workspace_figure)
         if beside is not None and found.reach is not None:
-            from flexfem.plot.reach import reach_figure
+            from flexfem.plot.drive import reach_figure
 
             console.keep(found.reach, beside, reach_figure)
     console.show(found, json, comparisons.print_workspace)

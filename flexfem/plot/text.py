@@ -1,16 +1,46 @@
-"""Numbers as people read them, and what the verifications found as a page of text; no matplotlib."""
+"""Numbers as people read them, and the tables of stored verifications; no matplotlib."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from flexfem.plot.driven_text import EXTRUDED, METHOD
+from flexfem.questions.case import Drive, Elements
 from flexfem.questions.errors import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
 SPACE = "\N{NO-BREAK SPACE}"
+SYMBOLS = ("X", "Y", "θ")
+OF_STAGE: dict[Elements, str] = {"fe": "", "three_dimensional": ", in three dimensions"}
+BANDS: dict[Elements, str] = {"fe": "mesh band", "three_dimensional": "band of mesh and layers"}
+SHOWN_OF_SOLID = "Displacement of the mid-plane; stress: the highest through the thickness."
+EXTRUDED = (
+    "In three dimensions the stage is extruded: wedges of 18 nodes in layers, both faces free. Bands are then of the "
+    "mesh in the plane and of the layers, whose share is the change from fewer to more of them times 1.25."
+)
+COMMANDED: dict[Drive, str] = {"force": "", "joints": ", joints imposed", "strokes": ", strokes commanded"}
+BRIEF: dict[Drive, str] = {
+    "force": "force by (18)",
+    "joints": "joints imposed by (29)",
+    "strokes": "strokes commanded by (29)",
+}
+METHOD: dict[Drive, str] = {
+    "force": (
+        "The force that the analytic model predicts for a platform displacement by (18){exact} is applied to the "
+        "finite-element stage."
+    ),
+    "joints": (
+        "Where joints are imposed, the hinges of the finite-element stage are given the rotations that the model "
+        "computes for the displacement by (29) and (30), those of the base with mobility three, else of base and "
+        "elbow, and no force is on the platform. A hinge turns by the mean rotation of the sections directly beyond "
+        "its notch less that of those directly before."
+    ),
+    "strokes": (
+        "Where strokes are commanded, the stacks of the finite-element stage are given the strokes that the model "
+        "computes for the displacement by least energy, and no force is on the platform."
+    ),
+}
 
 
 def significant(value: float, digits: int = 4) -> str:
@@ -19,7 +49,7 @@ def significant(value: float, digits: int = 4) -> str:
         return "0"
     power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if -4 <= power < max(digits, 6):
-        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "\N{MINUS SIGN}")
+        return minus(f"{value:.{max(digits - 1 - power, 0)}f}")
     return scientific(value, digits)
 
 
@@ -28,7 +58,7 @@ def scientific(value: float, digits: int = 1) -> str:
     if value == 0:
         return "0"
     mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-    return mantissa.replace("-", "\N{MINUS SIGN}") + "×10" + str(int(power)).translate(SUPERSCRIPTS)
+    return minus(mantissa) + "×10" + str(int(power)).translate(SUPERSCRIPTS)
 
 
 def percent(value: float) -> str:
@@ -43,44 +73,18 @@ def banded(value: float, band: float) -> str:
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     digits = min(max(1 - math.floor(math.log10(band)), 0), 9)
-    number = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
-    return f"{number}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+    return f"{minus(f'{value:.{digits}f}')}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+
+
+def minus(text: str) -> str:
+    """The text with minus signs for its hyphens."""
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def round_factor(limit: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above `limit` (positive)."""
     power = 10.0 ** math.floor(math.log10(limit))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= limit * (1 + ROUND_DOWN))
-
-
-def markdown_report(results: Sequence[Verification]) -> str:
-    """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them.
-
-    Parameters
-    ----------
-    results : stored verifications, in the order in which they are to appear.
-    """
-    note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in ("assumed", "not_stated")))
-    said = " ".join(METHOD[kind] for kind in METHOD if any(each.drive == kind for each in results))
-    exact = ", in nonlinear cases by its exact equilibrium," if any(r.analysis == "nonlinear" for r in results) else ""
-    said = f"{said.format(exact=exact)} The error is the finite-element displacement minus the commanded one."
-    said += f" {EXTRUDED}" if any(each.elements == "three_dimensional" for each in results) else ""
-    parts = ["# Verification: analytic stage against finite elements", said]
-    parts += [f"**{note}**: these numbers are listed at the end."] if note else []
-    parts += [f"## {each.case}\n\n{each.to_markdown()}" for each in results]
-    warnings = [f"- {each.case}: {text}" for each in results for text in each.warnings]
-    parts += ["## Warnings", "\n".join(warnings)] if warnings else []
-    sources: dict[tuple[str, str], list[str]] = {}
-    for each in results:
-        for what, keys in (("assumed", each.assumed), ("source not stated", each.not_stated)):
-            for key in keys:
-                sources.setdefault((key, what), []).append(each.case)
-    lines = [f"- `{key}`: {what} ({', '.join(cases)})" for (key, what), cases in sorted(sources.items())]
-    parts += [
-        "## Assumed numbers, and numbers without a source",
-        "\n".join(lines) or "None: every number has a source.",
-    ]
-    return "\n\n".join(parts) + "\n"
 
 
 def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
@@ -94,3 +98,38 @@ def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
 
 def _what(keys: Sequence[str]) -> str:
     return "commands" if all(key.startswith("case: ") for key in keys) else "dimensions"
+
+
+def markdown_report(results: Sequence[Verification]) -> str:
+    """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them.
+
+    Parameters
+    ----------
+    results : list of Verification
+        Stored verifications, in the order in which they are to appear.
+    """
+    kinds = ("assumed", "not_stated")
+    note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
+    exact = ", in nonlinear cases by its exact equilibrium," if any(r.analysis == "nonlinear" for r in results) else ""
+    drives = {each.drive for each in results}
+    said = " ".join(text for drive, text in METHOD.items() if drive in drives).format(exact=exact)
+    said += " The error is the finite-element displacement minus the commanded one."
+    said += f" {EXTRUDED}" if any(each.elements == "three_dimensional" for each in results) else ""
+    parts = ["# Verification: analytic stage against finite elements", said]
+    parts += [f"**{note}**: these numbers are listed at the end."] if note else []
+    parts += [f"## {each.case}\n\n{each.to_markdown()}" for each in results]
+    warnings = [f"- {each.case}: {text}" for each in results for text in each.warnings]
+    parts += ["## Warnings", "\n".join(warnings)] if warnings else []
+    doubts = [f"- `{key}`: {kind} ({names})" for key, kind, names in doubt_rows([(r.case, r) for r in results])]
+    parts += ["## Assumed numbers, and numbers without a source"]
+    return "\n\n".join([*parts, "\n".join(doubts or ["None: every number has a source."])]) + "\n"
+
+
+def doubt_rows(named: Sequence[tuple[str, object]]) -> list[list[str]]:
+    """Keys of numbers in doubt with their kind and the names of the records that list them."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, record in named:
+        for kind, attribute in (("assumed", "assumed"), ("source not stated", "not_stated")):
+            for key in getattr(record, attribute):
+                found.setdefault((key, kind), []).append(name)
+    return [[key, kind, ", ".join(names)] for (key, kind), names in sorted(found.items())]

@@ -119,10 +119,9 @@ def budget(
             progress(f"{meshes[-1].unknowns} unknowns")
     K, C = paper.stiffness, np.array([each.compliance for each in meshes])
     errors = [command_errors(np.array(steps), C, K, direction, lever) for direction in DIRECTIONS]
-    finest, limit, on_mesh = (
-        np.array([[pick(each) for each in one] for one in errors]).T
-        for pick in (lambda e: e.band, lambda e: e.extrapolated, lambda e: e.values[-1])
-    )
+    finest = np.array([[each.band for each in one] for one in errors]).T
+    limit = np.array([[each.extrapolated for each in one] for one in errors]).T
+    on_mesh = np.array([[each.values[-1] for each in one] for one in errors]).T
     bent = _bent(stage, K, meshes[-1], commands)  # on one mesh: its own error drops out
     ladder = [error_matrix(K, each.compliance, lever) for each in models]
     rungs = np.array([*ladder, limit, limit + bent - on_mesh])  # column j for command j

@@ -347,7 +347,7 @@ def run_case(loaded: LoadedCase) -> Verification:
         "error": [one.error for one in answers],
         "stiffness": [one.stiffness for one in models],
         "compliance": [one.compliance for one in answers],
-        "on_meshes": np.moveaxis([[each.values for each in one.bands] for one in answers], 1, 2),
+        "on_meshes": [np.transpose([each.values for each in one.bands]) for one in answers],
     }
     if case.analysis == "nonlinear":  # the percentages of a linear case are those of its finest mesh
         values["percent"] = [

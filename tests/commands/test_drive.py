@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from flexfem.page.answers import alone_table
 
 import flexfem as package
 from flexfem.commands.drive import print_command
@@ -15,7 +16,6 @@ from flexfem.fem.drive import driven_response
 from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.drives import drive_of
-from flexfem.page.answers import alone_table
 from flexfem.terminal import people
 from flexfem.verify.driven import driven
 from flexfem.verify.driven_models import engaged_stiffness

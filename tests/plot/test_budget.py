@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.accuracy import budget_figure
+from flexfem.plot.errors import budget_figure
 from flexfem.questions.budget import SHARES as SHARES_OF
 
 SHARES = {  # along the command, percentage points; the total and its band
