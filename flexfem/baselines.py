@@ -293,7 +293,8 @@ def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     """Keys of an input file and of the files that it names, by file as the input file names it."""
     if path.suffix != ".toml":
         return {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}}
-    found = {path.name: dict(_leaves(read_toml(path).data, ()))}
+    data = read_toml(path).data
+    found = {path.name: {key_path(key, data): value for key, value in _leaves(data, ())}}
     for value in list(found[path.name].values()):
         other = path.parent / str(value)
         if isinstance(value, str) and value not in found and os.path.isfile(other):
@@ -301,10 +302,10 @@ def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str, Any]]:
+def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
     parts = tree.items() if isinstance(tree, Mapping) else enumerate(tree) if isinstance(tree, list | tuple) else None
     if parts is None:
-        yield key_path(path), tree if isinstance(tree, str | int | float | bool) else str(tree)
+        yield path, tree if isinstance(tree, str | int | float | bool) else str(tree)
     else:
         for key, part in parts:
             yield from _leaves(part, (*path, key))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from flexfem.questions.case import Drive, Elements
-from flexfem.questions.errors import Verification
+if TYPE_CHECKING:
+    from flexfem.questions.case import Drive, Elements
+    from flexfem.questions.errors import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round

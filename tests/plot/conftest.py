@@ -114,14 +114,14 @@ def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
     return Budget(about, values, bands, settings={"model": "mobility 6, paros-weisbord"})
 
 
-def mesh_study() -> MeshConvergence:
+def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:
     """Four meshes; the diagonal terms converge at orders 4, 3 and not at all, to values of their own."""
     resolutions, limits = np.array([2.0, 3.0, 5.0, 8.0]), np.array([0.0271, 0.0263, 2.57e-5])
     change = np.array([-0.3 * resolutions**-4, -0.2 * resolutions**-3, [0.01, -0.02, 0.003, 0.007]])
     band = np.full((4, 3), np.nan)
     band[-1] = [1.9e-4, 8.3e-4, 4.1e-7]
     return MeshConvergence(
-        About("a stage $x_1$", "one.toml", "1234", lever=21.0),
+        About("a stage $x_1$", "one.toml", "1234", assumed, lever=21.0),
         {
             "along": limits * (1 + change.T),
             "extrapolated": limits,

@@ -80,7 +80,7 @@ def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
 
 def test_necks_are_seen_along_themselves_with_their_own_dimensions(made):
     hinges = [
-        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k}) for k, one in enumerate(made.hinges())
+        one._replace(radius=1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k) for k, one in enumerate(made.hinges())
     ]
     figure = neck_figure(made.model(hinges=hinges), made.fields())
     assert [ax.texts[0].get_text() for ax in figure.axes] == [
@@ -158,7 +158,7 @@ def test_curves_pass_through_their_middles_and_boundaries_have_one_triangle(made
 
 def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
     one, models = made.fields(), {"a": made.model(), "b": made.model()}
-    other = one.model_copy(update={"displacement": -0.7 * one.displacement, "stress": 1.4 * one.stress[::-1]})
+    other = one._replace(displacement=-0.7 * one.displacement, "stress": 1.4 * one.stress[::-1])
     result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
     figure = deformed_figure(result, {"a": one, "b": other})
     assert "full command Y = 50.0 µm, displacements × 100; grey: undeformed" in " ".join(made.texts(figure))
