@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.life import life as life
+    from flexfem.questions.modes import dynamic_model as dynamic_model
+    from flexfem.questions.modes import modes as modes
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
@@ -60,11 +62,6 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import command as command
     from flexfem.reports.drive import reach as reach
     from flexfem.reports.drive import workspace as workspace
-    from flexfem.reports.modes import dynamic_model as dynamic_model
-    from flexfem.reports.modes import modes as modes
-    from flexfem.reports.modes import modes_solid as modes_solid
-    from flexfem.reports.modes import vibration as vibration
-    from flexfem.reports.modes import vibration_solid as vibration_solid
     from flexfem.reports.stage import check as check
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
@@ -106,7 +103,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.stiffness": ("stiffness",),
     "questions.summary": ("summary",),
     "questions.life": ("life",),
-    "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
+    "questions.modes": ("dynamic_model", "modes"),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
     "reports.stage": ("check",),
     "questions.budget": ("budget",),

@@ -47,6 +47,7 @@ MADE = {  # commands made from signatures, and the functions behind them
             "view",
             "summary",
             "stiffness",
+            "modes",
             "drift",
             "life",
             "budget",

@@ -19,12 +19,10 @@ _HOMES = {
     "fields": ("plot_displacement", "plot_drift"),
     "hinge": ("plot_formulas", "plot_hinge", "plot_hinge_table", "plot_thickness"),
     "life": ("plot_life",),
-    "modes": ("plot_mode", "plot_response", "plot_solid_mode"),
+    "modes": ("plot_mode", "plot_response"),
     "sensitivity": ("plot_sensitivity",),
     "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
-    "study_map": ("plot_map",),
-    "study_pareto": ("plot_front",),
-    "study_scatter": ("plot_histogram", "plot_shares"),
+    "study_figures": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
 }
 _HOMES["drive"] += ("plot_solid", "plot_strokes", "plot_tangents")
 __all__ = sorted(name for names in _HOMES.values() for name in names)

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from flexfem.arrays import wide
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study_labels import log_ticks
-from flexfem.plot.study_pareto import (
+from flexfem.plot.study_figures import (
     AXES_LEFT,
     AXES_WIDTH,
     CELL,
@@ -23,6 +22,7 @@ from flexfem.plot.study_pareto import (
     Chosen,
     draw_design,
     draw_scale,
+    log_ticks,
     rows_for,
 )
 from flexfem.plot.style import COLOURS, INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped

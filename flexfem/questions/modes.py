@@ -41,12 +41,11 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
+from flexfem.questions.dynamic_model import DynamicModel, reduced_dynamics
 from flexfem.questions.setup import Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
-from flexfem.verify.dynamic_model import DynamicModel
-from flexfem.verify.dynamic_model import dynamic_model as reduced_dynamics
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
 SHEET = "plane stress"  # label of the plane problem beside three dimensions
@@ -83,7 +82,7 @@ class NaturalModes(Result):
 
     title = "natural modes"
     columns = ("model", "base")
-    figure = "modes.modes_figure"
+    figure = "modes.figures"
     drawn_from_fields = True
     reading = ("effective modal mass: for motion of the base, of the whole mass or moment of inertia",)
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
@@ -328,7 +327,12 @@ def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -
     flat = " kg mm^2: no body has less than a flat one, half of its moment of inertia about the normal"
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
     diameter = least if tilting is None else arguments.between("tilting", tilting, least, most, flat)
-    return Payload(mass / KILOGRAM, inertia / INERTIA, diameter / INERTIA)
+    return payload_of(mass, inertia, diameter)
+
+
+def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
+    """A payload of so many kg and kg mm^2."""
+    return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
 def _said(load: Payload) -> str:

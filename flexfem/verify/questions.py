@@ -180,8 +180,8 @@ def ask_elements(
     from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
     from flexfem.fem.response import plate_of
+    from flexfem.questions.modes import vibrating
     from flexfem.verify.driven_models import metal_answers
-    from flexfem.verify.modes import vibration
 
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
@@ -191,7 +191,7 @@ def ask_elements(
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     found = Answers(stiffness[None], stress[None], turning[None], strength, size)
     if payload is not None:
-        structure = vibration(stage, response.mesh, payload, "disengaged")
+        structure = vibrating(stage, response.mesh, payload, "disengaged")
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)

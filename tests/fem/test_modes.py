@@ -32,9 +32,9 @@ from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, payload_matrix
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY as DENSITY_UNIT
-from flexfem.verify.modes import payload_of, vibration
 
 from ..validation.vibration import tapered
 from .conftest import GEOMETRY
@@ -93,14 +93,14 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
 
 
 def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
-    found = vibration(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
+    found = vibrating(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
     np.testing.assert_allclose(total_mass(found), drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
 
 
 def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
     """Of all modes together by the mass matrix alone, `L' M^-1 L`; of nine modes less, in every direction."""
     payload = payload_of(0.3, 55.0)
-    of = vibration(unlike.stage, unlike.mesh, payload, "disengaged")
+    of = vibrating(unlike.stage, unlike.mesh, payload, "disengaged")
     drawn = np.diag(drawn_inertia(unlike.stage).matrix + payload_matrix(payload))
     every = np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(of.mass, base_loads(of))) / drawn
     assert np.all(every < 1) and np.all(every > [0.999, 0.999, 0.99])
@@ -137,7 +137,7 @@ def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(u
 def test_stacks_add_their_stiffness():
     """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    of = vibration(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
+    of = vibrating(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
     drive = drive_of(stage)
     C = driven_response(of.mesh, plate_of(stage), drive.stacks).compliance
     springs = np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:])

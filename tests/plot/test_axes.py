@@ -14,17 +14,11 @@ from matplotlib import pyplot
 import flexfem
 from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study_labels import Caption, Quantity
-from flexfem.plot.study_map import StudyMap
-from flexfem.plot.study_pareto import Chosen, ParetoFront
-from flexfem.plot.study_scatter import Scatter, Share
+from flexfem.plot.study_figures import Caption, Chosen, ParetoFront, Quantity, Scatter, Share, StudyMap
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
-from flexfem.reports.modes import reduced
 from flexfem.study.findings import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.verify.hinges import hinge_review, thickness_review
-
-from ..conftest import annular_vibration
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
@@ -78,7 +72,7 @@ def reached() -> Any:
 
 @cache
 def vibrating() -> Any:
-    return flexfem.vibration(flexfem.load(STAGE), 2, resolution=4)
+    return flexfem.modes(flexfem.load(STAGE), count=2, models="elements", resolution=4)
 
 
 def lived() -> Any:
@@ -87,7 +81,7 @@ def lived() -> Any:
 
 
 def responding() -> Any:
-    return reduced(flexfem.load(STAGE), vibrating(), 1.0)
+    return vibrating().fields.reduced
 
 
 def designed() -> Designed:
@@ -148,7 +142,6 @@ DRAWN: dict[str, Any] = {
     "plot_sensitivity": lambda made: (designed(), "b"),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
-    "plot_solid_mode": lambda made: (annular_vibration(), 2),
     "plot_stage": lambda made: (flexfem.load(STAGE),),
     "plot_dimensions": lambda made: (flexfem.load(STAGE),),
     "plot_strokes": lambda made: (driven(),),

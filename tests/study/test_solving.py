@@ -160,3 +160,17 @@ def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) 
 def test_a_corrected_stage_has_no_plane_finite_elements(stage: Stage, studies: Any) -> None:
     with pytest.raises(BadInput, match="plane"):
         solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'))
+
+
+@pytest.mark.parametrize(
+    ("head", "model"), [('model = "analytic"\nmobility = 21', "analytic"), ('model = "fe"', "finite elements")]
+)
+def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: str, model: str) -> None:
+    path = f"stiffness.compliance.{model.replace(' ', '_')}.x.x"
+    rows = answer(studies.of(*ONE, head=f'{head}\nask = ["{path}"]'), 0, 1)
+    K = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    assert rows.values[0, -1] == pytest.approx(np.linalg.inv(rows.values[0][K])[0, 0], rel=1e-6)
+    refused = answer(studies.of(*ONE, head=f'{head}\nask = ["stiffness.nothing"]'), 0, 1)
+    assert refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
+    with pytest.raises(BadInput, match=r"question\.quantity\.labels"):
+        studies.of(*ONE, head=f'{head}\nask = ["kxx"]')

@@ -16,7 +16,6 @@ from flexfem.fem.modes import modes
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.refused import BadInput
-from flexfem.reports.modes import reduced
 from flexfem.verify.driven import driven
 
 from ..conftest import ROOT
@@ -29,12 +28,13 @@ def stage():
 
 @pytest.fixture(scope="module")
 def vibration(stage):
-    return flexfem.vibration(stage, 6, (0.05, 10.0), "engaged", 4)
+    asked = {"count": 6, "payload": (0.05, 10.0), "drives": "engaged", "damping": 2.0, "models": "elements"}
+    return flexfem.modes(stage, **asked, resolution=4).fields
 
 
 @pytest.fixture(scope="module")
 def model(stage, vibration):
-    return reduced(stage, vibration, 2.0)
+    return vibration.reduced
 
 
 def test_at_rest_it_is_the_static_stage_under_loads_and_strokes(stage, vibration, model):
@@ -102,12 +102,6 @@ def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
         assert list(found["inputs"])[3] == "stroke base, chain 1" and list(found["input_units"])[2] == "N mm"
     with pytest.raises(BadInput, match=r"expected .npz or .mat"):
         model.write(tmp_path / "model.txt")
-
-
-@pytest.mark.parametrize("damping", [0.0, -1.0, float("nan"), 100.0])
-def test_damping_that_makes_no_sense_is_refused(stage, vibration, damping):
-    with pytest.raises(BadInput, match="damping"):
-        reduced(stage, vibration, damping)
 
 
 def test_python_control_is_given_the_matrices_by_name_and_asked_for_when_missing(model, monkeypatch):

@@ -135,7 +135,7 @@ class DynamicModel(NamedTuple):
             raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
 
 
-def dynamic_model(of: Structure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
+def reduced_dynamics(of: Structure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
     """The reduced dynamics of a structure by some of its modes; drive : engaged, its commands are inputs."""
     loads = np.zeros((of.mass.shape[0], 3))
     loads[-3:] = np.eye(3)
