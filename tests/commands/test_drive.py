@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 import pytest
-from flexfem.page.answers import alone_table
 
 import flexfem as package
 from flexfem.commands.drive import print_command
@@ -77,30 +76,6 @@ def test_the_stiffness_is_that_without_stacks_with_them_and_with_their_preloads(
         assert all(f"{value:.5g} N" in line for value in K)
     (line,) = (line for line in out.splitlines() if line.startswith("preloaded, pushes normal"))
     assert "+0.048, +0.048, +0.053" in line and f"{found['preloaded']['pushed'][2]:.5g} N mm/rad" in line
-
-
-def test_stiffness_with_the_other_directions_held_is_told_from_that_with_them_free(flexfem, project):
-    """Of unlike chains, by the compliance of another command: a push one way alone meets 10 to 27 % less."""
-    wide = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 1.1\n\n[provenance]'
-    path = project.edit("geometry/mobility6.toml", ("[provenance]", wide))
-    asked = ("command", path, "--pose", *POSE, "--analytic")
-    found, side = (json.loads(flexfem(*of, "--json")[1]) for of in (asked, ("summary", path)))
-    analytic = json.loads(flexfem("stiffness", path, "--json")[1])
-    free, held = 1 / np.diag(np.array(analytic["compliance"])), found["disengaged"]
-    np.testing.assert_allclose(free / np.array(held), [0.902, 0.7333, 0.7656], atol=5e-4)
-    np.testing.assert_allclose([found["disengaged_free"], side["analytic"]["free"]], [free, free], rtol=1e-9)
-    np.testing.assert_allclose(np.diag(side["analytic"]["stiffness"]), held, rtol=1e-9)
-    assert all(0.99 < one / all_held < 1 for one, all_held in zip(found["engaged_free"], found["engaged"], strict=True))
-    lines = flexfem(*asked)[1].splitlines()
-    (at,) = (k for k, line in enumerate(lines) if line.startswith("stiffness, other directions held"))
-    for start, K in (("disengaged", held), ("other directions free, disengaged", free)):
-        (line,) = (line for line in lines[at:] if line.startswith(start))
-        assert all(f"{value:.5g} N" in line for value in K)
-    out = flexfem("summary", path)[1]
-    assert "stiffness, others held" in out and f"{held[1]:.5g} N/mm" in out
-    assert "others free" in out and f"{free[1]:.5g} N/mm" in out
-    shown = re.sub("<[^>]+>", " ", alone_table(np.array([[2.0, 0.0, 1.0], [0.0, 5.0, 3.0], [1.0, 3.0, 4.0]]))).split()
-    assert shown[shown.index("Y") + 1 :][:4:2] == ["5.0000", "2.4286"]  # 5 - 3^2 / (4 - 1^2 / 2)
 
 
 def test_how_pushes_spread_over_links_is_beside_the_engaged_stiffness(flexfem, project):
