@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexfem.api import solve as solve
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
-    from flexfem.designs import design as design
+    from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
     from flexfem.hinges.strength import Basquin as Basquin
@@ -84,7 +84,7 @@ __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
-    "designs": ("design",),
+    "design.run": ("run_design",),
     "models": ("AnalyticModel", "ElementModel"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
@@ -124,7 +124,7 @@ def home_of(name: str) -> str:
 def __getattr__(name: str) -> Any:
     if home := home_of(name):
         return getattr(import_module(f"flexfem.{home}"), name)
-    if name in ("plot", "study"):
+    if name in ("design", "plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 

@@ -23,9 +23,9 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
-from flexfem.fem.mesh import RESOLUTION, StageMesh, check_mesh
-from flexfem.fem.response import plate_of, platform_response
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_mesh
+from flexfem.fem.response import platform_response
+from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically

@@ -66,10 +66,10 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.design.result import is_design, read_design
     from flexfem.files.refusals import place_of
     from flexfem.plot.write import write_design_figures, write_figures
     from flexfem.questions.errors import Verification
-    from flexfem.synthesis.stored import is_design, read_design
 
     designs = [(path, read_design(path)) for path in results if is_design(path)]
     read = [(path, Verification.read(path)) for path in results if path not in dict(designs)]

@@ -199,9 +199,9 @@ def _study(path: Path, folder: Path) -> Subject:
 
 
 def _stored(files: Sequence[Path]) -> Subject:
+    from flexfem.design.result import is_design, read_design
     from flexfem.page.design import design_parts
     from flexfem.questions.errors import Verification
-    from flexfem.synthesis.stored import is_design, read_design
 
     drawn = [path for path in files if is_design(path)]
     results = [Verification.read(path) for path in files if path not in drawn]

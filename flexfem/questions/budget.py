@@ -23,10 +23,11 @@ from flexfem.analytic.model import (
 )
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array, inverse
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response
+from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import load_case, plate_of
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -155,7 +156,7 @@ def _rows(values: Array) -> Array:
     return np.asarray(np.moveaxis(values, 1, 2))
 
 
-def command_warnings(stage: Stage, solution: CyclicResponse, forces: Array, where: str) -> list[str]:
+def command_warnings(stage: Stage, solution: Response, forces: Array, where: str) -> list[str]:
     """Warnings on the highest neck stress under the forces (3, 3) of three commands, row by row."""
     found = []
     for direction, force in zip(DIRECTIONS, forces, strict=True):
@@ -164,7 +165,7 @@ def command_warnings(stage: Stage, solution: CyclicResponse, forces: Array, wher
     return found
 
 
-def _bent(stage: Stage, K: Array, solution: CyclicResponse, commands: Array) -> Array:
+def _bent(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
     """Error percentages (3, 3) of nonlinear finite elements under the forces of (18), column j for command j."""
     wanted, scale = np.diag(commands), np.array([1.0, 1.0, stage.chain.link_lengths[2]])
     pose = np.array([equilibrium(solution.mesh, plate_of(stage), (K @ one)[None]).pose[0] for one in wanted])
@@ -203,7 +204,7 @@ def measured(stage: Stage) -> tuple[Array, Array]:
 def change(stage: Stage, resolution: int, layers: int) -> Array:
     """Percentage points (3, 3), column j for command j, from the stage's own plane problem to three dimensions."""
     response, predicted = solve_solid(stage, resolution, layers), analyse(stage).stiffness
-    plane, lever = cyclic_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
+    plane, lever = unit_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
     solid, flat = (error_matrix(predicted, each.compliance, lever) for each in (response, plane))
     return np.asarray(solid - flat)
 
@@ -217,7 +218,7 @@ def other_thickness(stage: Stage, compliance: Array) -> dict[str, Array]:
         added.
     """
     response = solve_solid(stage, *SOLID)
-    plane = cyclic_response(response.sectors, plate_of(stage)).compliance
+    plane = unit_response(response.sectors, plate_of(stage)).compliance
     found = {"finite elements in three dimensions": compliance + response.compliance - plane}
     thick = thick_compliance(stage)
     if thick is None:

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.modes import Modes, Structure, lowest
+from flexfem.fem.modes import Modes, VibratingStructure, lowest
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage_file import counted
@@ -135,17 +135,17 @@ class DynamicModel(NamedTuple):
             raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
 
 
-def reduced_dynamics(of: Structure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
+def reduced_dynamics(of: VibratingStructure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
     """The reduced dynamics of a structure by some of its modes; drive : engaged, its commands are inputs."""
-    loads = np.zeros((of.mass.shape[0], 3))
+    loads = np.zeros((of.size, 3))
     loads[-3:] = np.eye(3)
     names, units = [f"load {name}" for name in DIRECTIONS], [str(unit) for unit in FORCES]
     if drive is not None:
         loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
         names += [f"stroke {name}" for name in drive.names]
         units += [str(LENGTH)] * len(drive.names)
-    at_rest = of.solve(loads)
-    shapes_in, shapes_out = modes.shapes.T @ loads, modes.shapes[-3:]
+    at_rest = of.space.solve(loads)
+    shapes_in, shapes_out = modes.shapes[0].T @ loads, modes.shapes[0, -3:]
     residual = at_rest[-3:] - (shapes_out / modes.frequencies**2) @ shapes_in
     return DynamicModel(
         modes.frequencies,
@@ -159,7 +159,7 @@ def reduced_dynamics(of: Structure, modes: Modes, damping: float, drive: StageDr
     )
 
 
-def craig_bampton(of: Structure, static: Array, loads: Array, count: int) -> CraigBampton:
+def craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: int) -> CraigBampton:
     """Reduce to the pose and `count` modes with the platform held.
 
     Parameters
@@ -171,17 +171,22 @@ def craig_bampton(of: Structure, static: Array, loads: Array, count: int) -> Cra
     With `X = K^-1 E` the constraint modes are `X (E' X)^-1`; the inverse of the stiffness with the platform held is
     `K^-1 - X (E' X)^-1 X'`. R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313.
     """
+    from scipy.sparse.linalg import LinearOperator
+
     K_pose = np.linalg.inv((static[-3:] + static[-3:].T) / 2)
 
     def held(b: Array) -> Array:
         whole = np.vstack([b, np.zeros((3, b.shape[1]))])
-        return np.asarray((of.solve(whole) - static @ (K_pose @ (static.T @ whole)))[:-3])
+        return np.asarray((of.space.solve(whole) - static @ (K_pose @ (static.T @ whole)))[:-3])
 
-    inner = of.mass[:-3, :-3].tocsc()
-    squares, shapes = lowest(held, inner, count)
-    shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, inner @ shapes))
+    def inertia(b: Array) -> Array:
+        return of.inertia(np.vstack([b.reshape(len(static) - 3, -1), np.zeros((3, b.size // (len(static) - 3)))]))[:-3]
+
+    size = len(static) - 3
+    squares, shapes = lowest(held, LinearOperator((size, size), matvec=inertia, dtype=float), count)
+    shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, inertia(shapes)))
     T = np.hstack([static @ K_pose, np.vstack([shapes, np.zeros((3, count))])])
     T[-3:] = np.eye(3, 3 + count)
     K = np.zeros((3 + count, 3 + count))
     K[:3, :3], K[3:, 3:] = K_pose, np.diag(squares)
-    return CraigBampton(K, T.T @ (of.mass @ T), T.T @ loads)
+    return CraigBampton(K, T.T @ of.inertia(T), T.T @ loads)

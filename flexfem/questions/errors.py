@@ -18,12 +18,11 @@ import numpy as np
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
+from flexfem.fem.elements import nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.fem.fields import load_case, neck_maxima, solid_neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.plane_stress import nodal_stress, von_mises
-from flexfem.fem.response import load_case, neck_maxima, out_of_plane_ratio_of, plate_of, tie_hub
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, tie_hub
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically

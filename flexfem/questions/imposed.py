@@ -14,10 +14,9 @@ import numpy as np
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.drive import DrivenResponse, driven_response
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import DrivenResponse, driven_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.drives import StageDrive, drive_of

@@ -9,11 +9,11 @@ import numpy as np
 from flexfem.analytic.model import AnalyticResult, analyse
 from flexfem.analytic.responses import DrivenModel, driven_model
 from flexfem.arrays import Array
-from flexfem.fem.drive import DrivenResponse, driven_response, neck_wrenches
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import nodal_stress, von_mises
-from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.fields import neck_maxima
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 from flexfem.mechanism.contacts import PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of

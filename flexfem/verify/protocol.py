@@ -9,10 +9,10 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import load_case, plate_of
-from flexfem.fem.sectors import mesh_sectors
+from flexfem.fem.fields import load_case
+from flexfem.fem.mesh import StageMesh, mesh_sectors
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
@@ -22,7 +22,7 @@ from flexfem.units import DIRECTIONS
 class Solved(NamedTuple):
     """The finite-element answer of one stage; mesh and fields of the whole stage are made on demand."""
 
-    response: CyclicResponse
+    response: Response
 
     @property
     def mesh(self) -> StageMesh:
@@ -42,7 +42,7 @@ def solve_stage(stage: Stage, resolution: int) -> Solved:
     """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
     check_feasible(stage)
     plate = plate_of(stage)
-    return Solved(cyclic_response(mesh_sectors(stage, resolution), plate))
+    return Solved(unit_response(mesh_sectors(stage, resolution), plate))
 
 
 def command_warnings(

@@ -17,7 +17,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import percentages
 from flexfem.units import DIRECTIONS, Direction

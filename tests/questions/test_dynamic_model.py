@@ -11,9 +11,9 @@ import scipy.linalg
 from scipy.io import loadmat
 
 import flexfem
-from flexfem.fem.drive import driven_response
 from flexfem.fem.modes import modes
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import driven_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.refused import BadInput
 from flexfem.verify.driven import driven

@@ -10,8 +10,8 @@ import pytest
 import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
+from flexfem.fem.mesh import build_mesh
 from flexfem.fem.modes import modes as modes_of
-from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence, vibrating

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.actuators import Catalogue
@@ -17,7 +18,6 @@ from flexfem.questions.case import LoadedCase
 from flexfem.reference.formats import FORMATS
 from flexfem.reference.schemas import schema_of
 from flexfem.refused import BadInput
-from flexfem.synthesis.requirements import load_requirements
 
 ROOT = Path(__file__).parents[2]
 STAGE = str(ROOT / "geometry/mobility6.toml")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.sectors
+import flexfem.fem.mesh
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.fem.fields import load_case
 from flexfem.fem.gmsh_process import MeshTimeout
+from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import mesh_faces
-from flexfem.fem.response import load_case
-from flexfem.fem.sectors import mesh_sectors
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
@@ -115,7 +115,7 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
             raise ComputationFailed("folded")
         return mesh_sectors(of, resolution, *others)
 
-    monkeypatch.setattr("flexfem.fem.sectors.mesh_sectors", folding)
+    monkeypatch.setattr("flexfem.fem.mesh.mesh_sectors", folding)
     without = columns(loaded, stage)
     assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
@@ -135,7 +135,7 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.sectors, "run_jobs", meshed)
+    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", meshed)
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
     assert [bool(reason) for reason in rows.reason] == [False, True, True, True]

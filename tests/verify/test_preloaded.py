@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.large import loaded, serial
-from flexfem.fem.preload import preloaded
-from flexfem.fem.response import plate_of
+from flexfem.fem.nonlinear import preloaded
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage

@@ -10,7 +10,7 @@ import pytest
 from flexfem.analytic.large import at_pose, tangents
 from flexfem.analytic.model import analyse, assemble
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import ComputationFailed
 from flexfem.units import DIRECTIONS
