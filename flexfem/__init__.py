@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import reach as reach
     from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.stage import check as check
+    from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -76,7 +77,6 @@ if TYPE_CHECKING:
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
     from flexfem.workshop import new_stage as new_stage
-    from flexfem.workshop import schema_of as schema_of
     from flexfem.workshop import view as view
 
 
@@ -104,7 +104,8 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.summary": ("summary",),
     "questions.life": ("life",),
     "questions.modes": ("dynamic_model", "modes"),
-    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
+    "schemas": ("schema",),
+    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "view"),
     "reports.stage": ("check",),
     "questions.budget": ("budget",),
     "questions.convergence": ("converge",),

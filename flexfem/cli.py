@@ -58,6 +58,7 @@ MADE = {  # commands made from signatures, and the functions behind them
             "identify",
             "export",
             "mesh",
+            "schema",
         )
     },
 }
@@ -156,7 +157,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             callback = _usable if one.default is None else None
             option = typer.Option("--output", "-o", callback=callback, help=texts[name])
             yield _parameter(name, Annotated[hint, option], one.default)
-        elif one.default is one.empty and one.kind is not one.KEYWORD_ONLY:
+        elif one.kind is not one.KEYWORD_ONLY:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
             yield _parameter(
@@ -223,18 +224,18 @@ def show(found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
 
     if isinstance(found, Result) and folder is not None:
         write(found, folder / f"{stem}.json")
-    several = isinstance(found, list)
+    every = found if isinstance(found, list) else [found]
     if as_json:
-        data = [each.to_dict() if isinstance(each, Result) else plain(each) for each in (found if several else [found])]
-        print(json.dumps(data if len(data) != 1 else data[0], indent=1, allow_nan=False))
-    else:
-        for each in found if several else [found]:
-            if isinstance(each, Result):
-                print_result(each)
-            elif isinstance(each, Path):
-                print(each)
-            else:
-                print_record(each)
+        data = [each.to_dict() if isinstance(each, Result) else plain(each) for each in every]
+        print(json.dumps(data if isinstance(found, list) else data[0], indent=1, allow_nan=False))
+        every = []
+    for each in every:
+        if isinstance(each, Result):
+            print_result(each)
+        elif hasattr(each, "_asdict"):
+            print_record(each)
+        else:  # files written, or what says itself
+            people().print(str(each))
     if getattr(found, "findings", None):  # of a check
         raise typer.Exit(1)
 

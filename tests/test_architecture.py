@@ -29,7 +29,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("verify", "questions"),
     ("study", "baselines"),
     ("verdicts", "design"),
-    ("plot", "reference"),
+    ("plot", "schemas"),
     ("models",),
     ("api",),
     ("reports", "studies", "workshop"),

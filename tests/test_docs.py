@@ -89,11 +89,6 @@ def test_every_link_of_a_page_leads_to_a_file():
     assert [f"{page.name}: {link}" for page in PAGES for link in links(page) if not (page.parent / link).exists()] == []
 
 
-def test_a_figure_of_a_worked_design_is_of_its_requirements():
-    assert [*case_of("design-life-sensitivity.png")] == [*case_of("design-life.png")] == ["cases/design-life.toml"]
-    assert case_of("elastica.png") == {}
-
-
 def test_a_figure_of_other_numbers_or_another_input_is_stale():
     (line,) = stale("fig5.png", {"fig5: errors.percent.mobility_six.x": 12.4})
     assert line.startswith("docs/fig5.png was drawn of fig5: errors.percent.mobility_six.x = 12.4, now 12.537")

@@ -18,7 +18,6 @@ from flexfem.commands import (
     design,
     drive,
     page,
-    reference,
     study,
     verification,
 )
@@ -33,7 +32,6 @@ app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=Fal
 for group in (page, design, drive, verification):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
-app.command()(reference.schema)
 
 
 def _print_version(wanted: bool) -> None:
