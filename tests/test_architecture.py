@@ -27,7 +27,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("analytic", "fem"),
     ("cad",),
     ("verify", "questions"),
-    ("study",),
+    ("study", "baselines"),
     ("verdicts", "design"),
     ("plot", "schemas"),
     ("models",),
