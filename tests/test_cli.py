@@ -15,7 +15,7 @@ import pytest
 from flexfem import cli, own
 from flexfem.commands.cli import app
 from flexfem.mechanism.stage import load_feasible
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 
 from .conftest import COMMAND_OF
 
