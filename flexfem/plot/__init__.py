@@ -11,8 +11,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "design": ("plot_history", "plot_margins", "plot_tradeoff"),
-    "design_front": ("plot_objectives",),
+    "design": ("plot_history", "plot_margins", "plot_sensitivity", "plot_tradeoff"),
     "drive": ("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
     "errors": ("plot_budget", "plot_convergence", "plot_displaced", "plot_errors"),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
@@ -20,7 +19,6 @@ _HOMES = {
     "hinge": ("plot_formulas", "plot_hinge", "plot_hinge_table", "plot_thickness"),
     "life": ("plot_life",),
     "modes": ("plot_mode", "plot_response"),
-    "sensitivity": ("plot_sensitivity",),
     "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
     "study_figures": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
 }

@@ -10,7 +10,6 @@ import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
 from flexfem.mechanism.stage import load_stage
-from flexfem.plot.text import markdown_report
 from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.result import Triple
 from flexfem.verify.solid_report import SolidReport
@@ -145,65 +144,6 @@ def test_a_formula_outside_its_range_is_called_so(cells):
     assert "outside" not in cells(tables.print_stiffness, STIFFNESS._replace(formula_in_range=True))[0][0]
 
 
-def test_errors_have_their_own_bands(cells, made):
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    rows = cells(comparisons.print_results, [made.result(errors, direction="y")], Path("there"))
-    at = rows.index(["case", "commanded", "model", "X %", "Y %", "theta %"])
-    assert rows[at + 1] == ["fig", "y", "one", "14.071 ± 0.017", "0.020 ± 0.027", "-3.120 ± 0.037"]
-    assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"drive": "joints"}, "x, joints imposed"),
-        ({"drive": "strokes"}, "x, strokes commanded"),
-        ({"elements": "three_dimensional"}, "x, in three dimensions"),
-    ],
-)
-def test_errors_say_how_the_metal_was_driven_and_which_it_was(cells, made, given, said):
-    rows = cells(comparisons.print_results, [made.result({"one": (0.1, 0.2, 0.3)}, **given)], Path("there"))
-    assert ("and the layers" in " ".join(rows[1])) == ("elements" in given)
-    assert ["fig", said, "one"] in [row[:3] for row in rows]
-
-
-def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
-    study = made.mesh_study()
-    rows = cells(comparisons.print_convergence, study)
-    at = rows.index(["triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)"])
-    for row, resolution, unknowns, level in zip(
-        rows[at + 1 : at + 5], (2, 3, 5, 8), (123, 234, 567, 1234), range(4), strict=True
-    ):
-        found = [study.uncertainty[axis].values[level] for axis in ("x", "y", "theta")]
-        assert row[:2] == [str(resolution), str(unknowns)]
-        assert numbers([row[2:]])[0] == pytest.approx(found, rel=1e-9)
-    assert numbers([rows[at + 5][1:]]) == [[0.0271, 0.0263, 2.57e-5]] and rows[at + 5][0] == "extrapolated"
-    assert rows[at + 6] == ["band of the finest", "7.0e-03 relative", "3.2e-02 relative", "1.6e-02 relative"]
-    assert rows[at + 7] == ["observed order", "3.97", "2.96", "none"]
-    assert rows[at + 8] == ["verdict", "converging", "out of range", "oscillatory"]
-
-
-def test_the_budget_has_the_shares_along_each_command(cells, made):
-    rows = cells(comparisons.print_budget, made.budget())
-    at = rows.index(["share", "x", "y", "theta"])
-    assert rows[at + 1 : at + 6] == [
-        ["freedoms", "+0.216", "-0.411", "+0.137"],
-        ["formula", "+11.796", "+8.523", "+9.685"],
-        ["links", "+0.526", "+0.731", "-0.722"],
-        ["what is left", "-0.308", "+0.092", "+0.051"],
-        ["large displacement", "-0.139", "+0.253", "+0.326"],
-    ]
-    assert rows[at + 6] == ["total", "12.091 ± 0.013", "9.188 ± 0.127", "9.477 ± 0.245"]
-    assert rows[at + 7] == ["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"]
-
-
-def test_the_budget_has_what_three_dimensions_change_along_each_command(cells, made):
-    rows = cells(comparisons.print_budget, made.budget(three_dimensional=made.three_dimensional))
-    at = rows.index(["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"])
-    assert rows[at + 1] == ["outside it: three dimensions", "-10.673 ± 0.121", "+5.217 ± 0.234", "-7.461 ± 0.345"]
-    assert rows[at + 2] == ["total in three dimensions", "1.418 ± 0.134", "14.405 ± 0.361", "2.016 ± 0.590"]
-
-
 def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
     rows = cells(comparisons.print_workspace, made.workspace())
     models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
@@ -244,60 +184,3 @@ def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypat
     code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
     assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
     assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
-
-
-def test_every_cell_of_the_page_is_its_own_number(made):
-    other = made.model(
-        stage="b",
-        hash="fedcba9876543210" * 4,
-        plane="plane_strain",
-        mobility=3,
-        formula="koster",
-        formula_in_range=False,
-        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
-        resolution=7,
-        triangles=777,
-        unknowns=888,
-    )
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    models = {"one": made.model(), "two": other}
-    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
-    bands = found.uncertainty["two"]
-    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
-    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
-    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
-    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
-
-    def below(head):
-        at = page.index(head)
-        return page[at + 2 : page.index("", at)]
-
-    assert below("| case | command | curve | X | Y | θ |") == [
-        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
-        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
-    ]
-    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
-        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
-        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
-    ]
-    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
-    assert below(head) == [
-        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
-        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
-    ]
-    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
-    rows = below(head)
-    assert rows[:3] == [
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
-    ]
-    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
-    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
-    assert below(head) == [
-        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
-        "| b | fedcba987654 | 7 | 777 | 888 |",
-    ]
-    text = "\n".join(page)
-    assert "first multiplied by l₃ (21 mm)" in text and "| thickness_mm | assumed | fig |" in text
-    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text
