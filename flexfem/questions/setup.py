@@ -99,9 +99,9 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about(stage: Stage, heat: bool = False) -> About:
-    """What a result is of; with `heat`, also by the coefficients of expansion."""
-    doubts = stage.heat_doubts if heat else stage
-    own = stage.heat_hash if heat else stage.hash
+def about(stage: Stage, heat: bool = False, drive: bool = False) -> About:
+    """What a result is of; with `heat`, also by the coefficients of expansion; with `drive`, also by the actuators."""
+    doubts = stage.heat_doubts if heat else stage.drive_doubts if drive else stage
+    own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]
     return About(stage.name, str(stage.origin), own, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
