@@ -16,7 +16,7 @@ PLOT_CODE := $(wildcard flexfem/plot/*.py)
 OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
 
-.PHONY: install help reproduce-figures full-report test test-slow test-all check docs baselines regression studies designs chart bench clean
+.PHONY: install help reproduce-figures full-report test test-slow test-all check docs validation baselines regression studies designs chart bench clean
 .DELETE_ON_ERROR:
 
 install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
@@ -39,14 +39,13 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 $(RESULTS) &: $(CASES) $(STAGES) $(MODEL_CODE) $(SETUP) # one command for all cases: it solves each stage once
 	@$(FLEXFEM) verify $(CASES) --output reports
 
-full-report: reproduce-figures ## also joints commanded, error budgets, large displacements, mesh studies, benchmarks, hinge formulas and the paper's claims
+full-report: reproduce-figures ## also joints commanded, error budgets, large displacements, mesh studies, hinge formulas and the paper's claims
 	@$(FLEXFEM) verify $(JOINTS) --output reports/joints && \
 	    $(FLEXFEM) plot $(JOINTS:cases/%.toml=reports/joints/%.json) --output reports/joints >/dev/null
 	@for stage in mobility3 mobility6; do \
 	    $(FLEXFEM) budget geometry/$$stage.toml --output reports && \
 	    $(FLEXFEM) workspace geometry/$$stage.toml --output reports && \
 	    $(FLEXFEM) converge geometry/$$stage.toml --output reports || exit 1; done
-	@$(FLEXFEM) benchmark --output reports
 	@$(FLEXFEM) formulas --output reports
 	@$(FLEXFEM) claims cases/claims.toml --output reports
 
@@ -76,6 +75,9 @@ check: $(TEST_SETUP) ## ruff and mypy
 docs: $(DOCS_SETUP) ## the documentation, executed as it is built, into build/docs
 	@$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo "documentation: build/docs/index.html"
+
+validation: $(TEST_SETUP) ## published problems and other solvers: reports/verification-manual.md
+	@$(BIN)/python -m tests.validation.manual
 
 regression: $(SETUP) ## compare what reports print with what was accepted, tests/baselines (a minute)
 	@$(FLEXFEM) regression tests/baselines

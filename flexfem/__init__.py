@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from flexfem.page.report import report as report
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.setup import Analytic as Analytic
+    from flexfem.questions.stiffness import stiffness as stiffness
+    from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.reports.drive import command as command
@@ -53,8 +55,6 @@ if TYPE_CHECKING:
     from flexfem.reports.experiment import experiment as experiment
     from flexfem.reports.experiment import identify as identify
     from flexfem.reports.life import life as life
-    from flexfem.reports.load import under_load as under_load
-    from flexfem.reports.load import under_load_solid as under_load_solid
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
@@ -67,10 +67,6 @@ if TYPE_CHECKING:
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
     from flexfem.reports.stage import mesh as mesh
-    from flexfem.reports.stage import stiffness as stiffness
-    from flexfem.reports.stage import summary as summary
-    from flexfem.reports.validation import benchmark as benchmark
-    from flexfem.reports.validation import cross_check as cross_check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
     from flexfem.reports.verification import claims as claims
@@ -105,12 +101,12 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "reports.experiment": ("experiment", "identify"),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
+    "questions.stiffness": ("stiffness",),
+    "questions.summary": ("summary",),
     "reports.life": ("life",),
-    "reports.load": ("under_load", "under_load_solid"),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "reports.part": ("export", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check", "mesh", "stiffness", "summary"),
-    "reports.validation": ("benchmark", "cross_check"),
+    "reports.stage": ("as_built", "check", "mesh"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),

@@ -23,17 +23,17 @@ import flexfem
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
-    "Ask a stage": ("stiffness", "solve", "formulas"),
+    "Ask a stage": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
     "Drive and reach": ("command", "workspace"),
     "Vibration, heat and life": ("modes", "drift", "life"),
     "Measure": ("experiment", "identify"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
-    "Check and trust": ("benchmark", "cross-check", "regression", "baseline"),
+    "Check and trust": ("regression", "baseline"),
 }
-MADE = ("drift",)  # commands that are made from the signature of the function of the same name
-RENAMED: dict[str, str] = {}  # old names of commands, and what they are called now
+MADE = ("summary", "stiffness", "drift")  # commands that are made from the signature of the function of the same name
+RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OUTPUT = "Folder for what is written."
 
 

@@ -69,8 +69,8 @@ class Quantity:
     meaning : str
         What the quantity is, a noun phrase. It heads the column of a table.
     unit : str or tuple
-        Key of `units.UNITS`, "" for a pure number; one for each label of the last axis, or a matrix of them for the
-        last two axes.
+        Key of `units.UNITS`, "" for a pure number; one for each label of the axis "direction", or without it of the
+        last axis; or a matrix of them for the last two axes.
     over : tuple of str
         Axes of the array.
     gate : Gate
@@ -117,8 +117,10 @@ class Quantity:
     def unit_at(self, place: tuple[int, ...]) -> Unit:
         """The unit of the value at a place of the array."""
         name: Any = self.unit
-        if isinstance(name, tuple):
-            name = name[place[-1]] if isinstance(name[0], str) else name[place[-2]][place[-1]]
+        if isinstance(name, tuple) and isinstance(name[0], str):
+            name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
+        elif isinstance(name, tuple):
+            name = name[place[-2]][place[-1]]
         return UNITS[name] if name else Unit(1.0, "")
 
     def factors(self, shape: tuple[int, ...]) -> Array:
@@ -426,9 +428,12 @@ class Result:
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """The head of a column with its unit; prefixed numbers have theirs with them."""
-        unit = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,))
-        name = _name(unit, plain)
-        return f"{text} ({name})" if name and not quantity.prefixed else text
+        name = _name(quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)), plain)
+        return f"{text} ({name})" if name and not self._with_unit(quantity) else text
+
+    def _with_unit(self, quantity: Quantity) -> bool:
+        """Whether cells have their unit: where numbers have prefixes of their own, or units differ by row."""
+        return quantity.prefixed or (isinstance(quantity.unit, tuple) and not self._spread(quantity))
 
     def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
         """Rows of quantities with the same axes; behind the last model how the first differs from it."""
@@ -436,7 +441,11 @@ class Result:
         last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
             names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
-            cells = [self._cell(one, at, plain, one.prefixed) for one in group for at in self._shown(one, over, place)]
+            cells = [
+                self._cell(one, at, plain, self._with_unit(one))
+                for one in group
+                for at in self._shown(one, over, place)
+            ]
             if any(cells):
                 rows.append([*names, *cells])
                 last = labels

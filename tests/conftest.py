@@ -28,8 +28,9 @@ import flexfem as flexfem_package
 from flexfem.commands import cli
 from flexfem.fem.solid_modes import solid_modes
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.validate.vibrating_solids import third
 from flexfem.verify import solid_modes as verify_solid_modes
+
+from .validation.vibration import third
 
 ROOT = Path(__file__).parent.parent
 gc.set_threshold(50_000)  # by default all that libraries loaded is looked through again and again: a tenth of the time

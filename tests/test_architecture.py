@@ -25,7 +25,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("mechanism",),
     ("hinges",),
     ("analytic", "fem"),
-    ("cad", "verify", "validate"),
+    ("cad", "verify"),
     ("questions",),
     ("study",),
     ("verdicts", "synthesis"),
@@ -41,7 +41,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 HEAVY = {
-    "skfem": ("fem", "validate"),
+    "skfem": ("fem",),
     "matplotlib": ("plot",),
     "meshio": ("fem",),
     "ezdxf": ("cad",),

@@ -12,13 +12,10 @@ from flexfem.commands.console import show
 from flexfem.commands.reach import print_reach
 from flexfem.commands.tables import DIRECTIONS, Ending, print_ending, table
 from flexfem.terminal import people
-from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, UNITS, Unit
+from flexfem.units import COMMANDS, COMPLIANCES, STRESSES, Unit
 
 if TYPE_CHECKING:
     from flexfem.commands.baseline.store import Checked
-    from flexfem.validate.compare import CrossCheck
-    from flexfem.validate.records import Finding
-    from flexfem.validate.registry import BenchmarkTable
     from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.budget import Budget, ThreeDimensional
     from flexfem.verify.converge import MeshStudy
@@ -98,36 +95,6 @@ def print_convergence(of: MeshStudy) -> None:
     ]
     out.print(table(head, rows))
     print_ending(out, of)
-
-
-def print_cross_check(of: CrossCheck) -> None:
-    """Print how far another solver's answer is from ours."""
-    out, rows = people(), []
-    out.print(f"{of.name}: {of.unknowns} unknowns, flexfem against {of.solver} {of.version}")
-    for check in of.checks:
-        allowed = "only stated" if check.allowed is None else f"{check.allowed:.1e}"
-        rows.append((check.quantity, f"{check.difference:.1e}", allowed, "" if check.passed else "TOO FAR"))
-    pairs = zip(of.kinds, of.frequencies, of.their_frequencies, strict=True)
-    found = ((kind, f"{a:.9g}", f"{b:.9g}", f"{b / a - 1:.1e}") for kind, a, b in pairs)
-    head = ("mode", f"flexfem ({UNITS['hz'].plain})", f"{of.solver} ({UNITS['hz'].plain})", "relative difference")
-    out.print(table(head, found))
-    out.print(table(("largest relative difference", "is", "allowed", ""), rows))
-    out.print(f"{of.seconds:.2f} s here, {of.their_seconds:.2f} s there; passed: {of.passed}")
-    print_ending(out, of)
-
-
-def print_benchmarks(of: BenchmarkTable) -> None:
-    """Print what the published problems came to."""
-    out = people()
-    head = ("benchmark", "quantity", "target", "ours", "off by", "allowed", "")
-    out.print(table(head, map(_finding, of.findings)))
-    out.print(f"{len(of.findings)} findings in {sum(of.seconds.values()):.0f} s; passed: {of.passed}")
-    out.print("targets are published, with their sources in benchmarks.md (--output DIR)")
-
-
-def _finding(f: Finding) -> tuple[str, ...]:
-    limits = (f"{f.difference:.2g}", f"{f.allowed:.2g}", "" if f.passed else "FAILED")
-    return (f.name, f.quantity, f"{f.target:.6g}", f"{f.ours:.6g}", *limits)
 
 
 def print_budget(of: Budget) -> None:

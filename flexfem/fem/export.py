@@ -50,21 +50,10 @@ def write_deck(
 
     In plane stress only E1, E2, nu12 and G12 of an orthotropic sheet matter. The uncoupled material keeps these and
     sets `nu13 = nu23 = 0`: the same sheet for a program that knows plane stress, and for one that makes wedges of the
-    triangles, as CalculiX does, the way to plane stress at any thickness (see `flexfem.validate.calculix`).
+    triangles, as CalculiX does, the way to plane stress at any thickness (see `tests/validation/calculix.py`).
     """
     model = _model(mesh, plate, plate.thickness if thickness is None else thickness, uncoupled)
     _write(path, (*model, *_static(len(mesh.nodes) + 1, loads)))
-
-
-def write_frequency_deck(mesh: StageMesh, plate: Plate, path: Path, density: float, count: int) -> None:
-    """Write the stage as `write_deck` does, of the uncoupled material, with a step for its lowest frequencies.
-
-    density : tonne/mm^3, of all elements; what has none is without mass.
-
-    Raises BadInput when the file cannot be written.
-    """
-    step = ("*STEP", "*FREQUENCY", str(count), "*END STEP")
-    _write(path, (*_model(mesh, plate, plate.thickness, True, density), *step))
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:
@@ -72,9 +61,7 @@ def _write(path: Path, lines: Iterable[str]) -> None:
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
 
 
-def _model(
-    mesh: StageMesh, plate: Plate, thickness: float, uncoupled: bool, density: float | None = None
-) -> Iterator[str]:
+def _model(mesh: StageMesh, plate: Plate, thickness: float, uncoupled: bool) -> Iterator[str]:
     centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
     hub = np.unique(mesh.edges["hub"])
     yield "*HEADING"
@@ -88,8 +75,6 @@ def _model(
     yield from _node_set("ground", np.unique(mesh.edges["ground"]))
     yield from _node_set("hub", hub)
     yield from _material(plate, uncoupled)
-    if density is not None:
-        yield from ("*DENSITY", _field(density))
     yield "*SOLID SECTION, ELSET=stage, MATERIAL=sheet"
     yield _field(thickness)
     for node, (x, y) in zip((hub + 1).tolist(), mesh.nodes[hub], strict=True):

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "accuracy": ("plot_budget", "plot_convergence", "plot_elastica", "plot_remainders", "plot_shapes"),
+    "accuracy": ("plot_budget", "plot_convergence"),
     "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
     "curves": ("plot_displaced", "plot_errors"),
     "design": ("plot_history", "plot_margins", "plot_tradeoff"),

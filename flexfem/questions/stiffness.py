@@ -33,6 +33,7 @@ COMPLIANCES = (("mm_per_n", "mm_per_n", "per_n"), ("mm_per_n", "mm_per_n", "per_
 OWN_STIFFNESS = ("n_per_mm", "n_per_mm", "n_mm_per_rad")
 MOTION = ("mm", "mm", "rad")
 WRENCH = ("n", "n", "n_mm")
+PER_MOTION = ("mpa_per_um", "mpa_per_um", "mpa_per_mrad")
 
 
 class Stiffness(Result):
@@ -44,7 +45,7 @@ class Stiffness(Result):
     free = Quantity("stiffness along each direction, the others free", OWN_STIFFNESS, ("model", "direction"), COARSER)
     stress = Quantity(
         "highest neck stress per displacement in each direction, the others held",
-        ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
+        PER_MOTION,
         ("model", "chain", "hinge", "direction"),
         STRESS,
         "all",

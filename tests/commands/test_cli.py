@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import without_round_off
-from flexfem.validate import registry
-from flexfem.validate.records import Finding
 from flexfem.verify import protocol
 
 from ..conftest import stored
@@ -389,17 +387,6 @@ def test_formulas_name_their_sources(flexfem):
 
 
 @pytest.mark.slow
-def test_a_cross_check_passes(flexfem):
-    facts = machine(flexfem, "cross-check", STAGE, "--solver", "ngsolve", "--resolution", 2)
-    assert facts["passed"] and all(check["passed"] for check in facts["checks"])
-
-
-def test_an_unknown_solver_is_refused(flexfem):
-    code, out, err = flexfem("cross-check", STAGE, "--solver", "crystal-ball")
-    assert (code, out) == (2, "") and "ngsolve" in err
-
-
-@pytest.mark.slow
 def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
     facts = machine(flexfem, "workspace", STAGE, "--amplitude-um", 100, "--output", tmp_path)
     assert facts["amplitude"] == pytest.approx({"x": 0.1, "y": 0.1, "theta": 0.002})
@@ -416,21 +403,6 @@ def test_large_displacements_are_stored_and_drawn(flexfem, tmp_path):
 def test_an_amplitude_that_is_no_distance_is_refused(flexfem, amplitude):
     code, out, err = flexfem("workspace", STAGE, f"--amplitude-um={amplitude}")
     assert code == 2 and not out and "amplitude" in err
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_benchmarks_draw_the_elastica_and_the_tangent(flexfem, tmp_path):
-    machine(flexfem, "benchmark", "--name", "elastica", "--name", "tangent", "--output", tmp_path)
-    written = {path.name for path in tmp_path.iterdir() if path.is_file()}
-    assert {"elastica.png", "elastica.pdf", "tangent.png", "tangent.pdf", "benchmarks.md"} <= written
-
-
-def test_one_benchmark_alone(flexfem, tmp_path):
-    facts = machine(flexfem, "benchmark", "--name", "patch-test", "--output", tmp_path)
-    assert facts["passed"]
-    assert {finding["name"] for finding in facts["findings"]} == {"patch test"}
-    assert "patch test" in (tmp_path / "benchmarks.md").read_text()
-    assert flexfem("benchmark", "--name", "guess")[0] == 2
 
 
 @pytest.mark.slow
@@ -472,15 +444,6 @@ def test_links_soften_the_stage_and_go_with_all_freedoms(flexfem):
     np.testing.assert_allclose(np.array(elastic["stiffness"]) @ elastic["compliance"], np.eye(3), atol=1e-9)
     code, _, err = flexfem("stiffness", STAGE, "--links", "--mobility", 6)
     assert code == 2 and "--links" in err
-
-
-def test_a_check_that_fails_exits_with_one(flexfem, monkeypatch):
-    finding = Finding("patch", "somebody", "stress", 1.0, 2.0, 0.1, unknowns=9)
-    monkeypatch.setattr(
-        "flexfem.reports.validation.run_benchmarks", lambda *_: registry.BenchmarkTable([finding], {"patch": 0.1})
-    )
-    code, out, _ = flexfem("benchmark")
-    assert code == 1 and "FAILED" in out and "passed: False" in out
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ MEASURED += "ktt_n_mm_per_rad = 3.28e4\nktt_sd_n_mm_per_rad = 160.0\n"
 ASKED = {
     "converge": (STAGE, "--level", 2, "--level", 3, "--level", 4),
     "budget": (STAGE, "--plane"),
-    "benchmark": ("--name", "elastica", "--name", "tangent"),
     "modes": (STAGE, "--resolution", 4, "--count", 1, "--drives", "engaged"),
     "command": (STAGE, "--pose", 2e-3, 0, 0, "--analytic"),
     "experiment": (STAGE, FIXTURE, "--resolution", 3),

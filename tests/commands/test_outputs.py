@@ -82,7 +82,6 @@ WRITTEN: list[tuple[str, str, list[Any], tuple[str, ...], tuple[str, ...]]] = [
     ("claims", "output", ["claims.toml"], ("claims.json", "claims.md"), ("claims.toml", *OWN)),
     ("plot", "output", ["design.json"], ("design.png", "design-front.pdf"), ("design.json", *OWN)),
     ("design", "output", ["w.toml"], ("w-stage.toml", "w-design.json", "w-design.pdf"), ("w.toml", *STAGE)),
-    ("benchmark", "output", ["--name", "elastica"], ("benchmarks.md", "elastica.png"), OWN),
     ("formulas", "output", [], ("hinge-chart.png", "hinge-thickness.pdf"), OWN),
     ("schema", "output", [], ("flexfem-stage.schema.json", "flexfem-case.schema.json"), OWN),
     (

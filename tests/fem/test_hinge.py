@@ -16,8 +16,9 @@ from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.fem.problem import meshed
 from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.mechanism.bodies import Face, Segment, area
-from flexfem.validate.holes import differences
 from flexfem.verify.errors import grid_convergence
+
+from ..validation.hinge import differences
 
 sample = cache(sample_anew)  # of the same hinges by several tests
 COARSE = (2, 3, 4)  # levels of the quick tests

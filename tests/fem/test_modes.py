@@ -34,9 +34,9 @@ from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY as DENSITY_UNIT
-from flexfem.validate.vibrating import tapered
 from flexfem.verify.modes import payload_of, vibration
 
+from ..validation.vibration import tapered
 from .conftest import GEOMETRY
 
 PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12

@@ -39,7 +39,8 @@ from flexfem.fem.tangent import (
 )
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
-from flexfem.validate.bending import PRINTED, tip
+
+from ..validation.large import PRINTED, tip
 
 BEAM = 3e-5  # a bar 400 times as long as high is a Bernoulli beam to (h/L)^2, and its mesh is as fine
 ROUND_OFF = 1e-9  # of the largest entry: Newton's last step, and differences of strains near rounding

@@ -18,7 +18,8 @@ from flexfem.fem.sectors import Sector, joined, mesh_sectors
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress
 from flexfem.fem.solid_response import solid_response
 from flexfem.mechanism.stage import Stage
-from flexfem.validate.wedges import curved_cells, unsupported
+
+from ..validation.consistency import curved_cells, unsupported
 
 SAME = 1e-9  # relative; the same equations by another route, both refined until their balances hold
 E, NU, B = 68300.0, 0.29, 9.7
@@ -49,7 +50,7 @@ def unlike_mesh(unlike: Any) -> Meshed:
 
 def test_an_unsupported_solid_has_six_rigid_motions_and_no_other_without_energy() -> None:
     mesh = curved_cells()
-    free, K = unsupported(mesh, np.array([-0.4, 0.3, 1.1]))
+    free, K = unsupported(mesh, layered(np.array([-0.4, 0.3, 1.1])))
     energies = np.linalg.eigvalsh(K.toarray())
     assert np.all(np.abs(energies[:6]) < 1e-12 * energies[-1])
     assert energies[6] > 1e-6 * energies[-1]
@@ -61,7 +62,7 @@ def test_an_unsupported_solid_has_six_rigid_motions_and_no_other_without_energy(
 
 def test_the_stiffness_and_the_forces_are_of_the_same_energy() -> None:
     mesh = curved_cells()
-    free, K = unsupported(mesh, np.array([-0.4, 0.3, 1.1]))
+    free, K = unsupported(mesh, layered(np.array([-0.4, 0.3, 1.1])))
     fields = np.random.default_rng(5).normal(size=(2, len(mesh.nodes), 5, 3))
     motion = free.loads(fields)[:-3]
     np.testing.assert_allclose(free.loads(free.forces(fields))[:-3], K @ motion, atol=1e-12 * E)

@@ -17,7 +17,8 @@ from flexfem.fem.solid import solid
 from flexfem.fem.solid_fields import solid_nodal_stress
 from flexfem.fem.solid_heat import free_solid, warm_half, warm_whole
 from flexfem.fem.solid_response import solid_response
-from flexfem.validate.vibrating_solids import third
+
+from ..validation.vibration import third
 
 Bar = Callable[[float, float, int, int], StageMesh]
 E, NU, B = 68e3, 0.29, 3.7

@@ -18,7 +18,8 @@ from flexfem.fem.sectors import joined, mesh_sectors
 from flexfem.fem.solid import sheet_of, solid
 from flexfem.fem.solid_modes import solid_mass, solid_modes, whole_modes
 from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
-from flexfem.validate.vibrating_solids import third
+
+from ..validation.vibration import third
 
 PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12
 FLAT = mirrored(3.7, 1, 0.8)

@@ -21,7 +21,6 @@ from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.reports.modes import reduced
 from flexfem.study.statistics import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
-from flexfem.validate.bending import Elastica, Remainders
 from flexfem.verify.fixture import Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
 from flexfem.verify.measured import MeasuredSlopes
@@ -47,11 +46,6 @@ def study_map() -> StudyMap:
 def front() -> ParetoFront:
     chosen = [Chosen(2, outline_of(flexfem.load(STAGE)), ["K: 1"])]
     return ParetoFront(CAPTION, X, Y, "larger", "larger", POINTS, np.array([2, 1, 0]), np.array([3]), chosen, ["none"])
-
-
-def elastica() -> Elastica:
-    shapes, line = np.linspace(0.0, 1.0, 20).reshape(1, 10, 2).repeat(5, axis=0), np.linspace(0.0, 0.8, 5)
-    return Elastica(LOADS, line, line / 2, shapes, LOADS, line, line / 2, 99)
 
 
 @cache
@@ -129,7 +123,6 @@ DRAWN: dict[str, Any] = {
     "plot_displacement": lambda made: (made.fields(),),
     "plot_drift": lambda made: (flexfem.drift(flexfem.load(STAGE), models="elements", resolution=4), "gradient in x"),
     "plot_drive": lambda made: (driven(), flexfem.load(STAGE)),
-    "plot_elastica": lambda made: (elastica(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
     "plot_forces": lambda made: (driven(),),
     "plot_formulas": lambda made: (hinge_review(), "axial"),
@@ -151,11 +144,9 @@ DRAWN: dict[str, Any] = {
     "plot_push": lambda made: (pushed(), "theta"),
     "plot_region": lambda made: (identified(),),
     "plot_remains": lambda made: (pushed(), "y"),
-    "plot_remainders": lambda made: (Remainders(STEPS, STEPS, STEPS, STEPS**2, 99),),
     "plot_response": lambda made: (responding(), "theta", "load", "phase"),
     "plot_section": lambda made: (reached(),),
     "plot_sensitivity": lambda made: (designed(), "b"),
-    "plot_shapes": lambda made: (elastica(),),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
     "plot_solid_mode": lambda made: (annular_vibration(), 2),

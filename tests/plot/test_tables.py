@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.commands.plain import plain
 from flexfem.commands.progress import print_status
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
-from flexfem.validate.compare import CrossCheck
-from flexfem.validate.records import Check, Finding
-from flexfem.validate.registry import BenchmarkTable, markdown_page
 from flexfem.verdicts.page import markdown_claims
 from flexfem.verdicts.records import ClaimsReport, Verdict
 from flexfem.verify.alternatives import Alternative, markdown_alternatives
@@ -253,70 +249,6 @@ def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypat
     code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
     assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
     assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
-
-
-def test_a_cross_check_says_what_is_allowed_and_what_is_too_far(cells):
-    checks = (Check("pose", 2.5e-9, 1e-8), Check("stress", 3.5e-3, 1e-6), Check("thickness", 4.5e-2, None))
-    found = CrossCheck(
-        *(
-            "",
-            "S",
-            "",
-            "ngsolve",
-            "6.2",
-            21,
-            42,
-            None,
-            None,
-            ("in plane", "out of plane"),
-            np.array([131.5, 7214.25]),
-            np.array([131.5, 7214.2572]),
-            checks,
-        ),
-        seconds=1.25,
-        their_seconds=3.5,
-        **DOUBTS,
-    )
-    rows = cells(comparisons.print_cross_check, found)
-    at = rows.index(["largest relative difference", "is", "allowed"])
-    assert rows[at + 1 : at + 4] == [
-        ["pose", "2.5e-09", "1.0e-08"],
-        ["stress", "3.5e-03", "1.0e-06", "TOO FAR"],
-        ["thickness", "4.5e-02", "only stated"],
-    ]
-    assert rows[at + 4] == ["1.25 s here, 3.50 s there; passed: False"]
-    assert rows[0] == ["S: 42 unknowns, flexfem against ngsolve 6.2"]
-    assert rows[1:4] == [
-        ["mode", "flexfem (Hz)", "ngsolve (Hz)", "relative difference"],
-        ["in plane", "131.5", "131.5", "0.0e+00"],
-        ["out of plane", "7214.25", "7214.2572", "1.0e-06"],
-    ]
-
-
-FINDINGS = [
-    Finding("one", "Source A", "stress", 92.5, 93.75, 2.5, 0.25, 777, "a note"),
-    Finding("two", "Source B", "order", 3.0, 2.5, 0.125, 0.0, 888),
-]
-
-
-def test_benchmarks_have_target_and_ours_in_their_columns(cells):
-    table = BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0})
-    assert [(f["difference"], f["passed"]) for f in plain(table)["findings"]] == [(1.25, True), (-0.5, False)]
-    rows = cells(comparisons.print_benchmarks, table)
-    at = rows.index(["benchmark", "quantity", "target", "ours", "off by", "allowed"])
-    assert rows[at + 1] == ["one", "stress", "92.5", "93.75", "1.2", "2.5"]
-    assert rows[at + 2] == ["two", "order", "3", "2.5", "-0.5", "0.12", "FAILED"]
-    assert rows[at + 3] == ["2 findings in 7 s; passed: False"]
-
-
-def test_the_page_of_benchmarks_has_relative_differences_in_per_cent():
-    page = markdown_page(BenchmarkTable(FINDINGS, {"one": 2.0, "two": 5.0})).splitlines()
-    head = "| benchmark | quantity | target | ± | ours | difference | allowed | unknowns | |"
-    at = page.index(head)
-    assert page[at + 2] == "| one | stress | 92.5 | 0.25 | 93.75 | +1.2e+00 (+1.35 %) | 2.5 | 777 | passed |"
-    assert page[at + 3] == "| two | order | 3 | exact | 2.5 | -5.0e-01 (-16.67 %) | 0.12 | 888 | **FAILED** |"
-    assert "1 of 2 failed, in 7 s." in page[2]
-    assert "- one: Source A." in page and "- one, stress: a note." in page
 
 
 def test_verdicts_and_alternatives_are_printed_along_and_across(cells):

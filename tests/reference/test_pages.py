@@ -1,4 +1,4 @@
-"""Reference pages and the verification manual: what is generated says what the models and the findings say."""
+"""Reference pages: what is generated says what the models say."""
 
 from __future__ import annotations
 
@@ -18,9 +18,6 @@ from flexfem.reference.pages import PAGES, page
 from flexfem.refused import BadInput
 from flexfem.study.meanings import MEANINGS
 from flexfem.study.outputs import outputs_of
-from flexfem.validate.manual import VERIFIES, manual
-from flexfem.validate.records import Finding
-from flexfem.validate.registry import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
 EVERY = outputs_of(True, True, True, True, True, (True, True, True), True)
@@ -86,23 +83,6 @@ def test_every_output_of_a_study_has_a_meaning():
 def test_the_page_of_stages_names_the_registered_materials():
     listed = (ROOT / "geometry/README.md").read_text().partition("Materials known by name**")[2].partition("\n\n")[0]
     assert set(re.findall(r"`([a-z]+-[\w-]+)`", listed)) == set(materials())
-
-
-def test_the_manual_has_a_section_for_every_problem_with_its_numbers_and_source():
-    assert list(VERIFIES) == list(BENCHMARKS)
-    found = [
-        Finding("Cook's membrane", "a paper", "displacement", 23.96, 23.9625, 0.01, 0.005, 4321, "on the finest mesh"),
-        Finding("tangent stiffness", "Taylor", "order", 2.0, 2.2, 0.1),
-    ]
-    text = manual({"cook-membrane": found[:1], "tangent": found[1:]}, {"tangent": "tangent.png"})
-    first, second = text.partition("## Tangent stiffness")[::2]
-    assert (
-        "1 of 2 fail within" in first
-        and "| displacement | 23.96 | 0.005 | 23.9625 | +2.5e-03 | 0.01 | 4321 | |" in first
-    )
-    assert "- Source: a paper.\n\n- displacement: on the finest mesh." in first and "![" not in first
-    assert "| order | 2 | exact | 2.2 | +2.0e-01 | 0.1 | | **fails** |" in second
-    assert "Verifies that the tangent is the derivative" in second and second.endswith("](tangent.png)\n")
 
 
 def test_the_page_of_commands_has_every_command_with_its_options(tmp_path):

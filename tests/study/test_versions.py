@@ -75,7 +75,7 @@ def test_what_an_answer_loads_counts_and_what_shows_it_does_not() -> None:
     paths = {Path(each).relative_to(ROOT / "flexfem").as_posix() for each in loaded}
     assert {"fem/factor.py", "hinges/formulas.py", "study/sampling.py"} <= paths
     assert {path for path in paths if not counts(path)} == set()
-    for path in ("commands/cli.py", "plot/style.py", "study/run.py", "validate/beams.py", "verify/alternatives.py"):
+    for path in ("commands/cli.py", "plot/style.py", "study/run.py", "verify/alternatives.py"):
         assert (ROOT / "flexfem" / path).exists() and not counts(path), path
     assert counts("data/hinge_chart.json") and counts("fem/mesher.py") and counts("study/parts.py")
     assert counts("study/content.py") and counts("verify/questions.py")

@@ -1,0 +1,117 @@
+"""One stage in one table: how far it may go in each direction, what that takes, and how far its drive reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexfem.analytic.model import model_of
+from flexfem.arrays import Array
+from flexfem.mechanism.stage import Stage
+from flexfem.questions.setup import DEFAULT, Analytic, Models
+from flexfem.questions.stiffness import MOTION, OWN_STIFFNESS, PER_MOTION, WRENCH, stiffness
+from flexfem.refused import ComputationFailed
+from flexfem.results import COARSER, SOLVED, STRESS, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS, PLANES
+from flexfem.verify.reach import reach
+
+
+class Summary(Result):
+    """Stiffness, range at yield, force and stress by direction, and the ranges of the drive."""
+
+    title = "summary"
+    columns = ()
+    reading = (
+        "range at yield: the other directions held, until the first neck yields; the force is along the displacement",
+        "drive: with the other directions held at zero, or free",
+    )
+    stiffness = Quantity("stiffness, the others held", OWN_STIFFNESS, ("direction", "model"), COARSER)
+    free = Quantity("stiffness, the others free", OWN_STIFFNESS, ("direction", "model"), COARSER)
+    yield_range = Quantity("range at yield, ±", MOTION, ("direction", "model"), STRESS, prefixed=True)
+    yield_force = Quantity("force there", WRENCH, ("direction", "model"), STRESS)
+    stress = Quantity(
+        "neck stress per displacement", PER_MOTION, ("direction", "model", "chain", "hinge"), STRESS, "all",
+        largest=("chain", "hinge"),
+    )  # fmt: skip
+    thickness = Quantity("change of stiffness by three-dimensional hinges", "percent", ("direction",))
+    held_low = Quantity("drive, others held, from", MOTION, ("direction",), SOLVED, prefixed=True)
+    held_high = Quantity("to", MOTION, ("direction",), SOLVED, prefixed=True)
+    free_low = Quantity("others free, from", MOTION, ("direction",), SOLVED, prefixed=True)
+    free_high = Quantity("to ", MOTION, ("direction",), SOLVED, prefixed=True)
+
+
+def summary(
+    stage: Stage,
+    *,
+    models: Models = "both",
+    analytic: Analytic = DEFAULT,
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """How far a stage may go in each direction before a neck yields, the force that takes, and what its drive reaches.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+    models : {"both", "analytic", "elements"}
+        The models that answer.
+    analytic : Analytic
+        The analytic model.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    layers : int, optional
+        Three dimensions with so many layers in half the thickness, from 3.
+    progress : callable, optional
+        Called with a line whenever a part is done.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    BadInput, ComputationFailed
+        As `flexfem.stiffness`.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.summary(flexfem.load("geometry/mobility6.toml"), models="analytic")
+    >>> float(found.at("yield_range", direction="x", model="analytic").round(3))  # mm
+    0.641
+    """
+    found = stiffness(stage, models=models, analytic=analytic, resolution=resolution, layers=layers, progress=progress)
+    values, bands = dict[str, Array](), dict[str, Array]()
+    for target, source in ((values, found.values), (bands, found.bands)):
+        for name in ("free", "yield_range", "yield_force", "stress"):
+            if name in source:
+                target[name] = np.moveaxis(source[name], -1, 0)
+        if "stiffness" in source:
+            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+    if "thickness" in found.values:
+        values["thickness"] = found.thickness
+    warnings, notes = list(found.warnings), list(found.notes)
+    if stage.actuator:
+        try:
+            of_drive = reach(stage, np.zeros(3), model_of(*analytic))
+        except ComputationFailed as failure:
+            warnings.append(str(failure))
+        else:
+            ranges = [of_drive.ranges[direction] for direction in DIRECTIONS]
+            for name, extents in (("held", [each.held for each in ranges]), ("free", [each.free for each in ranges])):
+                for end in ("low", "high"):
+                    values[f"{name}_{end}"] = np.array([np.nan if e is None else getattr(e, end) for e in extents])
+            warnings += of_drive.warnings
+    sources = stage.sources
+    by_source: dict[str, list[str]] = {}
+    for key in (key for key in stage.numbers if key.startswith("material")):
+        by_source.setdefault(sources[key] or "not stated", []).append(key)
+    notes += [f"{', '.join(keys)}: {source}" for source, keys in by_source.items()]
+    settings = {
+        "mobility": stage.mobility,
+        "plane problem": PLANES[stage.model],
+        "yield strength": f"{stage.material.yield_strength:g} MPa",
+    }
+    axes = {"model": found.axes["model"]}
+    return Summary(found.about, values, bands, axes, settings | found.settings, list(dict.fromkeys(warnings)), notes)
