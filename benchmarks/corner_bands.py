@@ -43,7 +43,7 @@ from flexfem.study.outputs import (
 )
 from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.corners import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.verify.driven_models import metal_answers
+from flexfem.questions.drive import element_ranges
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
 
@@ -148,7 +148,7 @@ def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     found, mesh = ask_elements(stage, resolution, clock, repeated=REPEATED), elements(stage, resolution, clock).mesh
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
-    found = found._replace(drives=metal_answers(stage, mesh), drift=rates_of(poses[None]))
+    found = found._replace(drives=element_ranges(stage, mesh), drift=rates_of(poses[None]))
     return values_of(found, None)[0], poses
 
 

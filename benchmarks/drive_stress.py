@@ -20,8 +20,8 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, stresses
+from flexfem.questions.driven import commands_for, moved
+from flexfem.questions.drive import commanding, driven_metal, element_stresses, stresses
 
 CRITERIA = ("least energy", "least stroke")
 MODELS = {

@@ -20,8 +20,8 @@ from flexfem.mechanism.contacts import middle_at, tangent_at
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import commanding, driven_metal, engaged_stiffness, push_spread
+from flexfem.questions.driven import commands_for, moved
+from flexfem.questions.drive import commanding, driven_metal, engaged_stiffness, push_spread
 
 CARRIERS = ("frame", "link 2")
 

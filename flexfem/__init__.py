@@ -43,30 +43,24 @@ if TYPE_CHECKING:
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.drive import drive as drive
     from flexfem.questions.heat import drift as drift
+    from flexfem.questions.large import large as large
+    from flexfem.questions.life import life as life
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports.drive import command as command
-    from flexfem.reports.drive import reach as reach
-    from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.experiment import experiment as experiment
     from flexfem.reports.experiment import identify as identify
-    from flexfem.reports.life import life as life
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
     from flexfem.reports.modes import vibration as vibration
     from flexfem.reports.modes import vibration_solid as vibration_solid
-    from flexfem.reports.part import export as export
-    from flexfem.reports.part import new_stage as new_stage
-    from flexfem.reports.part import schema_of as schema_of
-    from flexfem.reports.part import view as view
     from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
-    from flexfem.reports.stage import mesh as mesh
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
     from flexfem.reports.verification import claims as claims
@@ -81,6 +75,12 @@ if TYPE_CHECKING:
     from flexfem.verify.hinges import hinge_review as hinge_review
     from flexfem.verify.hinges import known_formulas as known_formulas
     from flexfem.verify.hinges import thickness_review as thickness_review
+    from flexfem.workshop import export as export
+    from flexfem.workshop import hinge_formulas as hinge_formulas
+    from flexfem.workshop import mesh as mesh
+    from flexfem.workshop import new_stage as new_stage
+    from flexfem.workshop import schema_of as schema_of
+    from flexfem.workshop import view as view
 
 
 __version__ = "0.1.0"
@@ -97,16 +97,18 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
     "hinges.strength": ("Basquin", "fit_basquin"),
     "hinges.formulas": ("formulas", "register_formula"),
-    "reports.drive": ("command", "reach", "workspace"),
+    "questions.drive": ("drive",),
+    "questions.large": ("large",),
+    "questions.reach": ("reach",),
     "reports.experiment": ("experiment", "identify"),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
     "questions.summary": ("summary",),
-    "reports.life": ("life",),
+    "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
-    "reports.part": ("export", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check", "mesh"),
+    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
+    "reports.stage": ("as_built", "check"),
     "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
@@ -20,6 +21,7 @@ import typer
 from typer.core import TyperGroup
 
 import flexfem
+from flexfem.terminal import people, working
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -32,8 +34,13 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
-MADE = ("summary", "stiffness", "drift")  # commands that are made from the signature of the function of the same name
+MADE = {  # commands made from signatures, and the functions behind them
+    "new": "new_stage",
+    "formulas": "hinge_formulas",
+    **{name: name for name in ("check", "view", "summary", "stiffness", "drift", "life", "export", "mesh")},
+}
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
+OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
 
 
@@ -69,15 +76,16 @@ class Commands(TyperGroup):
         """The first line of a command's docstring, read without importing its module."""
         if name not in MADE:
             return str(self.commands[name].get_short_help_str(400))
-        source = (Path(__file__).parent / f"{flexfem.home_of(name).replace('.', '/')}.py").read_text()
-        first = rf'^def {name}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
+        function = MADE[name]
+        source = (Path(__file__).parent / f"{flexfem.home_of(function).replace('.', '/')}.py").read_text()
+        first = rf'^def {function}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
         found = re.search(first, source, re.DOTALL | re.MULTILINE)
         return " ".join(found[1].split()) if found else ""
 
 
 def command(name: str) -> Any:
     """The command of a function that `flexfem` offers."""
-    function = getattr(flexfem, name.replace("-", "_"))
+    function = getattr(flexfem, MADE[name])
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(name, help=_about(function.__doc__))(_runner(name, function))
     return typer.main.get_command(app)
@@ -86,12 +94,14 @@ def command(name: str) -> Any:
 def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     """A function with the options of a command as its signature, which runs it and shows what it gives."""
     options = list(_options(function))
+    own = any(each.name == "output" for each in options)  # the function writes itself
 
     def run(**given: Any) -> None:
-        as_json, folder = given.pop("json"), given.pop("output", None)
-        show(name, *_called(name, function, given), as_json, folder)
+        as_json = given.pop("json")
+        folder = None if own else given.pop("output")
+        show(*_called(name, function, given), as_json, folder)
 
-    parameters = [*options, _json_option(), *([] if any(o.name == "output" for o in options) else [_output_option()])]
+    parameters = [*options, _json_option(), *([] if own else [_output_option()])]
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {each.name: each.annotation for each in parameters}
     return run
@@ -102,7 +112,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
     hints, texts = get_type_hints(function), parameters(function.__doc__)
     for name, one in inspect.signature(function).parameters.items():
         hint = hints[name]
-        if name == "progress":
+        if name in OF_PYTHON:
             continue
         if name == "stage":
             about = typer.Argument(help="Stage file, see flexfem schema stage.", metavar="STAGE")
@@ -111,7 +121,11 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             fields = parameters(hint.__doc__)
             for field, annotation in get_type_hints(hint).items():
                 yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
-        elif one.default is inspect.Parameter.empty:
+        elif name == "output":
+            callback = _usable if one.default is None else None
+            option = typer.Option("--output", "-o", callback=callback, help=texts[name])
+            yield _parameter(name, Annotated[hint, option], one.default)
+        elif one.default is one.empty and one.kind is not one.KEYWORD_ONLY:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
             yield _parameter(
@@ -123,7 +137,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
 
 def _option(name: str, hint: Any, text: str) -> Any:
     flag = f"--{name.replace('_', '-')}"
-    return Annotated[hint, typer.Option(flag, *(["-o"] if name == "output" else []), help=text)]
+    return Annotated[hint, typer.Option(flag, help=text)]
 
 
 def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -158,7 +172,7 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
         if parameter.name == "stage":
             path = given["stage"]
             arguments["stage"], stem = load_feasible(path), f"{path.stem}-{name}"
-        elif parameter.name == "progress":
+        elif parameter.name in OF_PYTHON:
             continue
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
@@ -168,67 +182,109 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             arguments[parameter.name] = given[parameter.name]
     if "progress" not in hints:
         return function(*positional, **arguments), stem
-    from flexfem.terminal import working
-
     with working(name) as say:
         return function(*positional, **arguments, progress=say), stem
 
 
-def show(name: str, found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
+def show(found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
     """Print what a command found, and write its document, figure and fields where a folder is given."""
     from flexfem.results import Result
 
-    assert isinstance(found, Result)
-    if folder is not None:
+    if isinstance(found, Result) and folder is not None:
         write(found, folder / f"{stem}.json")
     if as_json:
-        print(json.dumps(found.to_dict(), indent=1, allow_nan=False))
-    else:
+        print(json.dumps(found.to_dict() if isinstance(found, Result) else plain(found), indent=1, allow_nan=False))
+    elif isinstance(found, Result):
         print_result(found)
+    else:
+        print_record(found)
+
+
+def plain(value: Any) -> Any:
+    """Named tuples, paths and arrays as plain data; a number that is not finite is None."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value.tolist() if hasattr(value, "tolist") else value
 
 
 def write(found: Any, path: Path) -> list[Path]:
-    """Write the document of a result, its fields as VTU or its figure beside it; returns the paths.
+    """Write the document of a result, its figures and its fields beside it; returns the paths.
 
     Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
     """
     from flexfem.files.inputs import require_unread
 
-    fields = hasattr(found.fields, "write")
-    endings = (".vtu",) if fields else (".png", ".pdf") if found.figure else ()
-    require_unread(*(path.with_suffix(ending) for ending in (".json", *endings)))
-    found.write(path)
-    if fields:
-        return [path, found.fields.write(path)]
-    if not found.figure or (found.drawn_from_fields and found.fields is None):
-        return [path]
-    from flexfem.plot.write import write_beside
+    require_unread(*(path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")))
+    paths = [found.write(path)]
+    if found.figure and (found.fields is not None or not found.drawn_from_fields):
+        from flexfem.plot.write import write_beside
 
-    module, _, draw = found.figure.rpartition(".")
-    return [path, *write_beside(path, getattr(import_module(f"flexfem.plot.{module}"), draw)(found))]
+        module, _, draw = found.figure.rpartition(".")
+        drawn = getattr(import_module(f"flexfem.plot.{module}"), draw)(found)
+        for ending, one in (drawn if isinstance(drawn, dict) else {"": drawn}).items():  # figures, or what writes one
+            beside = path.with_name(f"{path.stem}{ending}{path.suffix}")
+            paths += one(beside) if callable(one) else write_beside(beside, one)
+    return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
 
 
 def print_result(found: Any) -> None:
     """Print the heading, the tables, how they are read, warnings, and how many numbers are in doubt."""
-    from rich.table import Table
-
-    from flexfem.mechanism.stage_file import doubts_said
-    from flexfem.terminal import people
-
     out = people()
     out.print(found.heading())
     for table in found.tables():
-        shown = Table(*table.head, box=None, padding=(0, 2, 0, 0), show_header=any(table.head))
-        for row in table.rows:
-            shown.add_row(*row)
         if table.caption:
             out.print(f"{table.caption}:")
-        out.print(shown)
+        out.print(_table(table.head, table.rows))
     for text in found.sentences():
         out.print(text)
-    for text in found.warnings:
+    _print_doubts(out, found.warnings, found.about.assumed, found.about.not_stated)
+
+
+def print_record(found: Any) -> None:
+    """Print a named tuple: a line for each field, a table for a list of named tuples, keys with equal texts are one."""
+    out, fields = people(), found._asdict()
+    doubts = [fields.pop(name, []) for name in ("warnings", "assumed", "not_stated")]
+    for name, value in fields.items():
+        title = name.replace("_", " ")
+        if isinstance(value, list) and value and hasattr(value[0], "_fields"):
+            rows = [[_text(part) for part in one] for one in value]
+            out.print(f"{title}:")
+            out.print(_table([field.replace("_", " ") for field in value[0]._fields], rows))
+        elif isinstance(value, dict):
+            for text in dict.fromkeys(map(_text, value.values())):
+                out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
+        elif value not in (None, "", [], False):
+            out.print(f"{title}: {_text(value)}")
+    _print_doubts(out, *doubts)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_text, value))
+    return f"{value:.8g}" if isinstance(value, float) else str(value)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> Any:
+    from rich.table import Table
+
+    shown = Table(*head, box=None, padding=(0, 2, 0, 0), show_header=any(head))
+    for row in rows:
+        shown.add_row(*row)
+    return shown
+
+
+def _print_doubts(out: Any, warnings: list[str], assumed: list[str], not_stated: list[str]) -> None:
+    from flexfem.mechanism.stage_file import doubts_said
+
+    for text in warnings:
         out.print(f"warning: {text}")
-    for text in doubts_said(found.about.assumed, found.about.not_stated):
+    for text in doubts_said(assumed, not_stated):
         out.print(f"{text}: --json lists them")
 
 

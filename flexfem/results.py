@@ -346,7 +346,7 @@ class Result:
         for name, each in data["quantities"].items():
             for part, found in parts.items():
                 if part in each:
-                    array = np.array(each[part], dtype=float)  # null becomes nan
+                    array = np.array(_numbers(each[part]), dtype=float)
                     found[name] = array / cls.quantities[name].factors(array.shape)
         about = About(**{key: data[key] for key in About._fields})
         rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
@@ -359,7 +359,7 @@ class Result:
         texts: dict[str, Any] = {"type": "array", "items": text}
         quantities: dict[str, Any] = {}
         for name, one in cls.quantities.items():
-            values: dict[str, Any] = {"type": ["number", "null"]}
+            values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
             properties = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
@@ -412,6 +412,14 @@ class Result:
         if not over and not spread:  # one number each: a list
             rows = [[one.meaning, self._cell(one, self._shown(one, (), ())[0], plain, True)] for one in group]
             return TextTable(["", ""], rows, 1)
+        if over == ("model",) and not spread and len(group) > 3:  # a row for each quantity, a column for each model
+            models = self.axes["model"]
+            rows = []
+            for one in group:
+                cells = [self._cell(one, self._shown(one, over, (k,))[0], plain, True) for k in range(len(models))]
+                more = self._differences(one, over, (len(models) - 1,)) if len(models) > 1 else []
+                rows.append([one.meaning, *cells, *more])
+            return TextTable(["", *models, *(["difference (%)"] if len(models) > 1 else [])], rows, 1)
         if not spread:  # a column for each quantity
             head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
             return TextTable(head, self._rows(over, group, plain), len(over))
@@ -583,7 +591,15 @@ def _name(unit: Unit, plain: bool) -> str:
 
 def _nested(values: Array) -> Any:
     """An array as nested lists, None where a number is not finite."""
-    return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload]
+    plain = np.where(np.isnan(values), None, values)  # type: ignore[call-overload]
+    return np.where(np.isinf(values), "unlimited", plain).tolist()
+
+
+def _numbers(value: Any) -> Any:
+    """Nested lists of a document with nan for null and inf for "unlimited"."""
+    if isinstance(value, list):
+        return [_numbers(each) for each in value]
+    return np.nan if value is None else np.inf if value == "unlimited" else value
 
 
 def _lists(value: Any) -> Any:

@@ -32,7 +32,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("plot", "reference"),
     ("models",),
     ("api", "study_answers"),
-    ("reports", "studies", "designs"),
+    ("reports", "studies", "designs", "workshop"),
     ("page",),
     ("terminal",),
     ("cli",),

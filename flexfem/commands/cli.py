@@ -18,11 +18,9 @@ from flexfem.commands import (
     design,
     drive,
     experiment,
-    life,
     modes,
     page,
-    part,
-    stage,
+    reference,
     study,
     validation,
     verification,
@@ -35,9 +33,10 @@ USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has 
 CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
-for group in (part, page, stage, design, drive, life, modes, experiment, verification, validation):
+for group in (page, design, drive, modes, experiment, verification, validation):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
+app.command()(reference.schema)
 
 
 def _print_version(wanted: bool) -> None:

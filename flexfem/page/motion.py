@@ -14,12 +14,12 @@ from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
 from flexfem.plot.text import significant
 from flexfem.plot.workspace import workspace_figure
-from flexfem.units import COMMANDS, STRESS, UNITS, Unit
+from flexfem.units import COMMANDS, UNITS, Unit
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
     from flexfem.questions.heat import Drift
-    from flexfem.verify.life import Life, Witness
+    from flexfem.questions.life import Life
     from flexfem.verify.modes import Vibration
     from flexfem.verify.pose_set import Extent
     from flexfem.verify.reach import Reach
@@ -89,21 +89,6 @@ def workspace_section(found: Workspace) -> PageSection:
 
 
 def life_section(found: Life) -> PageSection:
-    """Cycles that the necks bear at the amplitude that was asked."""
-    rows = [_life(each) for each in (found.analytic, found.elements) if each is not None]
-    head = ["model", "first neck", f"equivalent stress ({STRESS})", "cycles", "from", "to", "yield over stress"]
-    data = table(head, rows, numbers=5, sortable=False)
-    figure = shown_figure("life-figure", lambda: life_figure(found), "The S-N curve of the metal with the necks on it.")
-    return PageSection("life", "Fatigue life", data + figure + notes(found.warnings))
-
-
-def _life(of: Witness) -> list[str]:
-    neck = of.necks[of.first]
-    cycles = ["endless" if value is None else significant(value, 3) for value in (of.cycles, of.fewest, of.most)]
-    return [
-        of.model,
-        f"{neck.hinge} hinge, chain {neck.chain}",
-        significant(neck.equivalent),
-        *cycles,
-        significant(of.safety, 3),
-    ]
+    """Cycles of the necks, and the S-N curve with the necks on it."""
+    figure = shown_figure("life-figure", lambda: life_figure(found), "The S-N curve of the material with the necks.")
+    return PageSection("life", "Fatigue life", Markup(found.to_html()) + figure)

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
+from markupsafe import Markup
 
 from flexfem import api
-from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.analytic.responses import require_expansion
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage_file import located
 from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
-from flexfem.questions import heat
-from flexfem.reports import drive, life, modes, verification
-from flexfem.reports.stage import stiffness, summary
+from flexfem.questions import heat, life
+from flexfem.questions.stiffness import stiffness
+from flexfem.questions.summary import summary
+from flexfem.reports import drive, modes, verification
+from flexfem.results import Result
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -40,25 +41,19 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         if "drift" in sections:
             require_expansion(stage)
 
-    def elements() -> PageSection:
-        both = summary(stage, elements=True)
-        assert both.elements is not None
-        own = stiffness(stage, formula=DEFAULT_FORMULA).stiffness
-        return answers.elements_section(api.solve(stage), both.elements, api.errors(stage), own)
-
     def driven() -> PageSection | None:
         return motion.drive_section(drive.reach(stage, resolution=None), drive_table(found)) if stage.actuator else None
 
     makers: dict[str, Callable[[], PageSection | None]] = {
-        "analytic": lambda: answers.analytic_section(stiffness(stage), summary(stage)),
-        "elements": elements,
+        "analytic": lambda: table_section("analytic", "Analytic model", stiffness(stage, models="analytic")),
+        "elements": lambda: table_section("elements", "Finite elements", summary(stage)),
         "budget": lambda: answers.budget_section(verification.budget(stage, three_dimensional=False)),
         "stress": lambda: answers.stress_section(stage, api.solve(stage)),
         "drive": driven,
         "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
         "modes": lambda: motion.modes_section(modes.vibration(stage)),
         "drift": lambda: motion.drift_section(heat.drift(stage)),
-        "life": lambda: motion.life_section(life.life(stage, np.asarray(amplitude))),
+        "life": lambda: motion.life_section(life.life(stage, amplitude=amplitude)),  # type: ignore[arg-type]
     }
     wanted = [name for name in makers if name in sections and (name != "drive" or stage.actuator)]
     return [
@@ -67,3 +62,8 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         *((name, makers[name]) for name in wanted),
         ("sources", lambda: provenance_section(stage, found)),
     ]
+
+
+def table_section(name: str, title: str, found: Result) -> PageSection:
+    """A section with the tables of a result."""
+    return PageSection(name, title, Markup(found.to_html()))

@@ -18,9 +18,9 @@ from flexfem.mechanism.stage_file import doubts_said
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
 from flexfem.page.stored_claims import is_claims, read_claims
+from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
-from flexfem.reports.life import checked_amplitude
 from flexfem.studies import REPORTS
 from flexfem.verify.result import stamp, versions
 

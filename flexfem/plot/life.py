@@ -9,13 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from flexfem.hinges.strength import Basquin
+from flexfem.arrays import Array
+from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.plot.curves import COLOURS
 from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import scientific, significant
-from flexfem.units import COMMANDS, STRESS
-from flexfem.verify.life import Life, Witness
-from flexfem.verify.result import Triple
+from flexfem.questions.life import Life
+from flexfem.results import ANALYTIC
+from flexfem.units import STRESS
 
 WIDTH, HEIGHT = 9.0, 5.2  # in
 SHOWN = 1e14  # cycles; necks beyond are not drawn, but counted: no such life is ever seen
@@ -26,54 +27,52 @@ HINGES = {"base": "s", "elbow": "o", "platform": "^"}
 @in_house_style
 def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
-    title = f"{found.name}: fatigue life of the necks"
-    figure, (axes,) = panels((WIDTH, HEIGHT), title, _lines(found), 1, 1, (found.assumed, found.not_stated))
+    of = found.about
+    title = f"{of.name}: fatigue life of the necks"
+    figure, (axes,) = panels((WIDTH, HEIGHT), title, _lines(found), 1, 1, (of.assumed, of.not_stated))
     plot_life(axes, found)
     return figure
 
 
 def _lines(found: Life) -> list[str]:
-    law = found.law
-    first = [_said(each) for each in (found.analytic, found.elements) if each is not None]
+    asked, first = found.settings, []
+    for k, model in enumerate(found.axes["model"]):
+        life = float(found.life[k])
+        cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
+        chain, hinge = _first(found.equivalent[k])
+        first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
+    law, *others = found.notes
     return [
-        f"{found.material}; amplitude {_pose(found.amplitude)} about {_pose(found.mean)}. {'. '.join(first)}.",
-        f"Basquin's law: {law.coefficient:g} {STRESS}, exponent {significant(law.exponent, 3)}, mean stress by "
-        f"Walker's equation with {law.walker:g}; {law.source}. It is {found.left_out}; notch "
-        f"sensitivity {found.notch_sensitivity:g}.",
+        f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
+        f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
     ]
 
 
-def _said(of: Witness) -> str:
-    neck = of.necks[of.first]
-    life = "endless" if of.cycles is None else f"{of.cycles:.3g} cycles"
-    return f"By {of.model}: {life}, {neck.hinge} hinge of chain {neck.chain} first"
-
-
-def _pose(of: Triple) -> str:
-    values = zip((of.x, of.y, of.theta), COMMANDS, strict=True)
-    return ", ".join(f"{significant(unit.factor * value, 4)} {unit}" for value, unit in values)
+def _first(stress: Array) -> tuple[int, int]:
+    """Chain and hinge of the highest of stresses (3, 3)."""
+    chain, hinge = np.unravel_index(int(np.argmax(stress)), stress.shape)
+    return int(chain), int(hinge)
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:
     """Draw Basquin's law, dashed where it is extrapolated, the yield strength, and the necks on it; returns `ax`."""
-    law = Basquin(found.law.coefficient, found.law.exponent)
-    low, high = found.law.range
-    witnesses = [each for each in (found.analytic, found.elements) if each is not None]
-    lives = [min(neck.cycles, SHOWN) for each in witnesses for neck in each.necks if neck.cycles]
-    right = 10.0 * max([high, found.wanted, *lives])
-    left = min([FIRST, low / 3.0, *(0.3 * life for life in lives)])
-    ax.axvspan(low, high, color=PALE, linewidth=0, label="where the law was fitted" if found.law.range_stated else
-               "where the law is taken to hold, assumed")  # fmt: skip
+    law, wanted, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
+    low, high = law.range
+    lives = np.minimum(found.cycles, SHOWN)
+    right = 10.0 * max(high, wanted, float(np.max(lives)))
+    left = min(FIRST, low / 3.0, 0.3 * float(np.min(lives)))
+    label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
+    ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
     for ends, look in (((left, low), "--"), ((low, high), "-"), ((high, right), "--")):
         N = np.geomspace(*ends, 50)
         label = {"-": "Basquin's law"}.get(look, "" if ends[0] != left else "extrapolated")
         ax.plot(N, law.amplitude(N), look, color=INK, linewidth=1.6, label=label)
-    ax.axhline(found.yield_strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
-    ax.axvline(found.wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
-    for which, each in enumerate(witnesses):
-        _plot_necks(ax, each, hollow=which == 0)
-    beyond = sum(not neck.cycles or neck.cycles >= SHOWN for each in witnesses for neck in each.necks)
-    left_out = f"; {beyond} of {9 * len(witnesses)} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
+    ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
+    ax.axvline(wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
+    for k, model in enumerate(found.axes["model"]):
+        _plot_necks(ax, model, found.cycles[k], found.equivalent[k])
+    beyond = int(np.sum(found.cycles >= SHOWN))
+    left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: scientific(value).removeprefix("1×")))
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -85,20 +84,19 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     return ax
 
 
-def _plot_necks(ax: Axes, of: Witness, hollow: bool) -> None:
+def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
     """The necks of one model, and the first of them by name; those that live beyond the axis are left out."""
+    hollow = model == ANALYTIC
     style: Any = {"markersize": 5.5, "zorder": 3}
     if hollow:
         style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
-    for hinge, marker in HINGES.items():
-        shown = [(n.cycles, n.equivalent) for n in of.necks if n.hinge == hinge and n.cycles and n.cycles < SHOWN]
-        if not shown:
-            continue
-        name = f"{hinge}, {'analytic' if hollow else 'finite elements'}"
-        cycles, stress = np.array(shown, dtype=float).reshape(-1, 2).T
-        ax.plot(cycles, stress, linestyle="none", marker=marker, label=name, color=COLOURS[2], **style)
-    first = of.necks[of.first]
-    if hollow and first.cycles and first.cycles < SHOWN:
-        text = f"first: {first.hinge}, chain {first.chain}"
-        ax.annotate(text, (first.cycles, first.equivalent), (14, 30), textcoords="offset points",
-                    arrowprops={"arrowstyle": "-", "color": GREY})  # fmt: skip
+    for hinge, name in enumerate(HINGE_NAMES):
+        shown = cycles[:, hinge] < SHOWN
+        if np.any(shown):
+            points = cycles[shown, hinge], stress[shown, hinge]
+            ax.plot(*points, linestyle="none", marker=HINGES[name], label=f"{name}, {model}", color=COLOURS[2], **style)
+    first = _first(stress)
+    if hollow and cycles[first] < SHOWN:
+        text = f"first: {HINGE_NAMES[first[1]]}, chain {first[0] + 1}"
+        arrow = {"arrowstyle": "-", "color": GREY}
+        ax.annotate(text, (cycles[first], stress[first]), (14, 30), textcoords="offset points", arrowprops=arrow)

@@ -120,7 +120,7 @@ class SolidWarmFields(NamedTuple):
     stage: Stage
     halves: tuple[WarmHalf, WarmHalf]
 
-    def write(self, path: Path) -> Path:
+    def write(self, path: Path) -> list[Path]:
         """Write displacement, mm, and von Mises stress, MPa, of half of the thickness by case as VTU."""
         own, mesh, layers = float(self.stage.material.expansion or 0.0), self.halves[0].mesh, self.halves[0].layers
         beyond, fields = frame_expansion_of(self.stage) - own, dict[str, Array]()
@@ -132,7 +132,7 @@ class SolidWarmFields(NamedTuple):
             fields[f"von Mises stress, {case}"] = solid_von_mises(stress)
         path = path.with_suffix(".vtu")
         write_solid_vtu(mesh, layers.heights, path, fields)
-        return path
+        return [path]
 
 
 class CaseArrays:

@@ -100,7 +100,7 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False) -> About:
-    """What a result is of; with `heat`, also by the coefficients of expansion; with `drive`, also by the actuators."""
+    """What a result is of; with `heat` also by the coefficients of expansion, with `drive` by the drive."""
     doubts = stage.heat_doubts if heat else stage.drive_doubts if drive else stage
     own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]

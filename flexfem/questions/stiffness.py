@@ -90,8 +90,8 @@ class LoadFields(NamedTuple):
     plane: LoadCase | None
     response: CyclicResponse | SolidResponse
 
-    def write(self, path: Path) -> Path:
-        """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the path."""
+    def write(self, path: Path) -> list[Path]:
+        """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the paths."""
         path = path.with_suffix(".vtu")
         mesh, response = self.response.mesh, self.response
         if self.plane is not None:
@@ -102,7 +102,7 @@ class LoadFields(NamedTuple):
             fields = {"displacement": field, "von_mises": solid_von_mises(stress)}
             fields["stress"] = stress.reshape(*field.shape[:2], 9)
             write_solid_vtu(mesh, response.layers.heights, path, fields)
-        return path
+        return [path]
 
 
 class AtRest:

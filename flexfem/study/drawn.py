@@ -19,10 +19,10 @@ from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import StageDrive, drive_of, drives_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.ranges import DriveRanges
 from flexfem.refused import BadInput
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study
-from flexfem.verify.drive_ranges import DriveAnswers
 from flexfem.verify.modes import payload_of
 from flexfem.verify.questions import Moments, ask_drives, ask_frequencies
 
@@ -54,7 +54,7 @@ def elastic_parts(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> Warm
 
 def driven(
     loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> DriveAnswers:
+) -> DriveRanges:
     """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
     drive = drives_of(loaded.stage, designs, reason, stages)
     elastic = _link_parts(stages, reason, drive) if loaded.study.links else None

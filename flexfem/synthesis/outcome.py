@@ -40,7 +40,7 @@ from flexfem.synthesis.result import (
 from flexfem.synthesis.scatter import OTHERS
 from flexfem.synthesis.scattered import ScatteredStages
 from flexfem.synthesis.search import Say
-from flexfem.verify.driven_models import commanding, engaged_stiffness, push_spread
+from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions
 
 PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)

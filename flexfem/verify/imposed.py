@@ -24,11 +24,11 @@ from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import limit_warnings
+from flexfem.questions.driven import Driven, commands_for, driven, held
 from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Drive
-from flexfem.verify.command import of_limits
 from flexfem.verify.corners import stress_bands
-from flexfem.verify.driven import Driven, commands_for, driven, held
 from flexfem.verify.errors import (
     Comparison,
     Convergence,
@@ -213,7 +213,7 @@ def _of_strokes(given: Imposed, commands: Array) -> warning.Warnings:
     model, drive, none = given.model, given.drive, np.zeros(3)
     if model is None or drive is None:
         return []
-    found = [of_limits(model, drive, x, none, "least energy") for x in (commands[0], commands[-1])]
+    found = [limit_warnings(model, drive, x, none, "least energy") for x in (commands[0], commands[-1])]
     return list(dict.fromkeys(text for each in found for text in each))
 
 

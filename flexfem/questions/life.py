@@ -1,0 +1,315 @@
+"""Fatigue: cycles that the necks bear at an amplitude of the platform, and the amplitude for a wanted life."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexfem import arguments
+from flexfem.analytic.model import CALIBRATED, analyse
+from flexfem.arrays import Array
+from flexfem.files.refusals import checked_path, one_line, place_of
+from flexfem.files.toml import read_text
+from flexfem.hinges.strength import KEY, Basquin, BasquinFit, checked_law, fit_basquin, required_law
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.stage import Stage
+from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed, solved
+from flexfem.refused import BadInput
+from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
+from flexfem.units import COMMANDS
+from flexfem.verify import warning
+from flexfem.verify.corners import stress_bands
+from flexfem.verify.errors import levels
+from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
+
+LARGEST_POSE = 1e2  # mm, rad
+LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
+NECK = ("model", "chain", "hinge")
+COLUMNS = ["stress_mpa", "cycles"]
+LEFT_OUT = (
+    "life: a median of polished specimens; scatter, surface, size, residual stress, corrosion and stress across the "
+    "plane are not in it"
+)
+
+
+class Life(Result):
+    """Cycles to failure of the necks, and the amplitude for a wanted life."""
+
+    title = "fatigue life"
+    figure = "life.life_figure"
+    life = Quantity("cycles of the neck that fails first", "", ("model",), Gate(0.05))
+    fewest = Quantity("cycles by the uncertainty of the stress, from", "", ("model",), Gate(0.1))
+    most = Quantity("to", "", ("model",), Gate(0.1))
+    safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
+    factor = Quantity("times the amplitude for the wanted life", "", ("model",), STRESS)
+    peak_at_largest = Quantity("highest stress there", "mpa", ("model",), STRESS)
+    equivalent = Quantity("fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
+    peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
+    amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)
+    mean = Quantity("mean of the stress", "mpa", NECK, STRESS, "all", shown=False)
+    cycles = Quantity("cycles of each neck", "", NECK, Gate(0.05), shown=False)
+    largest = Quantity(
+        "amplitude for the wanted life", ("mm", "mm", "rad"), ("model", "direction"), STRESS, prefixed=True
+    )
+    law: Basquin  # for figures, as is the yield strength, MPa
+    yield_strength: float
+
+
+def life(
+    stage: Stage,
+    *,
+    amplitude: tuple[float, float, float],
+    mean: tuple[float, float, float] | None = None,
+    ratio: float | None = None,
+    cycles: float = 1e6,
+    fit: Path | None = None,
+    law: Basquin | BasquinFit | None = None,
+    notch_sensitivity: float = 1.0,
+    models: Models = "both",
+    analytic: Analytic = DEFAULT,
+    resolution: int | None = None,
+    progress: Progress | None = None,
+) -> Life:
+    """Cycles to failure of the necks at an amplitude of the platform, and the amplitude for a wanted life.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage, whose material states its fatigue constants unless a law or a fit is given.
+    amplitude : tuple of float
+        Amplitude of the platform's pose about its mean: mm, mm, rad; the platform is held in all directions.
+    mean : tuple of float, optional
+        Mean of the pose: mm, mm, rad.
+    ratio : float, optional
+        Instead of a mean, least over greatest displacement, from -1 to 0.99; -1, the default, is fully reversed. The
+        mean then grows with the amplitude for the wanted life.
+    cycles : float
+        The wanted life.
+    fit : path, optional
+        CSV file of S-N points with columns stress_mpa and cycles: takes the law fitted to them.
+    law : Basquin or BasquinFit, optional
+        Basquin's law instead of that of the material.
+    notch_sensitivity : float
+        q from 0 to 1: (1 + q (K - 1)) / K of the stress at a notch of concentration K counts for fatigue, all of it for
+        yield.
+    models : {"both", "analytic", "elements"}
+        The models that answer.
+    analytic : Analytic
+        The analytic model.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    progress : callable, optional
+        Called with a line whenever a mesh is done.
+
+    Returns
+    -------
+    Life
+
+    Raises
+    ------
+    BadInput
+        The material has no fatigue constants, a number is not possible, or the stage cannot be made.
+    ComputationFailed
+        A mesh or a solution does not pass its checks.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> stage = flexfem.load("geometry/mobility6.toml").replace(material="al-2024-t4")
+    >>> found = flexfem.life(stage, amplitude=(0.1, 0, 0), models="analytic")
+    >>> f"{float(found.life[0]):.3g}"
+    '1.03e+10'
+    """
+    check_feasible(stage)
+    mesh = mesh_of(models, resolution, None)
+    moved = checked_amplitude(amplitude)
+    middle = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
+    if ratio is not None:
+        arguments.between("ratio", ratio, -1, 0.99, ": least over greatest displacement")
+    if middle is not None and ratio is not None:
+        raise BadInput("mean and ratio, expected one of the two")
+    wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
+    sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
+    taken, source, notes = _law(stage, fit, law)
+    asked = Repeated(scaled(moved, middle, -1.0 if ratio is None else float(ratio)), wanted, sensitivity)
+    recalled = (key for key in stage.assumed if key.startswith("material."))
+    warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
+    found: dict[str, dict[str, Any]] = {}
+    bands: dict[str, Array] = {}
+    name = None
+    if models != "elements":
+        chosen = analytic.chosen(stage, warnings)
+        above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
+        known = chosen.formula == CALIBRATED and above is not None  # off its chart nothing was compared
+        error = (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1) if known and above else None
+        strained, name = by_model(chosen.stage, analyse(*chosen), asked), chosen.name
+        found[ANALYTIC] = _answer(stage, strained, asked, taken, error)
+    if mesh is not None:
+        steps, strains = levels(mesh.resolution), []
+        for step in steps:
+            strains.append(by_elements(stage, solved(stage, step), asked))
+            if progress is not None:
+                progress(f"{solved(stage, step).unknowns} unknowns")
+        highest = np.array([float(np.max(each.equivalent(taken.walker))) for each in strains])
+        band = float(stress_bands(np.array(steps, dtype=float), highest))
+        share = band / highest[-1] if highest[-1] > 0 else 0.0
+        found[ELEMENTS] = _answer(stage, strains[-1], asked, taken, (-share, share))
+        bands["equivalent"] = np.full((len(found), 3, 3), np.nan)
+        bands["equivalent"][-1] = np.where(found[ELEMENTS]["equivalent"] == highest[-1], band, np.nan)
+    for model, one in found.items():
+        warnings += _warnings(stage, asked, taken, model, one)
+    motion = asked.motion
+    end = np.abs(motion.mean) + np.abs(motion.amplitude)
+    warnings += [*warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)]
+    result = Life(
+        about(stage),
+        {key: np.stack([one[key] for one in found.values()]) for key in next(iter(found.values()))},
+        bands,
+        {"model": tuple(found)},
+        {
+            "material": stage.material.name,
+            "amplitude": _pose(motion.amplitude),
+            "about": _pose(motion.mean),
+            "wanted cycles": f"{wanted:g}",
+            "notch sensitivity": sensitivity,
+            "analytic model": name,
+        }
+        | meshed(mesh),
+        list(dict.fromkeys(warnings)),
+        [_law_said(taken, source), *notes, LEFT_OUT],
+    )
+    result.law, result.yield_strength = taken, stage.material.yield_strength
+    return result
+
+
+def checked_amplitude(amplitude: ArrayLike) -> Array:
+    """An amplitude (3,) of the platform, mm, mm, rad. Raises BadInput for anything else, and for none at all."""
+    moved = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
+    if not moved.any():
+        raise BadInput("amplitude: expected a motion, not zero in all directions")
+    return moved
+
+
+def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, str, list[str]]:
+    """Basquin's law, where it comes from, and what is to be said of a fit. Raises BadInput."""
+    if fit is not None and law is not None:
+        raise BadInput("fit and law, expected one of the two")
+    notes = []
+    if fit is not None:
+        try:
+            law = fit_basquin(*read_points(fit))
+        except BadInput as refusal:
+            raise BadInput(f"{fit}: {refusal}") from None
+        notes = _fit_said(law)
+    taken = required_law(stage.material, ", or a fit of S-N points") if law is None else checked_law(law)
+    if unlikely(taken.coefficient, stage.material.yield_strength):
+        expected = UNLIKELY.format(*STRENGTHS, f"the yield strength of {stage.material.yield_strength:g} MPa")
+        raise BadInput(f"law: coefficient {taken.coefficient:.4g} MPa, expected {expected}")
+    own = stage.sources.get(KEY) or "not stated"
+    source = own if law is None else "given in Python" if fit is None else f"fitted to the points of {fit}"
+    return taken, source, notes
+
+
+def _answer(
+    stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float] | None
+) -> dict[str, Any]:
+    """The quantities of one model; the true stress may be off by `error`, from and to."""
+    amplitude, mean, stress, peak = (np.zeros(9) for _ in range(4))
+    points, magnitudes = of.equivalent(law.walker), of.peak()
+    for neck in range(9):
+        here = np.flatnonzero(of.neck == neck)
+        worst = here[int(np.argmax(points[here]))]
+        amplitude[neck], mean[neck], stress[neck] = of.amplitude[worst], of.mean[worst], points[worst]
+        peak[neck] = np.max(magnitudes[here])
+    highest = float(np.max(stress))
+    ends = (math.nan, math.nan) if error is None else tuple(float(law.cycles((1 + e) * highest)) for e in error)
+    proportional = asked.motion.proportional
+    factor = factor_at(of, law, asked.wanted, proportional)
+    endless = not np.isfinite(factor)
+    found = {"amplitude": amplitude, "mean": mean, "equivalent": stress, "peak": peak, "cycles": law.cycles(stress)}
+    return {name: part.reshape(3, 3) for name, part in found.items()} | {
+        "life": float(law.cycles(highest)),
+        "fewest": ends[1],
+        "most": ends[0],
+        "safety": stage.material.yield_strength / float(np.max(peak)),
+        "factor": factor,
+        "peak_at_largest": math.nan if endless else float(np.max(of.peak(factor, proportional))),
+        "largest": np.full(3, math.inf) if endless else factor * asked.motion.amplitude,
+    }
+
+
+def _warnings(stage: Stage, asked: Repeated, law: Basquin, model: str, of: dict[str, Any]) -> list[str]:
+    """Where a life is not what Basquin's law is for: beyond yield, and beyond the cycles that it was fitted to."""
+    (low, high), strength, found = law.range, stage.material.yield_strength, list[str]()
+    beyond = f"beyond the yield strength of {strength:.4g} MPa"
+    if of["safety"] < 1.0:
+        highest = f"{model}: the largest stress is {strength / of['safety']:.4g} MPa, {beyond}"
+        found.append(f"{highest}: the life by elastic stress does not hold there")
+    if of["peak_at_largest"] > strength:
+        where = f"{model}: at the amplitude for {asked.wanted:g} cycles the largest stress is"
+        found.append(f"{where} {of['peak_at_largest']:.4g} MPa, {beyond}: yield limits it")
+    for what, cycles in ((f"{model}: the life", of["life"]), ("the wanted life", asked.wanted)):
+        if np.isfinite(cycles) and not low <= cycles <= high:
+            found.append(f"{what} of {cycles:.3g} cycles is extrapolated: the law is for {low:g} to {high:g}")
+    return found
+
+
+def _pose(values: Array) -> str:
+    return ", ".join(f"{value * unit.factor:z.5g} {unit.plain}" for value, unit in zip(values, COMMANDS, strict=True))
+
+
+def _law_said(law: Basquin, source: str) -> str:
+    low, high = law.range
+    stated = "" if law.range_stated else ", assumed"
+    rule = "Smith, Watson and Topper" if law.walker == 0.5 else f"Walker, {law.walker:g}"
+    return (
+        f"Basquin's law with {law.coefficient:g} MPa and {law.exponent:g}, for {low:.4g} to {high:.4g} cycles{stated}; "
+        f"mean stress by {rule}; {source}"
+    )
+
+
+def _fit_said(of: BasquinFit) -> list[str]:
+    """The fitted law with its intervals."""
+
+    def interval(ends: tuple[float, float] | None) -> str:
+        if ends is None:
+            return f"no interval: at {of.confidence:g} % life may not fall with stress"
+        return f"{of.confidence:g} % interval {ends[0]:.4g} to {ends[1]:.4g}"
+
+    return [
+        f"fit through {of.points} points from {of.range[0]:.4g} to {of.range[1]:.4g} cycles, sigma_a = sigma'_f (2 N)"
+        f"^b = A N^b: sigma'_f = {of.coefficient:.5g} MPa, {interval(of.coefficient_interval)}; b = {of.exponent:.4g}, "
+        f"{interval(of.exponent_interval)}; A = {of.A:.5g} MPa; standard deviation of log10 N {of.scatter:.3g}"
+    ]
+
+
+def read_points(path: Path) -> tuple[list[float], list[float]]:
+    """Stresses, MPa, and cycles of a CSV file of S-N points. Raises BadInput, naming file and line."""
+    path = checked_path(path)
+    rows = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
+    if not rows:
+        raise BadInput(f"{place_of(path)}: empty, expected columns {', '.join(COLUMNS)}")
+    cells = [(line, [cell.strip() for cell in next(csv.reader([text]))]) for line, text in rows]
+    (line, head), *points = cells
+    if sorted(head) != sorted(COLUMNS):
+        said = one_line(", ".join(head), 60)
+        raise BadInput(f"{place_of(path, line)}: columns {said}, expected {', '.join(COLUMNS)}")
+    columns: dict[str, list[float]] = {key: [] for key in COLUMNS}
+    for line, row in points:
+        if len(row) != len(head):
+            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first line has")
+        for key, cell in zip(head, row, strict=True):
+            try:
+                value = float(cell)
+            except ValueError:
+                value = math.nan
+            if not (math.isfinite(value) and value > 0):
+                raise BadInput(f"{place_of(path, line)}: {key} = {one_line(cell, 60)}, expected a number above 0")
+            columns[key].append(value)
+    return columns[COLUMNS[0]], columns[COLUMNS[1]]

@@ -1,0 +1,232 @@
+"""From nothing to a part: new files to start from, drawings, meshes and files for the workshop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexfem import arguments
+from flexfem.files.refusals import checked_path
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage, load_partly
+from flexfem.refused import BadInput
+
+SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
+LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
+LARGEST_HOLE = 1e3  # mm
+
+
+class View(NamedTuple):
+    """What was drawn of a stage file: keys that it does not give, files written, whether a window was opened."""
+
+    file: str
+    name: str
+    missing: list[str]
+    written: list[str]
+    window: bool
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def new_stage(file: Path, *, case: bool = False, study: bool = False) -> Any:
+    """Write a commented stage file to start from.
+
+    Parameters
+    ----------
+    file : path
+        Stage file to write, .toml; must not be there yet.
+    case : bool
+        Also a case of it, FILE-case.toml, for verify.
+    study : bool
+        Also a study of it, FILE-study.toml, for study run.
+
+    Returns
+    -------
+    NewFiles
+
+    Raises
+    ------
+    BadInput
+        A file is there already or cannot be written; then nothing is written.
+    """
+    from flexfem.files.templates import write_new
+
+    return write_new(checked_path(file), case, study)
+
+
+def view(file: Path, *, output: Path | None = None) -> View:
+    """Draw a stage with its dimensions, in a window where there is a display; an unfinished one as far as it goes.
+
+    Parameters
+    ----------
+    file : path
+        Stage file.
+    output : path, optional
+        Folder of the picture; without it a window where there is a display, and otherwise the current folder.
+
+    Raises
+    ------
+    BadInput
+        The file says something wrong or nothing to draw, or the folder takes no file.
+    """
+    from flexfem.files.writing import check_folder
+    from flexfem.plot import dimensions
+    from flexfem.plot.write import write_beside
+
+    source = checked_path(file)
+    target = None if output is None else checked_path(output)
+    stage, missing = found = load_partly(source)
+    if not (found.whole or found.given(*dimensions.SKELETON) or found.given("platform.radius_mm")):
+        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
+    window, written = target is None and dimensions.has_display(), list[Path]()
+    if window:
+        dimensions.show_window(stage, missing)
+    else:
+        place = (target or Path()) / f"{source.stem}-drawing.json"
+        check_folder(place.parent)
+        written = write_beside(place, dimensions.drawing_figure(stage, missing))
+    said = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
+    return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.doubts)
+
+
+def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: float | None = None) -> Any:
+    """Write a stage as a drawing or a solid for the workshop, in mm.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+    output : path
+        File to write: .dxf, .svg or .step.
+    kerf : float, optional
+        Width of the wire's cut, mm: a drawing then also has the path of its middle.
+    holes : float, optional
+        Diameter of a mounting hole in every pad, mm; in no model.
+
+    Returns
+    -------
+    PartReport
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, kerf or holes do not fit it, or the file cannot be written.
+    ComputationFailed
+        A solid that was read back is not the part; it is not kept.
+    """
+    from flexfem.cad.export import export_part
+
+    target = checked_path(output)
+    kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
+    holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
+    check_feasible(stage)
+    return export_part(stage, target, kerf, holes)
+
+
+class MeshReport(NamedTuple):
+    """A mesh and the file it was written to."""
+
+    file: str
+    name: str
+    written: str
+    resolution: int
+    nodes: int
+    triangles: int
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshReport:
+    """Mesh a stage and write it with the groups stage, ground and hub.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+    output : path
+        File to write: .msh, .vtu or .inp.
+    resolution : int, optional
+        Triangles across every neck, from 2.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made or is not plane, or the file cannot be written.
+    ComputationFailed
+        The mesh does not pass its checks.
+    """
+    from flexfem.fem.export import check_format, write_mesh
+    from flexfem.fem.mesh import RESOLUTION
+    from flexfem.fem.response import plate_of
+    from flexfem.fem.sectors import build_mesh
+    from flexfem.files.writing import check_file
+    from flexfem.mechanism.stage_file import of_stage
+    from flexfem.verify import warning
+
+    target = checked_path(output)
+    finest = arguments.resolution(RESOLUTION if resolution is None else resolution)
+    check_feasible(stage)
+    check_format(target)
+    check_file(target)
+    plate, made = plate_of(stage), build_mesh(stage, finest)
+    write_mesh(made, plate, target)
+    return MeshReport(
+        **of_stage(stage),
+        written=str(target),
+        resolution=finest,
+        nodes=len(made.nodes),
+        triangles=len(made.triangles),
+        warnings=list(warning.of_numbers(stage)),
+    )
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """The JSON schema, draft 7, of a kind of file: whatever flexfem accepts, it accepts.
+
+    Parameters
+    ----------
+    name : "stage", "case", "study", "requirements", "claims", "fixture", "measured", "material", "stack" or "necks".
+
+    Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
+    there is no such kind.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.schema_of("stage")["properties"]["thickness_mm"]["x-unit"]
+    'mm'
+    """
+    from flexfem.reference import schemas
+
+    return schemas.schema_of(name)
+
+
+class HingeFormulas(NamedTuple):
+    """What is known of all formulas by name, and figures that were written."""
+
+    formulas: dict[str, Any]
+    written: list[str]
+
+
+def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
+    """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart.
+
+    Parameters
+    ----------
+    output : path, optional
+        Folder of the figures.
+    """
+    from flexfem.files.writing import check_folder
+    from flexfem.verify.hinges import hinge_review, known_formulas, thickness_review
+
+    written = []
+    if output is not None:
+        from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure
+        from flexfem.plot.write import write_beside
+
+        check_folder(output)
+        written = write_beside(output / "hinge-chart.json", hinge_chart_figure(hinge_review()))
+        written += write_beside(output / "hinge-thickness.json", thickness_figure(thickness_review()))
+    return HingeFormulas(known_formulas(), [str(path) for path in written])
