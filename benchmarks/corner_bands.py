@@ -28,6 +28,7 @@ from flexfem.fem.heat import heat_response
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.outputs import (
@@ -43,7 +44,6 @@ from flexfem.study.outputs import (
 )
 from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.corners import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.questions.drive import element_ranges
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
 

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
+    from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary

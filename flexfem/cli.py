@@ -27,7 +27,7 @@ GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
-    "Drive and reach": ("command", "workspace"),
+    "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat and life": ("modes", "drift", "life"),
     "Measure": ("experiment", "identify"),
     "Many designs": ("study", "design"),
@@ -37,9 +37,28 @@ GROUPS = {
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
-    **{name: name for name in ("check", "view", "summary", "stiffness", "drift", "life", "export", "mesh")},
+    **{
+        name: name
+        for name in (
+            "check",
+            "view",
+            "summary",
+            "stiffness",
+            "drive",
+            "reach",
+            "large",
+            "drift",
+            "life",
+            "export",
+            "mesh",
+        )
+    },
 }
-RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
+RENAMED = {  # old names of commands, and what they are called now
+    "solve": "stiffness --models elements",
+    "command": "drive",
+    "workspace": "large",
+}
 OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
 

@@ -14,45 +14,20 @@ from flexfem.plot.modes import modes_figure
 from flexfem.plot.reach import reach_figure
 from flexfem.plot.text import significant
 from flexfem.plot.workspace import workspace_figure
-from flexfem.units import COMMANDS, UNITS, Unit
-from flexfem.verify.limits import grouped
+from flexfem.units import UNITS
 
 if TYPE_CHECKING:
     from flexfem.questions.heat import Drift
+    from flexfem.questions.large import Large
     from flexfem.questions.life import Life
+    from flexfem.questions.reach import Reach
     from flexfem.verify.modes import Vibration
-    from flexfem.verify.pose_set import Extent
-    from flexfem.verify.reach import Reach
-    from flexfem.verify.workspace import Workspace
-
-SYMBOLS = {"x": "X", "y": "Y", "theta": "θ"}
-
-
-def _extent(of: Extent | None, unit: Unit) -> str:
-    return (
-        "none" if of is None else f"{significant(unit.factor * of.low)} to {significant(unit.factor * of.high)} {unit}"
-    )
 
 
 def drive_section(found: Reach, actuators: Markup) -> PageSection:
     """The actuators, how far they move the platform, and what stops them."""
-    rows = []
-    for (axis, each), unit in zip(found.ranges.items(), COMMANDS, strict=True):
-        stop = "" if each.held is None else grouped(each.held.high_by)
-        rows.append([SYMBOLS[axis], _extent(each.held, unit), _extent(each.free, unit), stop])
-    head = ["direction", "others at zero", "others free", "stopped, at zero, by limits of"]
-    data = table(head, rows, caption="How far the drive reaches", sortable=False)
-    figure = shown_figure(
-        "reach-figure",
-        lambda: reach_figure(found),
-        f"Poses that the drive reaches; by axis: {_said(rows)}.",
-        caption="",
-    )
-    return PageSection("drive", "Drive", actuators + data + figure + notes(found.warnings))
-
-
-def _said(rows: list[list[str]]) -> str:
-    return "; ".join(f"{row[0]} {row[1]}" for row in rows)
+    figure = shown_figure("reach-figure", lambda: reach_figure(found), "Poses that the drive reaches.", caption="")
+    return PageSection("drive", "Drive", actuators + Markup(found.to_html()) + figure)
 
 
 def modes_section(found: Vibration) -> PageSection:
@@ -81,11 +56,11 @@ def drift_section(found: Drift) -> PageSection:
     return PageSection("drift", "Drift by temperature", Markup(found.to_html()) + figure)
 
 
-def workspace_section(found: Workspace) -> PageSection:
+def large_section(found: Large) -> PageSection:
     """What large displacements change."""
     said = "Tangent stiffness and errors of linear theory over the command, a row for each direction."
-    figure = shown_figure("workspace-figure", lambda: workspace_figure(found), said)
-    return PageSection("workspace", "Large displacements", figure + notes(found.warnings))
+    figure = shown_figure("large-figure", lambda: workspace_figure(found), said)
+    return PageSection("large", "Large displacements", Markup(found.to_html()) + figure)
 
 
 def life_section(found: Life) -> PageSection:

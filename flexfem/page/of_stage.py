@@ -15,9 +15,11 @@ from flexfem.page import answers, motion
 from flexfem.page.section import PageSection
 from flexfem.page.stage import asked_section, drawing_section, drive_table, provenance_section
 from flexfem.questions import heat, life
+from flexfem.questions.large import large
+from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness
 from flexfem.questions.summary import summary
-from flexfem.reports import drive, modes, verification
+from flexfem.reports import modes, verification
 from flexfem.results import Result
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
             require_expansion(stage)
 
     def driven() -> PageSection | None:
-        return motion.drive_section(drive.reach(stage, resolution=None), drive_table(found)) if stage.actuator else None
+        return motion.drive_section(reach(stage, models="analytic"), drive_table(found)) if stage.actuator else None
 
     makers: dict[str, Callable[[], PageSection | None]] = {
         "analytic": lambda: table_section("analytic", "Analytic model", stiffness(stage, models="analytic")),
@@ -50,7 +52,7 @@ def stage_parts(stage: Stage, found: StageReport, sections: Sequence[str], ampli
         "budget": lambda: answers.budget_section(verification.budget(stage, three_dimensional=False)),
         "stress": lambda: answers.stress_section(stage, api.solve(stage)),
         "drive": driven,
-        "workspace": lambda: motion.workspace_section(drive.workspace(stage)),
+        "large": lambda: motion.large_section(large(stage)),
         "modes": lambda: motion.modes_section(modes.vibration(stage)),
         "drift": lambda: motion.drift_section(heat.drift(stage)),
         "life": lambda: motion.life_section(life.life(stage, amplitude=amplitude)),  # type: ignore[arg-type]

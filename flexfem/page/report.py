@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexfem.verify.result import Result
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
-MORE = ("workspace", "modes", "drift", "life")
+MORE = ("large", "modes", "drift", "life")
 SECTIONS = (*STANDARD, *MORE)
 OF_A_STAGE = "sections or an amplitude, expected none: they are of a stage"
 

@@ -9,18 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import shown
 from flexfem.mechanism.bodies import Segment, draw_sector, turn
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.marks import clear_spot, write
 from flexfem.plot.stage import draw_outline, fit, outline_of
 from flexfem.plot.style import GREY, INK, inches
 from flexfem.plot.text import round_factor
-from flexfem.refused import BadInput
+from flexfem.questions.drive import Drive, StackPlace
+from flexfem.questions.driven import Criterion
 from flexfem.units import FORCES, LENGTH, MICROMETRE
-from flexfem.verify.command import Command, Strokes
-from flexfem.verify.driven import Criterion
-from flexfem.verify.stack_places import StackPlace
 
 LONG, BROAD, GAP, ARROW = 1.3, 0.5, 0.2, 0.47  # of a drawn stack, its ball and the longest force, per link width
 FORCE, POSE = "#B00000", "#007A58"
@@ -37,34 +34,31 @@ WIDER = 1.1  # than now the axes may become to hold the labels
 STEP = np.pi / 24  # rad of arc between two drawn points
 
 
-def plot_drive(ax: Axes, found: Command, stage: Stage, criterion: Criterion = "least energy") -> Axes:
+def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") -> Axes:
     """Draw a stage with its stacks in their places, their strokes and forces, and its platform at the pose, in mm.
 
     Stacks are numbered from 1 as in the record; their size is that of no catalogue. An arrow starts at every contact,
     in the direction of the push and in proportion to the force; the platform is drawn `platform_factor` times as far.
-    Returns `ax`. Raises BadInput for a stage that is not that of the record, and a criterion that has no strokes.
+    Returns `ax`. Raises BadInput for a criterion that has no strokes.
     """
-    if not isinstance(stage, Stage) or found.hash != stage.drive_hash:
-        raise BadInput(
-            f"stage {shown(getattr(stage, 'name', stage))}: expected that of the record, with the same drive"
-        )
-    if criterion not in found.criteria:
-        raise BadInput(f"criterion {shown(criterion)}: expected one that has strokes: {', '.join(found.criteria)}")
-    outline, width, strokes = outline_of(stage), stage.chain.link_width, found.criteria[criterion]
+    stage, places = found.fields
+    stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
+    outline, width = outline_of(stage), stage.chain.link_width
     draw_outline(ax, outline)
-    boxes = [_box(place, width) for place in found.places]
+    boxes = [_box(place, width) for place in places]
     fit(ax, np.concatenate([*outline.bodies, *boxes]))
-    _draw_stacks(ax, width, found.places, boxes, strokes)
-    _draw_carriers(ax, stage, found.places, boxes)
-    _draw_forces(ax, found.places, strokes.force, width)
-    _draw_platform(ax, found, stage)
-    _number(ax, boxes, strokes, np.concatenate(outline.bodies))
+    _draw_stacks(ax, width, places, boxes, stroke)
+    _draw_carriers(ax, stage, places, boxes)
+    _draw_forces(ax, places, force, width)
+    _draw_platform(ax, found)
+    _number(ax, boxes, stroke, force, np.concatenate(outline.bodies))
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return ax
 
 
-def platform_factor(found: Command, stage: Stage) -> float:
+def platform_factor(found: Drive) -> float:
     """The round factor by which the platform's displacement is drawn; 1 when it does not move."""
+    stage = found.fields.stage
     rim = np.concatenate(_platform(stage))
     x, y, theta = found.pose
     largest = float(np.max(np.abs(x + 1j * y + rim * 1j * theta)))
@@ -72,12 +66,12 @@ def platform_factor(found: Command, stage: Stage) -> float:
     return round_factor(VISIBLE * size / largest) if largest > 0 else 1.0
 
 
-def _draw_platform(ax: Axes, found: Command, stage: Stage) -> None:
+def _draw_platform(ax: Axes, found: Drive) -> None:
     """The rim and the hub of the platform at the pose, exaggerated; nothing when it does not move."""
-    x, y, theta = platform_factor(found, stage) * np.array(found.pose)
+    x, y, theta = platform_factor(found) * found.pose
     if not any((x, y, theta)):
         return
-    lines = [x + 1j * y + line * np.exp(1j * theta) for line in _platform(stage)]
+    lines = [x + 1j * y + line * np.exp(1j * theta) for line in _platform(found.fields.stage)]
     drawn = LineCollection([np.column_stack([line.real, line.imag]) for line in lines], zorder=5)
     drawn.set(colors=POSE, linewidths=1.4, linestyles="dashed", label="platform at the pose")
     ax.add_collection(drawn, autolim=False)
@@ -105,9 +99,8 @@ def _box(place: StackPlace, width: float) -> Array:
     return np.array([front + aside, front - aside, rear - aside, rear + aside])
 
 
-def _draw_stacks(ax: Axes, width: float, places: list[StackPlace], boxes: list[Array], strokes: Strokes) -> None:
+def _draw_stacks(ax: Axes, width: float, places: list[StackPlace], boxes: list[Array], stroke: Array) -> None:
     """Stacks by the sign of their strokes, with balls at their contacts."""
-    stroke = np.array(strokes.stroke)
     sign = np.sign(np.where(np.abs(stroke) > ROUND_OFF * np.max(np.abs(stroke)), stroke, 0.0))
     for label, colour, hatch, wanted in SIGNS:
         mine = [box for box, own in zip(boxes, sign, strict=True) if own == wanted]
@@ -149,25 +142,25 @@ def _along(segment: Segment) -> AnyArray:
     return np.asarray(segment.start + np.linspace(0.0, 1.0, 33) * (segment.end - segment.start))
 
 
-def _draw_forces(ax: Axes, places: list[StackPlace], force: list[float], width: float) -> None:
+def _draw_forces(ax: Axes, places: list[StackPlace], force: Array, width: float) -> None:
     """Arrows from the contacts, the longest `ARROW` link widths; a stack that would have to pull points back."""
     contact, push = (np.array([getattr(place, name) for place in places]) for name in ("contact", "push"))
     longest = float(np.max(np.abs(force)))
-    shaft = ARROW * width * push * np.array(force)[:, None] / (longest or 1.0)
+    shaft = ARROW * width * push * force[:, None] / (longest or 1.0)
     ax.quiver(
         *contact.T, *shaft.T, angles="xy", scale_units="xy", scale=1.0, color=FORCE, width=0.004, zorder=6,
         label=f"force on the pushed body, the longest {longest:.4g} {FORCES[0]}",
     )  # fmt: skip
 
 
-def _number(ax: Axes, boxes: list[Array], strokes: Strokes, bodies: Array) -> None:
+def _number(ax: Axes, boxes: list[Array], strokes: Array, forces: Array, bodies: Array) -> None:
     """Number every stack, with its stroke and force when there is room for all, where the drawing is clear."""
     full = len(boxes) <= MOST_LABELLED
     scale = WIDER * float(np.max(np.ptp([ax.get_xlim(), ax.get_ylim()], axis=1) / inches(ax)))  # mm per inch
     half, high = (LABEL if full else NUMBER) / 2 * scale
     inside = half * np.array([[x, y * high / half] for x in (-1.0, -0.5, 0.0, 0.5, 1.0) for y in (-1.0, 0.0, 1.0)])
     taken = [bodies, *(_around(box) for box in boxes)]
-    for k, (box, stroke, force) in enumerate(zip(boxes, strokes.stroke, strokes.force, strict=True)):
+    for k, (box, stroke, force) in enumerate(zip(boxes, strokes.tolist(), forces.tolist(), strict=True)):
         anchor = box.mean(axis=0)
         spot = clear_spot(anchor, half + high, np.concatenate(taken), 2.2 * high, half)
         taken.append(spot + inside)

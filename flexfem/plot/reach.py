@@ -20,10 +20,9 @@ from flexfem.plot.curves import DASHES, NAMES
 from flexfem.plot.marks import write
 from flexfem.plot.style import GREY, INK, in_house_style, panels, wrapped
 from flexfem.plot.text import significant
+from flexfem.questions.reach import KINDS, PoseEdge, Reach, grouped, kinds
+from flexfem.results import ANALYTIC
 from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE
-from flexfem.verify.limits import KINDS, grouped, kinds
-from flexfem.verify.pose_set import PoseEdge, Range
-from flexfem.verify.reach import Reach
 
 WIDTH, HEIGHT = 11.69, 7.6  # in
 LISTED = 12  # edges whose limits are written out: the longest ones
@@ -37,8 +36,8 @@ SIGNS = ((", longest", " +"), (", shortest", " \N{MINUS SIGN}"))  # of strokes, 
 @in_house_style
 def reach_figure(found: Reach) -> Figure:
     """Draw the section at theta = 0 with the limits of its edges, and the solid with the limits of its faces."""
-    title = f"{found.name}: the poses that the drive reaches within all its limits"
-    doubts = (found.assumed, found.not_stated)
+    title = f"{found.about.name}: the poses that the drive reaches within all its limits"
+    doubts = (found.about.assumed, found.about.not_stated)
     ratios = {"height_ratios": (3.2, 1.0)}
     figure, every = panels((WIDTH, HEIGHT), title, _lines(found), 2, 2, doubts, **ratios)
     plot_section(every[0], found).set_title("(a) at θ = 0", loc="left")
@@ -53,29 +52,31 @@ def reach_figure(found: Reach) -> Figure:
 
 def _lines(found: Reach) -> list[str]:
     load = [f"{significant(v)} {unit}" for v, unit in zip(found.load, FORCES, strict=True)]
-    um = MICROMETRE
-    ranges = ", ".join(f"{NAMES[axis]} {_ends(found.ranges[axis], k)}" for k, axis in enumerate(NAMES))
+    um, model = MICROMETRE, found.settings["analytic model"]
+    ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
     return [
-        f"Limits of stroke, of contacts that only push, of blocking force and of yield at the necks, by {found.model}; "
-        f"{'load ' + ', '.join(load) if any(found.load) else 'no load'}; linear. Below, what bounds the edges; "
+        f"Limits of stroke, of contacts that only push, of blocking force and of yield at the necks, by {model}; "
+        f"{'load ' + ', '.join(load) if np.any(found.load) else 'no load'}; linear. Below, what bounds the edges; "
         "strokes: + the longest, \N{MINUS SIGN} the shortest.",
-        f"Ranges with the other two at zero: {ranges}. About rest: a circle of {um.factor * found.circle:.4g} {um} at "
-        f"θ = 0, and a ball of {um.factor * found.ball:.4g} {um} with rotations times l₃ = {found.lever:g} {LENGTH}.",
+        f"Ranges with the other two at zero: {ranges}. About rest: a circle of "
+        f"{um.factor * float(found.circle):.4g} {um} at θ = 0, and a ball of {um.factor * float(found.ball):.4g} {um} with rotations times l₃ = "
+        f"{found.about.lever:g} {LENGTH}.",
     ]
 
 
-def _ends(of: Range, axis: int) -> str:
-    if of.held is None:
-        return "none"
+def _ends(found: Reach, axis: int) -> str:
     unit = COMMANDS[axis]
-    text = f"{unit.factor * of.held.low:z.4g} to {unit.factor * of.held.high:z.4g} {unit}"
+    low, high = (unit.factor * float(each[axis]) for each in found.at("ends", others="zero", model=ANALYTIC))
+    if np.isnan(low):
+        return "none"
+    text = f"{low:z.4g} to {high:z.4g} {unit}"
     return text.replace("-", "\N{MINUS SIGN}")
 
 
 def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
     """The longest edges of the section, `LISTED` at most, numbered counter-clockwise."""
-    long = sorted(found.section, key=_length)[-LISTED:]
-    return [(k, edge) for k, edge in enumerate((edge for edge in found.section if edge in long), start=1)]
+    long = sorted(found.fields.section, key=_length)[-LISTED:]
+    return [(k, edge) for k, edge in enumerate((edge for edge in found.fields.section if edge in long), start=1)]
 
 
 def _said(edge: PoseEdge) -> str:
@@ -95,15 +96,15 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     unit = COMMANDS[0]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
-    ax.plot(*(unit.factor * np.array(found.rest[:2])), "+", color=INK, markersize=9.0, label="zero commands")
-    if not found.section:
+    ax.plot(*(unit.factor * found.rest[:2]), "+", color=INK, markersize=9.0, label="zero commands")
+    if not found.fields.section:
         ax.text(0.5, 0.7, NONE, transform=ax.transAxes, ha="center", va="center", color=INK)
         return ax
-    corners = unit.factor * np.array([edge.start for edge in found.section])
+    corners = unit.factor * np.array([edge.start for edge in found.fields.section])
     ax.add_patch(Polygon(list(map(tuple, corners)), facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
-    shown = _in_order({kinds(edge.by) for edge in found.section})
+    shown = _in_order({kinds(edge.by) for edge in found.fields.section})
     for index, each in enumerate(shown):
-        lines = [unit.factor * np.array([e.start, e.end]) for e in found.section if kinds(e.by) == each]
+        lines = [unit.factor * np.array([e.start, e.end]) for e in found.fields.section if kinds(e.by) == each]
         look: Any = {"linestyles": DASHES[index % len(DASHES)], "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
@@ -112,7 +113,7 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         away = (at - middle) / np.linalg.norm(at - middle)
         write(ax, at + 0.05 * size * away, f"{k}", size=8.5)
     if found.circle > 0:
-        around = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181)) * found.circle + complex(*found.rest[:2])
+        around = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181)) * float(found.circle) + complex(*found.rest[:2])
         ax.plot(
             unit.factor * around.real, unit.factor * around.imag, color=GREY, linewidth=0.9, label="circle about rest"
         )
@@ -131,32 +132,24 @@ def plot_solid(ax: Axes, found: Reach) -> Axes:
     ax.set(aspect="equal", xticks=[], yticks=[])
     for spine in ax.spines.values():
         spine.set_visible(False)
-    scale = MICROMETRE.factor * np.array([1.0, 1.0, found.lever])
-    V = scale * np.array(found.vertices)
-    _box(ax, found, V)
-    if not found.faces:
-        ax.plot(*_seen(_flat(V)), ".-", color=INK)
+    scale = MICROMETRE.factor * np.array([1.0, 1.0, found.about.lever])
+    solid = found.fields.solid
+    if not solid.faces:
+        ax.text(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", va="center", color=INK)
         return ax
+    V = scale * solid.vertices
+    _box(ax, found, V)
     towards = np.array([np.cos(TURNED) * np.cos(RAISED), np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED)])
-    shown = [face for face in found.faces if np.array(face.normal) @ towards > 0]
-    hidden = [face for face in found.faces if face not in shown]
-    for face in hidden:
-        ends = _seen(V[[*face.vertices, face.vertices[0]]])
+    faces = list(zip(solid.faces, solid.by, solid.normals @ towards > 0, strict=True))
+    for face in (face for face, _, seen in faces if not seen):
+        ends = _seen(V[[*face, face[0]]])
         ax.plot(*ends, color=GREY, linewidth=0.5, linestyle=(0, (2, 3)), zorder=2)
-    for each in _in_order({kinds(face.by) for face in shown}):
-        corners = [_seen(V[face.vertices]).T for face in shown if kinds(face.by) == each]
+    for each in _in_order({kinds(by) for _, by, seen in faces if seen}):
+        corners = [_seen(V[list(face)]).T for face, by, seen in faces if seen and kinds(by) == each]
         ax.add_collection(PolyCollection(corners, zorder=3, alpha=0.93, **_look(each)))
-    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({kinds(f.by) for f in found.faces})]
+    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({kinds(by) for by in solid.by})]
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
-
-
-def _flat(V: Array) -> Array:
-    """Points (n, 3) of a plane or a line in their order around the middle, the first once more at the end."""
-    away = V - V.mean(axis=0)
-    across, up = (away @ np.linalg.svd(away)[2][:2].T).T
-    order = np.argsort(np.arctan2(up, across))
-    return V[[*order, order[0]]]
 
 
 def _look(of: Sequence[str]) -> dict[str, Any]:
@@ -185,7 +178,7 @@ def _box(ax: Axes, found: Reach, V: Array) -> None:
     sides = ([None, low[1], low[2]], [high[0], None, low[2]], [low[0], low[1], None])
     beside: Any = ({"ha": "center", "va": "top"}, {"ha": "left", "va": "top"}, {"ha": "right", "va": "center"})
     for axis, (side, place, unit) in enumerate(zip(sides, beside, COMMANDS, strict=True)):
-        turn = unit.factor / (MICROMETRE.factor * (found.lever if axis == 2 else 1.0))
+        turn = unit.factor / (MICROMETRE.factor * (found.about.lever if axis == 2 else 1.0))
         spots = [
             (exact[0, axis], None),
             (exact[1, axis], None),

@@ -32,12 +32,11 @@ from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, contacts, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of
+from flexfem.mechanism.stage_file import actuators_of
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
     ROUND_OFF,
-    YIELD_MARGIN,
     Criterion,
     Driven,
     Motion,
@@ -97,7 +96,12 @@ class Drive(Result):
         "largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all", largest=("chain", "hinge")
     )
     stress = Quantity(
-        "highest neck stress", "mpa", ("model", "chain", "hinge", "criterion"), STRESS, "all", largest=("chain", "hinge")
+        "highest neck stress",
+        "mpa",
+        ("model", "chain", "hinge", "criterion"),
+        STRESS,
+        "all",
+        largest=("chain", "hinge"),
     )
     friction = Quantity(
         "pose that friction leaves open, at most ±", MOTION, ("strokes by", "model", "direction"), FRESH, "pose",
@@ -162,8 +166,8 @@ class DrivenElements(NamedTuple):
 
 def drive(
     stage: Stage,
-    pose: tuple[float, float, float],
     *,
+    pose: tuple[float, float, float],
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
@@ -200,7 +204,7 @@ def drive(
     Examples
     --------
     >>> import flexfem
-    >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), (2e-3, 1e-3, 0.0), models="analytic")
+    >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), pose=(2e-3, 1e-3, 0.0), models="analytic")
     >>> [round(1e3 * stroke, 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
@@ -239,8 +243,8 @@ def drive(
         "share": np.where(np.isfinite(share), 100 * share, np.nan),
         "energy": [each.stage for each in motions.values()],
         "stack_energy": [each.stacks for each in motions.values()],
-        "rotation": np.moveaxis([_rotations(first, each, F) for each in motions.values()], 0, -1),
-        "stress": np.moveaxis(stress, 1, -1),
+        "rotation": np.moveaxis(np.array([_rotations(first, each, F) for each in motions.values()]), 0, -1),
+        "stress": np.moveaxis(np.array(stress), 1, -1),
     }
     if of.rubbing:
         open_poses = [[_left_open(*each[:2], of, force) for force in each[2]] for each in models_found.values()]
@@ -252,7 +256,7 @@ def drive(
     warnings += warning.of_motion(stage, wanted, "the pose")
     notes = [
         f"each stack pushes by {', or by '.join(dict.fromkeys(one.contact for c in actuators_of(stage) for one in c))}",
-        driven_accuracy(first.result.formula, first.result.links, first.result.plane),
+        warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
     drawn = DrivenStage(stage, stack_places(stage))
@@ -322,7 +326,9 @@ def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Ar
 def _rotations(of: Commanding, motion: Motion, load: Array) -> Array:
     """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
     wrenches = of.model.necks @ np.concatenate([load, motion.force])
-    return np.asarray(of.result.hinges.rotation * neck_forces(stage_frames(of.stage), wrenches[..., None]).moment[..., 0])
+    return np.asarray(
+        of.result.hinges.rotation * neck_forces(stage_frames(of.stage), wrenches[..., None]).moment[..., 0]
+    )
 
 
 def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
@@ -364,7 +370,9 @@ def _commands(
         used = {name: np.max(each) for name, each in shares(of, own, found["within limits"], load).items()}
         which = max(used, key=lambda name: used[name])
         if used[which] > 1 + ROUND_OFF:
-            warnings.append(f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}")
+            warnings.append(
+                f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}"
+            )
     return found
 
 
@@ -380,7 +388,9 @@ def _stiffness(
     of, engaged = first.of, engaged_stiffness(first.of)
     ways = {way: serial(first.stage, first.result, own.stacks, way) for way in FOLLOWS}
     pushed = {PUSHES[way]: _preloaded(one, own, own.preload, np.zeros(3)) for way, one in ways.items()}
-    pushed |= {f"pushed with the forces by {name}": _preloaded(ways["pushed"], own, f, load) for name, f in forces.items()}
+    pushed |= {
+        f"pushed with the forces by {name}": _preloaded(ways["pushed"], own, f, load) for name, f in forces.items()
+    }
     for name, K in pushed.items():
         warnings += [f"no stable equilibrium of the stacks {name}"] if np.isnan(K).any() else []
     bare, C = np.diag(np.linalg.inv(of.C[:3, :3])), of.C[:3, :3]
@@ -486,25 +496,3 @@ def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion
         }[kind](k)
         found.append(f"{criterion}: {np.count_nonzero(which)} {kind} beyond their limits, farthest {said}")
     return found
-
-
-def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
-    """How far the analytic neck stress of a driven stage, and its limits of yield, are from finite elements, in words.
-
-    Notes
-    -----
-    Smallest and largest of single necks of high stress on random driven stages, rounded outwards
-    (benchmarks/drive_stress.py).
-    """
-    at = f"limits of yield are set at {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"
-    if formula == CALIBRATED and links:
-        said = "neck stress is -1 to +2 % off that of plane finite elements by the same strokes, where compared"
-        return f"{said}; {at}" if plane != "corrected" else f"{said}, in plane stress; {at}"
-    if links and formula == DEFAULT_FORMULA:
-        return f"neck stress is -4 to +23 % off that of plane finite elements, single necks included; {at}"
-    if links:
-        return f"neck stress by {formula} has not been compared with finite elements of driven stages; {at}"
-    return (
-        "with rigid links neck stress is 0.8 to 13 times that of plane finite elements with the same strokes; "
-        f"{at}, which does not make them safe; calibrated hinges with elastic links do"
-    )

@@ -23,7 +23,6 @@ from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
 from flexfem.mechanism.designs import Designs, Frames
 from flexfem.mechanism.drives import StageDrive
-from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import ComputationFailed
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
@@ -39,8 +38,6 @@ NOTHING_ALLOWED: dict[Limit, str] = {  # of limits that allow nothing at all in 
 SINGULAR = 1e-9  # of the largest: a direction in which no command moves the platform
 BESIDE, SECTIONS = 0.7, 141  # how far beside the centre, per radius of the notch, and at how many places
 SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of bending and of tension
-# share of the yield strength by which limits stay below it: what the model's neck stress may be low
-YIELD_MARGIN: dict[Plane, float] = {"plane_stress": 0.01, "plane_strain": 0.01, "corrected": 0.02}
 
 
 class Unreachable(ComputationFailed):

@@ -65,7 +65,9 @@ class Large(Result):
     aside = Quantity("linear position error across (%)", "", ("direction", "at", "theory"), PERCENT)
     position = Quantity("largest linear position error anywhere", "percent", ("within",), PERCENT)
     terms = Quantity("change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT)
-    tangent = Quantity("change of the tangent stiffness", "percent", ("direction", "share", "theory"), PERCENT, shown=False)
+    tangent = Quantity(
+        "change of the tangent stiffness", "percent", ("direction", "share", "theory"), PERCENT, shown=False
+    )
     errors = Quantity(
         "linear position error", "percent", ("direction", "share", "theory", "component"), PERCENT, shown=False
     )
@@ -156,7 +158,11 @@ def _way(stage: Stage, of: Mechanism, elements: CyclicResponse | None, axis: int
     rest, step = stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
     shape = (len(commanded), len(THEORIES))
-    found = {"tangent": np.full(shape, np.nan), "errors": np.full((*shape, 3), np.nan), "load": np.full((*shape, 3), np.nan)}
+    found = {
+        "tangent": np.full(shape, np.nan),
+        "errors": np.full((*shape, 3), np.nan),
+        "load": np.full((*shape, 3), np.nan),
+    }
     found["strain"] = np.full(len(commanded), np.nan)
     at = tangents(of, along(commanded, axis))
     ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))

@@ -21,7 +21,6 @@ from flexfem.mechanism.drives import StageDrive
 from flexfem.questions.driven import (
     BESIDE,
     SINGULAR,
-    YIELD_MARGIN,
     Driven,
     NeckForces,
     NeckSections,
@@ -32,6 +31,7 @@ from flexfem.questions.driven import (
     stress_along,
 )
 from flexfem.refused import ComputationFailed
+from flexfem.verify.warning import YIELD_MARGIN
 
 ROUNDS = 60  # of added half-spaces; three are common
 ROUND_OFF = 1e-11  # of the yield strength
@@ -193,7 +193,7 @@ def farthest(A: Array, b: Array) -> Array:
     basis, and slacks that leave it hold the point. The point is then solved for anew from the constraints that hold it
     and checked; a program that fails the check is left to HiGHS. A batch of such programs took HiGHS 30 times as long.
     """
-    p, k, d = A.shape
+    d = A.shape[2]
     unit = _scale(np.max(np.abs(A), axis=1))
     rows = A * unit[:, None, :]
     norm = _scale(np.linalg.norm(rows, axis=2))

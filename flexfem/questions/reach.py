@@ -23,7 +23,6 @@ from flexfem.questions.drive import (
     MOTION,
     Commanding,
     commanding,
-    driven_accuracy,
     driven_elements,
     neck_stresses,
     stack_names,
@@ -31,7 +30,6 @@ from flexfem.questions.drive import (
 from flexfem.questions.driven import (
     LIMITS,
     SINGULAR,
-    YIELD_MARGIN,
     Driven,
     NeckForces,
     NeckSections,
@@ -64,7 +62,9 @@ class Reach(Result):
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
     figure = "reach.reach_figure"
     drawn_from_fields = True
-    reading = ("limits: stroke, contacts that only push, blocking force, yield at the necks of the analytic model; linear",)
+    reading = (
+        "limits: stroke, contacts that only push, blocking force, yield at the necks of the analytic model; linear",
+    )
     load = Quantity("load on the platform", ("n", "n", "n_mm"), ("direction",), shown=False)
     ends = Quantity(
         "ends of the ranges, the other directions zero or free", MOTION, ("others", "end", "model", "direction"), FRESH,
@@ -211,7 +211,7 @@ def reach(
         if (others, direction, "low") in stops
     ]
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
-    notes.append(driven_accuracy(first.result.formula, first.result.links, first.result.plane))
+    notes.append(warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane))
     axes = {"model": tuple(found), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
     settings = {"analytic model": first.result.name} | meshed(mesh)
     fields = ReachedPoses(solid, section, stops)
@@ -228,7 +228,7 @@ def limits_of_commands(first: Commanding, of: Driven, drive: StageDrive, load: A
     at = NeckSections(*(each[0] for each in sections_of(lower(stage))))
     force = drive.preload - of.Y @ of.C[3:, :3] @ load
     carried = neck_forces(frames, (necks @ np.concatenate([load, force]))[..., None])
-    strength = stage.material.yield_strength * (1 - YIELD_MARGIN[stage.model])
+    strength = stage.material.yield_strength * (1 - warning.YIELD_MARGIN[stage.model])
     at_rest = NeckForces(*(each[..., 0] for each in carried))
     yields = limits_of_necks(at, per_command(of, frames, necks), at_rest, strength)
     own = limits_of(of, drive, load)
@@ -498,8 +498,8 @@ def _warnings(first: Commanding, drive: StageDrive, solid: Polytope, lever: floa
     if np.any(np.abs(drive.differential[:, single]).T @ drive.preload > 0):
         found.append(
             "single stacks have no partner to bear their preload: the necks do, with up to "
-            f"{_preload_stress(first, drive):.4g} {STRESS} at zero commands (no spring that would bear it instead is in "
-            "the model)"
+            f"{_preload_stress(first, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in the "
+            "model)"
         )
     values = np.linalg.svd(np.array([[1.0], [1.0], [lever]]) * first.of.poses, compute_uv=False)
     moves = int(np.count_nonzero(values > SINGULAR * values[0])) if values[0] > 0 else 0

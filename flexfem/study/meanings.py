@@ -26,7 +26,7 @@ MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType(
         "`drive_range_x_um`",
         outputs.DRIVE_RANGES: "with `[drive]` `actuators`: how far commands drive the platform from rest with the "
         "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
-        "`flexfem workspace` has it (`held`), without load: the lesser of both ways, so zero where single stacks go "
+        "`flexfem reach` has it (`held`), without load: the lesser of both ways, so zero where single stacks go "
         "one way only; `fe`: with what necks carry by the finite elements",
         outputs.ENGAGED: "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the "
         "other two directions held; links "

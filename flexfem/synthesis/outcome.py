@@ -13,6 +13,7 @@ from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_heat
+from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.study.designs import stage_of
 from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
 from flexfem.synthesis.doubts import doubts_of
@@ -40,7 +41,6 @@ from flexfem.synthesis.result import (
 from flexfem.synthesis.scatter import OTHERS
 from flexfem.synthesis.scattered import ScatteredStages
 from flexfem.synthesis.search import Say
-from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions
 
 PLANE_ALONE = (*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS)
@@ -169,8 +169,8 @@ def _quantity(found: Mapped, of: Proof, place: int, text: str, label: str) -> di
 def _push_spread(found: Mapped, of: Proof, place: int) -> float:
     """By how much a quantity moves with engaged stiffness where the pushes of stacks spread otherwise."""
     stage = stage_of(found.model.loaded.study, of.values)
-    model = commanding(*best_model(stage, []))
-    part = push_spread(model.stage, model) / engaged_stiffness(model.of)
+    model = commanding(best_model(stage, []))
+    part = push_spread(model) / engaged_stiffness(model.of)
     ends = [of.columns | {n: of.columns[n] * (1 + s * p) for n, p in zip(ENGAGED, part, strict=True)} for s in (-1, 1)]
     return max(abs(float(quantities_of(found.model, end)[place] - of.elements[place])) for end in ends)
 

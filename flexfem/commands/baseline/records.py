@@ -27,7 +27,7 @@ from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.verdict import report_claims
-from flexfem.verify import answers, budget, hinges, imposed, workspace
+from flexfem.verify import answers, budget, hinges, imposed
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
 from flexfem.verify.errors import compare, levels
@@ -62,7 +62,6 @@ def settings(kind: Kind) -> dict[str, Leaf]:
         "mesh": {"resolution": COARSE},
         "converge": {"resolutions": LEVELS},
         "budget": {"amplitudes": budget.AMPLITUDES, "resolution": RESOLUTION},
-        "workspace": {"amplitude": workspace.AMPLITUDE, "turn": workspace.TURN, "resolution": workspace.RESOLUTION},
     }
     of_case = {"committed": {"resolution": COARSE}}
     found = {"stage": of_stage, "case": of_case, "claims": {"resolution": RESOLUTION}}.get(kind, {})
@@ -94,7 +93,6 @@ def _of_stage(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
         "mesh": lambda: _or_refused(lambda: _solution(stage, _on_committed(stage, mesh), FORCE, COARSE)),
         "solve": lambda: _or_refused(lambda: _solution(stage, solve(stage, RESOLUTION), FORCE, RESOLUTION)),
         "budget": lambda: _less(("three_dimensional",), _or_refused(lambda: budget.budget(stage, solve=solve))),
-        "workspace": lambda: _less(("reach", "no_reach"), _or_refused(lambda: workspace.workspace(stage, solve=solve))),
         "converge": lambda: _or_refused(lambda: converge(stage, LEVELS, solve)),
     }
 
