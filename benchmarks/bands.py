@@ -3,7 +3,7 @@
     python benchmarks/bands.py [--stages 30] [--seeds 2026 2027] [--keep FILE.npz]
 
 The truth is the compliance extrapolated from two much finer meshes. `--keep` stores what was solved, which
-`tests/verify/test_bands.py` counts again without solving.
+`tests/questions/test_bands.py` counts again without solving.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import ORDER, command_convergence, error_matrix
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.errors import ORDER, command_convergence, error_matrix
 from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh

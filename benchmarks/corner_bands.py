@@ -5,7 +5,7 @@
 Chains alike and unlike, notches of mobility three and six, in turn. The bands are those of `flexfem design`, and of
 poses those of `flexfem drift`. The truth is extrapolated from meshes 1.5 and 2.5 times as fine, by the order of the
 kind. A truth whose last step is more than half the band is not settled: whether the band holds it is printed, and not
-counted. `--keep` stores what was solved, which `tests/verify/test_corner_bands.py` counts again without solving. Exits
+counted. `--keep` stores what was solved, which `tests/questions/test_corner_bands.py` counts again. Exits
 with 1 where less than 95 % of the numbers of a kind whose truth is settled are held.
 """
 
@@ -28,6 +28,7 @@ from flexfem.fem.heat import heat_response
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
@@ -43,7 +44,6 @@ from flexfem.study.outputs import (
     values_of,
 )
 from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
-from flexfem.verify.corners import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.network import chain_compliance, chain_wrenches
+from flexfem.analytic.model import lowered
+from flexfem.analytic.network import stiffness as at_output
 from flexfem.analytic.paper import freedoms_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import frames
@@ -45,8 +46,7 @@ def stiffness(d: dict[str, Any]) -> Any:
         0.33,
         block_height=d["width"][spread],
     )
-    chains = chain_compliance(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))
-    return np.sum(chain_wrenches(chains), axis=-3)
+    return at_output(lowered(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))).matrix
 
 
 def main() -> None:

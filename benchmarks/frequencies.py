@@ -27,8 +27,8 @@ from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import ORDER
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.errors import ORDER
 from flexfem.verify.modes import uncertainty, vibration
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh

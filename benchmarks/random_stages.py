@@ -17,8 +17,8 @@ from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import grid_convergence
 from flexfem.refused import BadInput
-from flexfem.verify.errors import grid_convergence
 from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)

@@ -26,7 +26,7 @@ ORDER = 4.0
 def solved(stage: str, resolution: int, layers: int) -> dict[str, object]:
     """One solution: compliance along x, y, theta, unknowns, s, GB."""
     from flexfem import load
-    from flexfem.verify.solid import solve_solid
+    from flexfem.questions.bands import solve_solid
 
     of, started = load(stage), time.perf_counter()
     found = solve_solid(of, resolution, layers)

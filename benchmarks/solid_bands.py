@@ -3,7 +3,7 @@
     python benchmarks/solid_bands.py [--stages 4] [--seeds 5001 5002 5003] [--keep FILE.npz]
 
 The truth is the answer moved by what much finer meshes with one layer, and many more layers on a coarse mesh, change.
-`--keep` stores what was solved, which `tests/verify/test_solid_bands.py` counts again without solving.
+`--keep` stores what was solved, which `tests/questions/test_solid_bands.py` counts again without solving.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from random_stages import unlike
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import ORDER, SolidLevels, solid_bands, solid_levels, solve_solid
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.errors import ORDER
-from flexfem.verify.solid import SolidLevels, bands_of, solid_levels, solve_solid
 
 RESOLUTION, LAYERS = 4, 3  # of the answers
 FINE, MANY = (6, 8), (4, 6)  # resolutions with one layer; layers on the coarsest mesh of the bands, resolution 2
@@ -70,7 +69,7 @@ def solved_stages(seeds: list[int], number: int) -> Solved:
 
 def ratios(answer: Array, truth: Array, levels: Array) -> Array:
     """Band over actual error (3, 3) of the entries of one compliance."""
-    band = bands_of(SolidLevels(levels[:3], *levels[3:]), RESOLUTION).total
+    band = sum(solid_bands(SolidLevels(levels[:3], *levels[3:]), RESOLUTION))
     return band / np.abs(answer - truth)
 
 

@@ -22,8 +22,9 @@ from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
-from flexfem.verify.solid import neck_stress_of, solve_solid
+from flexfem.verify.solid import neck_stress_of
 from flexfem.verify.summary import analytic_limits
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"

@@ -1,32 +1,30 @@
-"""Analytic designs of a study, all dimensions sampled, against a plain loop over designs.
+"""Speed of studies: analytic designs in one process, finite-element designs, and both through a process pool.
 
-    python benchmarks/study.py [--designs 1000000] [--looped 200]
+    python benchmarks/study.py [--analytic 1000000] [--meshed 100] [--workers 2] [--collected]
 
-Both answer the same designs with all outputs: `answer` by the broadcasting kernels, the loop by the public functions
-for one stage. It is timed on fewer designs and scaled; the two must agree. The peak memory is that of this process.
+Analytic designs vary all 31 dimensions of a stage; finite-element designs vary nine necks. Seconds are wall time and
+processor time with that of the workers.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
+import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from flexfem.analytic.model import analyse
-from flexfem.mechanism.feasibility import check_closed_form
-from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.designs import stage_of
+from flexfem.study.collect import collect, table_path
 from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.sampling import sample
+from flexfem.study.run import parts_of, run_parts
+from flexfem.study.workers import ONE_THREAD, Workers
 
 STAGE = Path(__file__).parent.parent / "geometry" / "mobility6.toml"
-CHUNK = 8192
 RANGES = {
     "thickness_mm": (5.0, 20.0),
     "material.youngs_modulus_gpa": (70.0, 210.0),
@@ -44,64 +42,67 @@ RANGES = {
     "override.*.*.radius_mm": (1.6, 3.9),
     "override.*.*.neck_mm": (0.1, 0.6),
 }
+NECKS = {"override.*.*.neck_mm": (0.45, 0.55)}
+ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
 
 
-def study(folder: Path, designs: int) -> LoadedStudy:
-    """A Sobol study of all dimensions, nine hinges of their own."""
-    factors = "".join(f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in RANGES.items())
-    path = folder / "study.toml"
+def study(folder: Path, designs: int, head: str = ANALYTIC, ranges: dict[str, tuple[float, float]] = RANGES) -> Path:
+    """A Sobol study of some dimensions."""
+    factors = "".join(f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in ranges.items())
+    path = folder / f"{len(ranges)}.toml"
     path.write_text(
-        f'name = "speed"\nstage = "{STAGE}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+        f'name = "speed"\nstage = "{STAGE}"\n{head}\n'
         f'[sampling]\nmethod = "sobol"\ndesigns = {designs}\nseed = 2003\n'
         f"[drive]\nstroke_um = 17.4\nlever_arm_mm = 10.0\n{factors}"
     )
-    return load_study(path)
+    return path
 
 
-def one_by_one(loaded: LoadedStudy, values: Any) -> Any:
-    """Stiffness (3, 3) and peak stress (3,) of one design by the functions for one stage; nan when refused."""
-    try:
-        stage = stage_of(loaded, values)
-        check_closed_form(stage)
-        found = analyse(stage, loaded.study.mobility, loaded.study.formula)
-    except BadInput:
-        return np.full(12, np.nan)
-    return np.concatenate([found.stiffness.ravel(), found.stress.max(axis=(0, 1))])
+def processor_time() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
 
 
-def peak_memory() -> float:
-    """Largest resident memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+@contextmanager
+def timed(what: str, designs: int) -> Iterator[None]:
+    wall, busy = time.perf_counter(), processor_time()
+    yield
+    wall, busy = time.perf_counter() - wall, processor_time() - busy
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{what:45} {wall:8.2f} s, {busy:8.2f} s of processor time, {1e6 * busy / designs:9.1f} us a design, "
+          f"{memory:.0f} MB", flush=True)  # fmt: skip
+
+
+def measure(loaded: LoadedStudy, folder: Path, workers: int, collected: bool) -> None:
+    model, count = loaded.study.model, loaded.count
+    answer(loaded, 0, 2)  # imports
+    with timed(f"{model}: {count:,} designs in this process", count):
+        for start in range(0, count, 8192):
+            answer(loaded, start, min(start + 8192, count))
+    for number in sorted({1, workers}):
+        parts = parts_of(loaded, folder / f"{model}-{number}")
+        with timed(f"{model}: run with {number} workers", count), Workers(number) as pool:
+            run_parts(parts, pool)
+    if collected:
+        with timed(f"{model}: collect", count):
+            collect(parts, table_path(parts))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--designs", type=int, default=1_000_000)
-    parser.add_argument("--looped", type=int, default=200)
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        loaded = study(Path(folder), arguments.designs)
-    answer(loaded, 0, CHUNK)
-    print(f"peak memory after {CHUNK} designs: {peak_memory():.0f} MB")
-    started, busy, answered = time.perf_counter(), time.process_time(), 0
-    for start in range(0, loaded.count, CHUNK):
-        rows = answer(loaded, start, min(start + CHUNK, loaded.count))
-        answered += int(np.sum(rows.status == "ok"))
-    together, busy = time.perf_counter() - started, time.process_time() - busy
-    print(f"peak memory after {loaded.count} designs: {peak_memory():.0f} MB")
-    count = min(arguments.looped, loaded.count)
-    values = sample(loaded, 0, count)
-    started = time.perf_counter()
-    single = np.array([one_by_one(loaded, each) for each in values])
-    loop = (time.perf_counter() - started) / count * loaded.count
-    batch = answer(loaded, 0, count).values
-    np.testing.assert_allclose(batch[:, :3], single[:, [0, 4, 8]], rtol=1e-9)
-    np.testing.assert_allclose(batch[:, 9:12], 1e-3 * single[:, 9:], rtol=1e-9)
-    print(
-        f"{loaded.count} designs of {len(loaded.columns)} factors, {answered} of them possible: {together:.1f} s "
-        f"({busy:.1f} s of processor time, {1e6 * busy / loaded.count:.1f} us a design); one by one {loop:.0f} s, "
-        f"ratio {loop / together:.0f}"
-    )
+    parser.add_argument("--analytic", type=int, default=1_000_000)
+    parser.add_argument("--meshed", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--collected", action="store_true")
+    given = parser.parse_args()
+    if not ONE_THREAD.items() <= os.environ.items():  # too late for libraries that are loaded
+        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **ONE_THREAD})
+    with tempfile.TemporaryDirectory() as place:
+        if given.analytic:
+            measure(load_study(study(Path(place), given.analytic)), Path(place), given.workers, given.collected)
+        if given.meshed:
+            path = study(Path(place), given.meshed, 'model = "fe"', NECKS)
+            measure(load_study(path), Path(place), given.workers, given.collected)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from flexfem.fem.thick import ThickHinge, _extruded, _held, _loads, layers
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.verify.errors import error_matrix
+from flexfem.questions.bands import error_matrix
 from flexfem.verify.solid_budget import BUDGET, _change
 
 ROOT = Path(__file__).parents[1]

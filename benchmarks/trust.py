@@ -20,12 +20,12 @@ from flexfem.mechanism.stage import Stage
 from flexfem.plot.study_labels import Caption, factor, output
 from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import load_study
 from flexfem.study.sampling import sample
 from flexfem.verify.budget import thick_compliance
-from flexfem.verify.errors import error_matrix
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

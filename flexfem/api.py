@@ -15,7 +15,7 @@ from flexfem.files.toml import Path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.models import AnalyticModel, ElementModel, solved
-from flexfem.verify.errors import error_bands, levels
+from flexfem.questions.bands import error_bands, levels
 
 
 class Errors(NamedTuple):

@@ -31,7 +31,7 @@ def inverse(A: Array) -> Array:
         columns = 1.0 / np.max(np.abs(rows * a), axis=0, keepdims=True)
         scaled = rows * a * columns
         scaled = np.where(np.all(np.isfinite(scaled), axis=(0, 1)), scaled, 0.0)
-        inverted = _by_cofactors(scaled) if len(a) == 3 else _by_elimination(scaled)
+        inverted = _by_parts(scaled) if len(a) == 3 else _by_elimination(scaled)
         trusted = _norm(scaled) * _norm(inverted) <= SINGULAR  # not for nan
         inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
         A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
@@ -56,12 +56,22 @@ def first_highest(values: Array) -> tuple[int, ...]:
     return tuple(int(place) for place in np.unravel_index(int(first), values.shape))
 
 
-def _by_cofactors(a: Array) -> Array:
-    """Inverse of (3, 3, ...), not finite where singular."""
-    x, y, z = a
-    adjugate: Array = np.stack([_cross(y, z), _cross(z, x), _cross(x, y)], axis=1)
-    inverted: Array = adjugate / np.sum(x * adjugate[:, 0], axis=0)
-    return inverted
+def _by_parts(a: Array) -> Array:
+    """Inverse of (3, 3, ...), by the last row and column first; not finite where singular.
+
+    Notes
+    -----
+    Cofactors of all three would lose the square of the condition number: a compliance at a far point is nearly that of
+    its rotation alone.
+    """
+    (a00, a01, a02), (a10, a11, a12), (a20, a21, a22) = a
+    u, v, x, y = a02 / a22, a12 / a22, a20 / a22, a21 / a22
+    p, q, r, s = a00 - u * a20, a01 - u * a21, a10 - v * a20, a11 - v * a21
+    size = p * s - q * r
+    p, q, r, s = s / size, -q / size, -r / size, p / size
+    g, h = -(p * u + q * v), -(r * u + s * v)
+    rows = (p, q, g), (r, s, h), (-(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h)
+    return np.stack([each for row in rows for each in row]).reshape(a.shape)
 
 
 def _by_elimination(a: Array) -> Array:
@@ -70,10 +80,6 @@ def _by_elimination(a: Array) -> Array:
     regular = np.linalg.slogdet(matrices).sign[..., None, None] != 0.0
     inverted = np.where(regular, np.linalg.inv(np.where(regular, matrices, np.eye(len(a)))), np.nan)
     return np.moveaxis(inverted, (-2, -1), (0, 1))
-
-
-def _cross(v: Array, w: Array) -> Array:
-    return np.stack([v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]])
 
 
 def _norm(a: Array) -> Array:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
-    from flexfem.study.pool import Pool
+    from flexfem.study.workers import Workers
     from flexfem.synthesis.result import Designed
 
 PathLike = str | os.PathLike[str]
@@ -108,18 +108,14 @@ def _remove_older(folder: Path, written: list[Path], base: Path) -> None:
 
 
 @contextmanager
-def _pool(workers: int, scheduler: str | None, say: Callable[[str], object]) -> Iterator[Pool | None]:
+def _pool(workers: int, scheduler: str | None, say: Callable[[str], object]) -> Iterator[Workers | None]:
     """Workers of a cluster, or processes of this machine; None for this process alone. Raises BadInput."""
-    from flexfem.study.cluster import DaskPool
-    from flexfem.study.pool import LocalPool
+    from flexfem.study.workers import Workers
 
     if scheduler is not None and workers != 1:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     if scheduler is None and workers == 1:
         yield None
         return
-    pool = DaskPool(scheduler, say) if scheduler is not None else LocalPool(workers)
-    try:
+    with Workers(workers, scheduler, say) as pool:
         yield pool
-    finally:
-        pool.close()

@@ -20,8 +20,8 @@ from flexfem.hinges.strength import range_at_yield
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
-from flexfem.verify import warning
-from flexfem.verify.errors import compliance_bands, levels
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import compliance_bands, levels
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Fields
 from flexfem.verify.summary import element_limits

@@ -7,9 +7,12 @@ flexfem.study.table("reports/study-reach/study-reach.parquet")      # a pandas o
 
 from __future__ import annotations
 
+import json
+import math
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import re
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,8 +22,7 @@ if TYPE_CHECKING:
     from flexfem.plot.study_records import Record, Source
     from flexfem.study.collect import Collected
     from flexfem.study.findings import Shown
-    from flexfem.study.parts import Parts
-    from flexfem.study.pool import Pool
+    from flexfem.study.run import Counts, Parts, Progress, Shard
 
 PathLike = str | os.PathLike[str]
 REPORTS = Path("reports")
@@ -43,10 +45,13 @@ def processors() -> int:
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
     """Where the parts of a study file lie below a folder. Raises BadInput."""
     from flexfem.files.refusals import checked_path
-    from flexfem.study import parts
+    from flexfem.files.writing import check_folder
+    from flexfem.study import run
     from flexfem.study.loaded import load_study
 
-    return parts.parts_of(load_study(checked_path(study)), checked_path(output))
+    parts = run.parts_of(load_study(checked_path(study)), checked_path(output))
+    check_folder(parts.folder, written=False)
+    return parts
 
 
 def run_study(
@@ -61,112 +66,123 @@ def run_study(
 
     Parameters
     ----------
-    study : its file.   output : folder for what is written, in a folder of the study.
-    workers : processes on this machine, by default one a processor.   scheduler : address of a Dask cluster instead.
-    shard : `I/N`, only the I-th of N shares.   retry : also try again what failed or ran out of time.
+    study : path
+        The study file.
+    output : path
+        Folder for what is written, in a folder of the study.
+    workers : int, optional
+        Processes on this machine, by default one a processor.
+    shard : str
+        `I/N`, only the I-th of N shares.
+    scheduler : str, optional
+        Address of a Dask cluster, instead of processes on this machine.
+    retry : bool
+        Also try again what failed or ran out of time.
 
     Returns
     -------
-    What `study_status` gives, of this share.
+    dict
+        As of `study_status`, of this share.
 
     Raises
     ------
-    BadInput, ComputationFailed, SourcesChanged
+    BadInput, ComputationFailed
         As `flexfem study run`; parts that are written stay in any case.
     """
-    from flexfem.files.writing import check_folder
-    from flexfem.study.run import run_study as compute
-    from flexfem.study_answers import shard_of, status_facts
-
     share, parts = shard_of(shard), parts_of(study, output)
-    check_folder(parts.folder)
-    with pool_for(parts, workers, scheduler) as pool:
-        compute(parts, pool, shard=share, retry=retry)
+    compute(parts, workers, share, scheduler, retry)
     return status_facts(parts, share)
 
 
-@contextmanager
-def pool_for(
-    parts: Parts, workers: int | None, scheduler: str | None, say: Callable[[str], object] = lambda text: None
-) -> Iterator[Pool]:
-    """Workers of a cluster, or processes of this machine, no more than there are tasks for. Raises BadInput."""
+def compute(
+    parts: Parts,
+    workers: int | None,
+    share: Shard,
+    scheduler: str | None,
+    retry: bool,
+    watch: Callable[[Progress], object] = lambda progress: None,
+    say: Callable[[str], object] = lambda text: None,
+) -> None:
+    """Compute what is open of a share by as many workers as there are, no more than there are parts for."""
     from flexfem.arguments import integer
-    from flexfem.study.cluster import DaskPool
-    from flexfem.study.pool import LocalPool
+    from flexfem.files.writing import check_folder
+    from flexfem.study.run import run_parts
+    from flexfem.study.workers import Workers
 
     workers = None if workers is None else integer("workers", workers, MOST_WORKERS)
     if scheduler is not None and not isinstance(scheduler, str):
         raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
-    tasks = parts.count if parts.loaded.study.model == "analytic" else parts.loaded.count
-    pool = DaskPool(scheduler, say) if scheduler is not None else LocalPool(min(workers or processors(), tasks))
-    try:
-        yield pool
-    finally:
-        pool.close()
+    check_folder(parts.folder)
+    with Workers(max(1, min(workers or processors(), len(parts.chunks(share)))), scheduler, say) as pool:
+        run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
     """How many designs of a study are done, refused, failed with reasons, and open, as `flexfem study status --json`.
 
-    Raises BadInput when the file cannot be used.
-    """
-    from flexfem.files.writing import check_folder
-    from flexfem.study_answers import status_facts
+    Parameters
+    ----------
+    study : path
+        The study file, or the folder that its run writes, such as `reports/study-reach`.
+    output : path
+        Folder of the results of the study file.
 
-    parts = parts_of(study, output)
-    check_folder(parts.folder, written=False)
-    return status_facts(parts)
+    Raises
+    ------
+    BadInput
+        The file cannot be used.
+    """
+    from flexfem.files.refusals import checked_path
+    from flexfem.study.run import FILE
+
+    path, below = checked_path(study), checked_path(output)
+    if path.is_dir():
+        try:
+            named = json.loads((path / FILE).read_text(encoding="utf-8"))["study"]
+            path, below = Path(os.path.normpath(path / named)), path.absolute().parent
+        except (OSError, ValueError, KeyError, TypeError):
+            raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
+    return status_facts(parts_of(path, below))
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
-    """Remove parts of other inputs or versions than a study has now; with `dry_run` only say which. Raises BadInput."""
-    from flexfem.files.writing import check_folder
-    from flexfem.study.folder import release_folder, remove, stale_parts
-    from flexfem.study_answers import clean_facts
+    """Remove parts of other inputs or versions than a study has; with `dry_run` only count them. Raises BadInput."""
+    from flexfem.study.run import remove_stale
 
-    parts = parts_of(study, output)
-    check_folder(parts.folder)
-    found = stale_parts(parts)
-    if not dry_run:
-        remove(found, parts.stale)
-        release_folder(parts)
-    return {**clean_facts(found), "removed": bool(found) and not dry_run}
+    found, size = remove_stale(parts_of(study, output), dry_run)
+    return {"stale": found, "bytes": size, "removed": bool(found) and not dry_run}
 
 
 def collect_study(
-    study: PathLike,
-    output: PathLike = REPORTS,
-    to: PathLike | None = None,
-    partitioned: bool = False,
-    partial: bool = False,
+    study: PathLike, output: PathLike = REPORTS, to: PathLike | None = None, partial: bool = False
 ) -> Collected:
     """Join what is done to one table, design after design.
 
     Parameters
     ----------
-    to : the table to write, .parquet or .csv, or where `partitioned` a folder of Parquet files.
-    partial : leave out designs that are still open instead of refusing.
+    study, output : path
+        As of `run_study`.
+    to : path, optional
+        The table to write, .parquet or .csv.
+    partial : bool
+        Leave out designs that are still open instead of refusing.
 
     Raises
     ------
     BadInput
         Designs are open, a part is damaged, or the table cannot be written.
     """
-    return _collected(parts_of(study, output), to, partitioned, partial)
-
-
-def _collected(parts: Parts, to: PathLike | None, partitioned: bool, partial: bool) -> Collected:
     from flexfem.files.refusals import checked_path
     from flexfem.files.writing import check_file, check_folder
-    from flexfem.study.collect import check_target, collect, table_path
+    from flexfem.study.collect import collect, table_path
 
-    target = checked_path(to) if to is not None else table_path(parts, partitioned)
-    check_target(target, partitioned or (to is None and target.suffix == ""))
-    if to is not None and not partitioned:
-        check_file(target)
+    parts = parts_of(study, output)
+    target = checked_path(to) if to is not None else table_path(parts)
     check_folder(target.parent)
+    if to is not None:
+        check_file(target)
     return collect(parts, target, partial)
 
 
@@ -174,13 +190,12 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
     from flexfem.plot.study import named
     from flexfem.plot.study_records import Source
-    from flexfem.study.collected import read_table
+    from flexfem.study.collect import read_table
     from flexfem.study.findings import findings
     from flexfem.study.probes import nominal, unseen
 
-    parts = parts_of(study, output)
-    made, loaded = _collected(parts, None, False, partial), parts.loaded
-    table, base = read_table(made.path, loaded), nominal(loaded)
+    made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
+    table, base = read_table(made.path), nominal(loaded)
     names, found = (name for name, _ in named(loaded)), findings(loaded, table, base)
     return StudyFindings(made, Source(loaded, table, base, unseen(loaded)), dict(zip(names, found, strict=True)))
 
@@ -197,3 +212,82 @@ def study_records(study: PathLike, output: PathLike = REPORTS, partial: bool = F
 
     shown = study_findings(study, output, partial)
     return records(shown.source, list(shown.found.values()))
+
+
+def shard_of(text: str) -> Shard:
+    """The shard that --shard I/N says, I from 1. Raises BadInput."""
+    from flexfem.study.run import Shard
+
+    found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
+    if not found or not 1 <= int(found[1]) <= int(found[2]):
+        raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
+    return Shard(int(found[1]) - 1, int(found[2]))
+
+
+def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
+    """What `study status` says, of all parts or of those of a share."""
+    from flexfem.study.collect import counted_warnings
+    from flexfem.study.probes import unseen
+    from flexfem.study.run import RETRIED, WHOLE, survey
+
+    share = share or WHOLE
+    loaded, found = parts.loaded, survey(parts, share)
+    counts, designs = found.total, sum(chunk.stop - chunk.start for chunk in parts.chunks(share))
+    by_status: Counter[str] = Counter()
+    for (status, _), n in counts.items():
+        by_status[status] += n
+    return {
+        "file": str(loaded.path),
+        "name": loaded.study.name,
+        "hash": loaded.hash,
+        "designs": designs,
+        "done": by_status.total(),
+        "ok": by_status["ok"],
+        "refused": by_status["refused"],
+        "failed": sum(by_status[status] for status in RETRIED),
+        "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
+        "warnings": [*unseen(loaded), *counted_warnings(_reasons(counts, "ok"))],
+        "open": designs - by_status.total(),
+        "open_elsewhere": loaded.count - designs - found.elsewhere,
+        "folder": str(parts.folder),
+        "parts": len(found.counts),
+        "damaged": [f"{path}: a damaged part" for path in found.damaged],
+        "stale": len(found.stale),
+        "stress_accuracy": loaded.stress_accuracy,
+        "assumed": list(loaded.assumed),
+        "not_stated": list(loaded.not_stated),
+    }
+
+
+def _reasons(counts: Counts, wanted: str) -> Counter[str]:
+    """Designs of a status by kind of reason, the most frequent first."""
+    found = Counter({reason: n for (status, reason), n in counts.items() if status == wanted})
+    return Counter(dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))))
+
+
+def facts_of(finding: Shown) -> dict[str, Any]:
+    """A finding as plain numbers by name; an open end of an interval is None."""
+    from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares
+
+    match finding:
+        case Extremes(least, most):
+            names = ("value", "x", "y")
+            return {"least": dict(zip(names, least, strict=True)), "most": dict(zip(names, most, strict=True))}
+        case Marks(found):
+            return {name: [_finite(one._asdict()) for one in marks] for name, marks in found.items()}
+        case Shares(factors, indices):
+            return {
+                name: {
+                    key: None if part is None else dict(zip(factors, part.tolist(), strict=True))
+                    for key, part in one._asdict().items()
+                }
+                for name, one in indices.items()
+            }
+        case Refused(reason):
+            return {"refused": reason}
+        case Best():
+            return {"front": len(finding.front.places), "power": finding.power, "gain": finding.gain}
+
+
+def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
+    return {name: float(value) if math.isfinite(value) else None for name, value in numbers.items()}

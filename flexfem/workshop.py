@@ -163,7 +163,7 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     from flexfem.fem.sectors import build_mesh
     from flexfem.files.writing import check_file
     from flexfem.mechanism.stage_file import of_stage
-    from flexfem.verify import warning
+    from flexfem.questions import warnings as warning
 
     target = checked_path(output)
     finest = arguments.resolution(RESOLUTION if resolution is None else resolution)

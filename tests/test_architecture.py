@@ -25,13 +25,13 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("mechanism",),
     ("hinges",),
     ("analytic", "fem"),
-    ("cad", "verify"),
-    ("questions",),
+    ("cad",),
+    ("verify", "questions"),
     ("study",),
     ("verdicts", "synthesis"),
     ("plot", "reference"),
     ("models",),
-    ("api", "study_answers"),
+    ("api",),
     ("reports", "studies", "designs", "workshop"),
     ("page",),
     ("terminal",),
@@ -83,7 +83,8 @@ def test_arrows_go_one_way():
         own, parts = folder_of(module), name.split(".")
         if parts[0] == "flexfem" and own != "__init__" and parts[1:] not in ([], ["__version__"]):
             below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
-            assert below or parts[1] == own, f"{module} imports {name}"
+            moving = {own, parts[1]} == {"verify", "questions"}  # until verify is gone
+            assert below or moving or parts[1] == own, f"{module} imports {name}"
 
 
 def test_no_file_leads_back_to_itself():

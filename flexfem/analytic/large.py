@@ -34,11 +34,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic.elastic_bodies import platform_compliance
+from flexfem.analytic.elastic_bodies import motions, platform_compliance
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.paper import (
+    KINDS,
     ROTATION,
-    Mechanism,
+    PaperModel,
     Stiffness,
     apply,
     chain_poses,
@@ -48,7 +49,7 @@ from flexfem.analytic.paper import (
     stiffness,
     transposed,
 )
-from flexfem.analytic.responses import allowed_in, beyond, hinge_twists, link_pieces
+from flexfem.analytic.responses import beyond, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
 from flexfem.mechanism.contacts import Follows, Push, Stack
 from flexfem.mechanism.designs import Frames, chain_rotation, stage_frames
@@ -77,7 +78,7 @@ class Equilibrium(NamedTuple):
     iterations: int
 
 
-def close_loops(of: Mechanism, displacement: Array) -> Array:
+def close_loops(of: PaperModel, displacement: Array) -> Array:
     """All joint displacements (..., N) with the independent ones as given and the dependent ones closing the loops.
 
     The dependent entries given are the start of Newton's method on the six gaps. nan where the loops cannot be
@@ -97,7 +98,7 @@ def close_loops(of: Mechanism, displacement: Array) -> Array:
     return np.where(small[..., None], phi, np.nan)
 
 
-def under_load(of: Mechanism, load: Array) -> Equilibrium:
+def under_load(of: PaperModel, load: Array) -> Equilibrium:
     """Equilibrium under a dead platform load (..., 3): force at the platform centre, moving with it, and moment.
 
     Raises
@@ -107,7 +108,7 @@ def under_load(of: Mechanism, load: Array) -> Equilibrium:
     return _reach(of, np.asarray(load, dtype=float), hold=False)
 
 
-def at_pose(of: Mechanism, pose: Array) -> Equilibrium:
+def at_pose(of: PaperModel, pose: Array) -> Equilibrium:
     """Load that holds the platform exactly at the displacement `pose` (..., 3), mm and rad, and the joints there.
 
     Raises
@@ -117,7 +118,7 @@ def at_pose(of: Mechanism, pose: Array) -> Equilibrium:
     return _reach(of, np.asarray(pose, dtype=float), hold=True)
 
 
-def _reach(of: Mechanism, target: Array, hold: bool) -> Equilibrium:
+def _reach(of: PaperModel, target: Array, hold: bool) -> Equilibrium:
     shape = np.broadcast_shapes(target.shape[:-1], of.springs.shape[:-1], of.frames.axes.shape[:-2])
     rest = np.zeros((*shape, of.springs.shape[-1]))
     singular = np.isnan(np.broadcast_to(stiffness(of).K_uu, (*shape, 3, 3))).any(axis=(-2, -1))
@@ -140,7 +141,7 @@ def _reach(of: Mechanism, target: Array, hold: bool) -> Equilibrium:
     )
 
 
-def _newton(of: Mechanism, phi: Array, load: Array, goal: Array, hold: bool) -> tuple[Array, Array, int]:
+def _newton(of: PaperModel, phi: Array, load: Array, goal: Array, hold: bool) -> tuple[Array, Array, int]:
     """Joint displacements and load at `goal`, which is a load or (hold) a pose; nan where not converged."""
     load = load if hold else goal
     small: NDArray[np.bool_] = np.zeros(phi.shape[:-1], dtype=bool)
@@ -158,7 +159,7 @@ def _newton(of: Mechanism, phi: Array, load: Array, goal: Array, hold: bool) -> 
     return np.where(small[..., None], phi, np.nan), load, iterations
 
 
-def _step(of: Mechanism, phi: Array, load: Array, pose: Array | None) -> tuple[Array, Array]:
+def _step(of: PaperModel, phi: Array, load: Array, pose: Array | None) -> tuple[Array, Array]:
     """Change of all joints (..., N) and of the load: K_aa dphi_a = T_a + G_u^T dF, and G_u dphi_a = du if held."""
     at = stiffness(of, phi, load)
     first, C_aa = at.influence, at.C_aa
@@ -170,7 +171,7 @@ def _step(of: Mechanism, phi: Array, load: Array, pose: Array | None) -> tuple[A
     return apply(first.G_a, dphi_a), dF
 
 
-def _result(of: Mechanism, phi: Array, load: Array, iterations: int) -> Equilibrium:
+def _result(of: PaperModel, phi: Array, load: Array, iterations: int) -> Equilibrium:
     pose = chain_poses(of.frames, of.joints, phi).pose[..., 0, :]
     change, _ = _step(of, phi, load, None)
     stored = _energy(of, phi)
@@ -178,13 +179,13 @@ def _result(of: Mechanism, phi: Array, load: Array, iterations: int) -> Equilibr
     return Equilibrium(pose, load, phi, residual, iterations)
 
 
-def _energy(of: Mechanism, phi: Array) -> Array:
+def _energy(of: PaperModel, phi: Array) -> Array:
     """Twice the energy in the joint springs (...), N mm."""
     energy: Array = np.sum(of.springs * phi**2, axis=-1)
     return energy
 
 
-def _size(of: Mechanism, phi: Array) -> Array:
+def _size(of: PaperModel, phi: Array) -> Array:
     """Largest joint displacement (...), rad, prismatic ones over the mean distance of the hinges from the centre."""
     length = np.sqrt(np.mean(np.sum(of.frames.centres**2, axis=-1), axis=(-2, -1)))[..., None]
     size: Array = np.max(np.abs(phi) / np.where(of.joints.kind == ROTATION, 1.0, length), axis=-1)
@@ -213,7 +214,7 @@ class Missed(NamedTuple):
     terms: Array
 
 
-def without_terms(of: Mechanism, at: Stiffness) -> Array:
+def without_terms(of: PaperModel, at: Stiffness) -> Array:
     """K_uu (..., 3, 3) at a configuration by (16) without `- tau_p o H_p - F_u o H_u`.
 
     Notes
@@ -227,7 +228,7 @@ def without_terms(of: Mechanism, at: Stiffness) -> Array:
     return inverse(half @ np.swapaxes(half, -1, -2))
 
 
-def tangents(of: Mechanism, poses: Array) -> Tangents:
+def tangents(of: PaperModel, poses: Array) -> Tangents:
     """Load and tangent stiffness of the pseudo-rigid stage held at poses (..., 3). Raises ComputationFailed."""
     exact = at_pose(of, poses)
     at = stiffness(of, exact.displacement, exact.load)
@@ -239,7 +240,7 @@ def along(commanded: Array, axis: int) -> Array:
     return np.asarray(commanded[..., None] * np.eye(3)[axis])
 
 
-def summed_loads(of: Mechanism, commanded: Array, axis: int) -> dict[str, Array]:
+def summed_loads(of: PaperModel, commanded: Array, axis: int) -> dict[str, Array]:
     """Loads (n, 3) by summing the stiffness `tangent` and `without` along the way from rest, one of the commands (n,).
 
     Raises ComputationFailed when a pose on the way is not reached.
@@ -254,13 +255,13 @@ def summed_loads(of: Mechanism, commanded: Array, axis: int) -> dict[str, Array]
     return loads
 
 
-def at_every(of: Mechanism) -> Mechanism:
+def at_every(of: PaperModel) -> PaperModel:
     """The mechanism with one more leading axis, for poses: each of its designs at each of them."""
     frames = Frames(of.frames.centres[..., None, :, :, :], of.frames.axes[..., None, :, :])
     return of._replace(frames=frames, springs=of.springs[..., None, :])
 
 
-def missed(of: Mechanism, amplitude: Array, lever: ArrayLike) -> Missed:
+def missed(of: PaperModel, amplitude: Array, lever: ArrayLike) -> Missed:
     """What linear positions and tangents miss at corners, edges and faces of a box of poses (3,), mm and rad.
 
     Parameters
@@ -418,7 +419,9 @@ def _contact(number: int, stack: Stack, shares: Array, follows: Follows) -> Chai
 def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]) -> tuple[Array, Array, Array]:
     """Twists (3, k) of the joints of a chain, share (pushes, k) of each push beyond them, and which are of links."""
     root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
-    G, allowed = hinge_twists(stage_frames(stage))[chain - 1], allowed_in(result.freedoms)[chain - 1] > 0
+    frames = stage_frames(stage)
+    G = motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
+    allowed = np.array([[kind in hinge for kind in KINDS] for hinge in result.freedoms[chain - 1]])
     R, pieces = chain_rotation(chain - 1), link_pieces(stage, chain, pushes) if result.links else []
     twists, shares, of_links = list[Array](), list[Array](), list[Array]()
     for link in range(3):  # the pad or a link, then the hinge at its end

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.network import chain_compliance, chain_wrenches, neck_wrenches
+from flexfem.analytic.network import GROUND
 from flexfem.analytic.paper import (
+    KINDS,
     Freedoms,
-    Mechanism,
+    PaperModel,
+    checked,
     freedoms_of,
     mechanism,
     rank_revealing,
@@ -23,7 +26,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.formulas import ChartedFormula, Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
-from flexfem.mechanism.designs import Designs, lower, stage_frames
+from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of, located
@@ -38,6 +41,11 @@ OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
 WIDER = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()  # mm, widths of necks with which a stage is tried
+
+
+LINKS = tuple((1 + 2 * chain, 2 + 2 * chain) for chain in range(3))  # of every chain; the platform is body 0
+JOINTS = tuple(ends for first, last in LINKS for ends in ((GROUND, first), (first, last), (last, 0)))
+AT_PLATFORM = (2, 5, 8)  # of the joints: the hinges of the platform
 
 
 class AtRest(NamedTuple):
@@ -138,22 +146,59 @@ def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broke
     ]
 
 
+def lowered(
+    frames: Frames,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    platform: Array | None = None,
+    links: network.SeriesSum | None = None,
+) -> network.Mechanism:
+    """The stages as networks: the platform, the links of chain 1, 2 and 3; the joints are the nine hinges.
+
+    Parameters
+    ----------
+    frames : centres (..., 3, 3, 2).
+    hinges : fields (..., 3, 3).
+    platform : (..., 9, 9), compliance of the platform at its hinges, or that of `body_compliance`.
+    links : what elastic pads and links add to the chains.
+    """
+    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
+    rotation, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(hinges))
+    each = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
+    compliance = each.reshape(*each.shape[:-4], len(JOINTS), 3, 3)
+    return network.Mechanism(7, 0, JOINTS, compliance, AT_PLATFORM, platform, links)
+
+
+def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
+    """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
+    of = lowered(frames, hinges, freedoms)
+    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints).paths)
+
+
+def at_necks(frames: Frames, wrenches: Array) -> Wrench:
+    """What the necks carry of the wrenches (..., 9, 3, k) in the joints, (..., 3 chains, 3 hinges, k)."""
+    F_x, F_y, M = (wrenches[..., row, :].reshape(*wrenches.shape[:-3], 3, 3, -1) for row in range(3))
+    x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
+    c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
+    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
+
+
 def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> AtRest:
     """The platform of n designs at rest, by hinges of compliances (n, 3, 3).
 
     Parameters
     ----------
-    bodies : (n, 9, 9), of `links.body_compliance`; None where pads, links and platform are rigid.
+    bodies : (n, 9, 9), of `body_compliance`; None where pads, links and platform are rigid.
 
     Notes
     -----
-    The stiffness is (18) at rest by another route: hinges in series, chains in parallel.
+    The stiffness is (18) at rest by another route: a network of bodies and joints.
     """
-    chains = chain_wrenches(chain_compliance(designs.frames, hinges, freedoms), bodies)
-    wrench = neck_wrenches(designs.frames, chains)
+    found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
+    wrench = at_necks(designs.frames, found.wrenches)
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
-    return AtRest(np.sum(chains, axis=1), wrench, stress, np.max(turning, axis=1))
+    return AtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
 
 
 def analyse(
@@ -268,7 +313,7 @@ def _require_like_necks(stage: Stage, formula: str, freedoms: Freedoms, bodies: 
             )
 
 
-def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> Mechanism:
+def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> PaperModel:
     """The stage as springs and joints, for loaded and displaced configurations; arguments as for `analyse`.
 
     Where the joints that the paper calls independent do not fix the others, six others are dependent.

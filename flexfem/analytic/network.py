@@ -1,71 +1,324 @@
-"""The platform on its chains at rest: hinges in series, chains in parallel; what the necks carry and when they yield.
+"""One network of rigid bodies and elastic joints answers what is asked of a mechanism at rest, n designs at once.
 
-Neither loops nor dependent joints are needed at rest: `stiffness` does with them at any configuration, and is (16).
+With the twists U of the bodies, the wrenches w in the joints, both at the global origin, the openings e of the joints
+(strokes, commanded joints, thermal expansion) and the loads F on the bodies,
+
+    G U - C w = e,    G' w = F,
+
+where G takes the twist of a joint's near body from that of its far one. C may be singular: an ideal pivot has rank one.
+
+A body that is neither the output nor joined to other than two joints lies on a path. Joints in series along a path add
+their compliances, so the paths between the bodies that are kept are reduced first; a joint then carries the wrench of
+its path and the loads on the path's bodies beyond it, Q:
+
+    A = sum C,  B = sum C Q,  D = sum Q' C Q,    G V - A w = B + sum e,    G' w = F,
+
+with V the twists of the bodies kept and w the wrenches of the paths. The motions that the loads do work on are then
+`F' V + B' w + D`.
 """
 
 from __future__ import annotations
 
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 
-from flexfem.analytic.paper import KINDS, Freedoms, checked
 from flexfem.arrays import Array, inverse
-from flexfem.hinges.formulas import Compliance
-from flexfem.hinges.strength import Wrench
-from flexfem.mechanism.designs import Frames
+
+GROUND = -1
+SINGULAR = 1e-14  # of the largest eigenvalue of a joint's scaled compliance: no freedom of the joint
 
 
-def chain_compliance(frames: Frames, compliance: Compliance, freedoms: Freedoms) -> Array:
-    """Compliance of the platform on each chain alone, (..., 3 chains, 3, 3): sum_n G_n k_n^-1 G_n^T.
+class SeriesSum(NamedTuple):
+    """Sums over the joints of each of P paths under k loads: A (..., P, 3, 3), B (..., P, 3, k) and D (..., k, k)."""
+
+    A: Array
+    B: Array
+    D: Array
+
+
+class Mechanism(NamedTuple):
+    """Mechanisms of one topology, leading axes (...) designs; twists and wrenches x, y, theta at the global origin.
+
+    bodies : number of moving bodies.
+    output : the one that is moved.
+    joints : near and far body of each of the m joints; `GROUND` for the ground.
+    compliance : (..., m, 3, 3), motion of the far body against the near one per wrench in the joint.
+    coupled : joints of a body that is elastic at them, its compliance being known at these joints together.
+    coupling : (..., 3 c, 3 c), that compliance, added to that of the coupled joints; None where all bodies are rigid.
+    series : what joints that are not listed add to the paths, in the order of `topology`; None for nothing.
+    """
+
+    bodies: int
+    output: int
+    joints: tuple[tuple[int, int], ...]
+    compliance: Array
+    coupled: tuple[int, ...] = ()
+    coupling: Array | None = None
+    series: SeriesSum | None = None
+
+
+class JointsInSeries(NamedTuple):
+    """A path between two bodies kept, or one and the ground.
+
+    joints : from its near to its far end.   signs : -1 where the path meets a joint's far body first.
+    inner : the bodies between its joints.   near, far : the bodies at its ends; `GROUND` for the ground.
+    """
+
+    joints: tuple[int, ...]
+    signs: tuple[int, ...]
+    inner: tuple[int, ...]
+    near: int
+    far: int
+
+    @property
+    def steps(self) -> list[tuple[int, int]]:
+        """Joints with their signs."""
+        return list(zip(self.joints, self.signs, strict=True))
+
+
+class Topology(NamedTuple):
+    """The bodies kept (K), the output first, the P paths between them, and G (P, 3, 3 K) of the paths."""
+
+    kept: tuple[int, ...]
+    paths: tuple[JointsInSeries, ...]
+    G: Array
+
+
+class OutputStiffness(NamedTuple):
+    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per twist of it."""
+
+    matrix: Array
+    wrenches: Array
+
+
+class MotionUnderLoads(NamedTuple):
+    """What k loads and openings do.
+
+    output : (..., 3, k), twist of the output.   wrenches : (..., m, 3, k), in the joints.
+    motions : (..., k, k), what the loads (rows) do work on, by loads and openings (columns).
+    """
+
+    output: Array
+    wrenches: Array
+    motions: Array
+
+
+@cache
+def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> Topology:
+    """The paths between the output, the ground, and bodies with other than two joints.
+
+    Raises ValueError for a body that no path leads to.
+    """
+    at: dict[int, list[int]] = {body: [] for body in (GROUND, *range(bodies))}
+    for joint, ends in enumerate(joints):
+        for body in ends:
+            at[body].append(joint)
+    kept = (output, *(body for body in range(bodies) if body != output and len(at[body]) != 2))
+    used, paths = set[int](), list[JointsInSeries]()
+    for start in (GROUND, *kept):
+        for joint in at[start]:
+            body, joints_of, signs, inner = start, list[int](), list[int](), list[int]()
+            while joint not in used:
+                used.add(joint)
+                near, far = joints[joint]
+                joints_of.append(joint)
+                signs.append(1 if body == near else -1)
+                body = far if body == near else near
+                if body == GROUND or body in kept:
+                    paths.append(JointsInSeries(tuple(joints_of), tuple(signs), tuple(inner), start, body))
+                    break
+                inner.append(body)
+                joint = next(other for other in at[body] if other != joint)
+    missing = set(range(bodies)) - set(kept) - {body for path in paths for body in path.inner}
+    if missing:
+        raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
+    G = np.zeros((len(paths), 3, len(kept), 3))
+    for k, path in enumerate(paths):
+        for body, sign in ((path.near, -1), (path.far, 1)):
+            if body != GROUND:
+                G[k, :, kept.index(body)] += sign * np.eye(3)
+    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1))
+
+
+def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
+    """Compliance (..., 3, 3) at the origin of joints at `places` (..., 2) with axes at the angles `axes` (...), rad.
 
     Notes
     -----
-    For a neck at (x, y) with the cosine c and sine s of its axis, seen from the platform centre at the origin, the
-    columns of G are (y, -x, 1) for rotation, (c, s, 0) for axial and (-s, c, 0) for shear; written out.
+    G k^-1 G^T with the columns (y, -x, 1) for rotation, (c, s, 0) for axial and (-s, c, 0) for shear, written out.
     """
-    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
-    turn, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(compliance))
-    x, y = frames.centres[..., 0], frames.centres[..., 1]
-    c, s = np.cos(frames.axes), np.sin(frames.axes)
-    xt, yt = y * turn, -x * turn
+    x, y = places[..., 0], places[..., 1]
+    c, s = np.cos(axes), np.sin(axes)
+    xt, yt = y * rotation, -x * rotation
     xx, yy = y * xt + c * c * axial + s * s * shear, -x * yt + s * s * axial + c * c * shear
     xy = y * yt + c * s * (axial - shear)
-    upper = [np.sum(np.broadcast_to(each, xx.shape), axis=-1) for each in (xx, xy, xt, yy, yt, turn)]
-    full = np.stack([upper[k] for k in (0, 1, 2, 1, 3, 4, 2, 4, 5)]).reshape(3, 3, *xx.shape[:-1])
-    return np.moveaxis(full, (0, 1), (-2, -1))  # entry by entry in memory: many designs at full speed
+    rows = np.stack(np.broadcast_arrays(xx, xy, xt, xy, yy, yt, xt, yt, rotation))
+    return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # entry by entry in memory: faster
 
 
-def chain_wrenches(chains: Array, bodies: Array | None = None) -> Array:
-    """Wrench of each chain on the platform per displacement of it, (..., 3 chains, 3, 3).
+def in_series(compliance: Array, paths: tuple[JointsInSeries, ...]) -> Array:
+    """Sums (..., P, 3, 3) of the compliances (..., m, 3, 3) of the joints of each path."""
+    order = [joint for path in paths for joint in path.joints]
+    starts = np.cumsum([0, *(len(path.joints) for path in paths)])[:-1]
+    entries = np.moveaxis(compliance, (-2, -1), (0, 1))
+    entries = entries if order == sorted(order) else entries[..., order]
+    return np.moveaxis(np.add.reduceat(entries, starts, axis=-1), (0, 1), (-2, -1))
 
-    Parameters
-    ----------
-    chains : (..., 3, 3, 3), compliance of each chain's hinges at the platform.
-    bodies : (..., 9, 9), what pads, links and platform add to it, chain by chain, as `links.body_compliance`.
 
-    Notes
-    -----
-    The wrenches w_i move the platform by `U = c_i w_i + sum_j B_ij w_j`, the same for every chain i. nan for
-    a chain that has no compliance in some direction (its three hinges in line).
+def stiffness(of: Mechanism) -> OutputStiffness:
+    """Stiffness of the output, and what the joints carry when it moves.
+
+    nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
-    if bodies is None:
-        return inverse(chains)
-    leading = np.broadcast_shapes(chains.shape[:-3], bodies.shape[:-2])
-    full = np.broadcast_to(bodies, (*leading, 9, 9)).reshape(*leading, 3, 3, 3, 3).copy()
-    for chain in range(3):
-        full[..., chain, :, chain, :] += chains[..., chain, :, :]
-    wrenches = inverse(full.reshape(*leading, 9, 9)).reshape(*leading, 3, 3, 3, 3)
-    return np.asarray(np.sum(wrenches, axis=-2))
+    by = topology(of.bodies, of.output, of.joints)
+    A, G = _path_compliance(of, by), by.G
+    if of.coupling is None and len(by.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
+        pulls = inverse(A)
+    else:
+        A = _coupled(A, of, by)
+        pulls = _of_paths(inverse(A) @ G.reshape(-1, G.shape[-1]), G)
+    K = np.sum(pulls, axis=-3) if len(by.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
+    if len(by.kept) > 1:
+        others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
+        held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
+        pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
+    if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
+        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), G)
+        direct = inverse(twists[..., :3, :3])
+        pulls = np.where(ideal[..., None, None, None], across[..., :3] @ direct[..., None, :, :], pulls)
+        K = np.where(ideal[..., None, None], direct, K)
+    return OutputStiffness(K, _of_joints(of, by, pulls))
 
 
-def neck_wrenches(frames: Frames, chain_stiffness: Array) -> Wrench:
-    """What the necks carry per displacement of the platform, from the chains' stiffnesses (..., 3 chains, 3, 3).
+def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionUnderLoads:
+    """What loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of the joints do.
 
-    Notes
-    -----
-    The chain takes the platform wrench `F_i = C_i^-1 u`; a neck at (x, y) takes the same force and the moment
-    `M + y F_x - x F_y`: the transposes of the columns in `chain_compliance`.
+    nan for a design as of `stiffness`, and for one that moves without load.
     """
-    F_x, F_y, M = (chain_stiffness[..., None, row, :] for row in range(3))
-    x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
-    c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
-    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
+    by = topology(of.bodies, of.output, of.joints)
+    G, size = by.G, by.G.shape[-1]
+    beyond, kept = _loads(of, by, loads)
+    own = _with_coupling(of, of.compliance @ beyond, beyond)
+    own = own if openings is None else own + openings
+    signed = np.zeros((len(by.paths), len(of.joints)))
+    for path in range(len(by.paths)):
+        for joint, sign in by.paths[path].steps:
+            signed[path, joint] = sign
+    t = np.einsum("pm,...mak->...pak", signed, own)
+    D = np.einsum("...mak,...mal->...kl", beyond, own)
+    if of.series is not None:
+        t, D = t + of.series.B, D + of.series.D
+    A = _coupled(_path_compliance(of, by), of, by)
+    t, G = t.reshape(*t.shape[:-3], -1, t.shape[-1]), G.reshape(-1, size)
+    W = inverse(A)
+    pulls = W @ G
+    V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
+    w = W @ (G @ V - t)
+    if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
+        inner, across, twists = _saddle(A, by.G)
+        across = across.reshape(*across.shape[:-3], -1, size)
+        V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
+        w = np.where(ideal, across @ kept + inner @ t, w)
+    by_loads = t if openings is None else t - np.einsum("pm,...mak->...pak", signed, openings).reshape(t.shape)
+    motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(by_loads, -1, -2) @ w + D
+    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by.G)) + beyond, motions)
+
+
+def _path_compliance(of: Mechanism, by: Topology) -> Array:
+    """Compliances (..., P, 3, 3) of the paths but for `coupling`."""
+    A = in_series(of.compliance, by.paths)
+    return A if of.series is None else A + of.series.A
+
+
+def _coupled(A: Array, of: Mechanism, by: Topology) -> Array:
+    """Compliance (..., 3 P, 3 P) of all paths together, with that of the elastic body that couples them."""
+    count = len(by.paths)
+    full = np.einsum("pq,...pab->...paqb", np.eye(count), A)
+    if of.coupling is not None:
+        full = np.broadcast_to(full, (*np.broadcast_shapes(A.shape[:-3], of.coupling.shape[:-2]), *full.shape[-4:]))
+        full = full.copy()
+        place = {joint: (path, sign) for path in range(count) for joint, sign in by.paths[path].steps}
+        where = [place[joint] for joint in of.coupled]
+        parts = of.coupling.reshape(*of.coupling.shape[:-2], len(where), 3, len(where), 3)
+        for i, (row, one) in enumerate(where):
+            for j, (column, other) in enumerate(where):
+                full[..., row, :, column, :] += one * other * parts[..., i, :, j, :]
+    return np.asarray(full.reshape(*full.shape[:-4], 3 * count, 3 * count))
+
+
+def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
+    """Openings (..., m, 3, k) of the joints with those of the elastic body under the wrenches in its joints."""
+    if of.coupling is None:
+        return moved
+    at = list(of.coupled)
+    carried = wrenches[..., at, :, :].reshape(*wrenches.shape[:-3], 3 * len(at), wrenches.shape[-1])
+    own = of.coupling @ carried
+    found = np.broadcast_to(moved, (*own.shape[:-2], *moved.shape[-3:])).copy()
+    found[..., at, :, :] += own.reshape(*own.shape[:-2], len(at), 3, own.shape[-1])
+    return found
+
+
+def _loads(of: Mechanism, by: Topology, loads: Array) -> tuple[Array, Array]:
+    """Wrench (..., m, 3, k) in each joint by loads on the bodies of its path beyond it; loads (..., 3 K, k) on those
+    kept, with what the paths that start there bear."""
+    lead, k = loads.shape[:-3], loads.shape[-1]
+    beyond, kept = np.zeros((*lead, len(of.joints), 3, k)), loads[..., list(by.kept), :, :].copy()
+    for path in by.paths:
+        total = np.zeros((*lead, 3, k))
+        for (joint, sign), body in zip(path.steps[-2::-1], reversed(path.inner), strict=True):
+            total = total + loads[..., body, :, :]
+            beyond[..., joint, :, :] = sign * total
+        if path.near != GROUND:
+            kept[..., by.kept.index(path.near), :, :] += total
+    return beyond, kept.reshape(*lead, 3 * len(by.kept), k)
+
+
+def _of_paths(w: Array, G: Array) -> Array:
+    """Wrenches (..., P, 3, k) of the paths, from one column (..., 3 P, k) of them."""
+    return w.reshape(*w.shape[:-2], len(G), 3, w.shape[-1])
+
+
+def _balance(G: Array, pulls: Array) -> Array:
+    """Stiffness (..., 3 K, 3 K) of the bodies kept, from the wrenches (..., P, 3, 3 K) of the paths by their twists."""
+    return np.asarray(np.einsum("pab,...pac->...bc", G, pulls))
+
+
+def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
+    """Wrenches (..., m, 3, k) in the joints by those of their paths (..., P, 3, k)."""
+    owner, sign = np.zeros(len(of.joints), dtype=int), np.zeros(len(of.joints))
+    for path in range(len(by.paths)):
+        for joint, one in by.paths[path].steps:
+            owner[joint], sign[joint] = path, one
+    found = np.moveaxis(np.moveaxis(pulls, (-2, -1), (0, 1))[..., owner], (0, 1), (-2, -1))
+    return found if np.all(sign == 1) else sign[:, None, None] * found
+
+
+def _ideal(of: Mechanism, by: Topology) -> Array:
+    """Which designs (...) have a path of joints with fewer than three freedoms together."""
+    size = np.sqrt(np.diagonal(of.compliance, axis1=-2, axis2=-1))
+    square = size[..., :, None] * size[..., None, :]
+    values = np.linalg.eigvalsh(np.nan_to_num(of.compliance / np.where(square > 0, square, 1.0)))
+    freedoms = np.sum(values > SINGULAR * values[..., -1:], axis=-1)
+    elastic = {joint for joint in of.coupled if of.coupling is not None}
+    few = [
+        np.sum(freedoms[..., list(joints)], axis=-1) < 3
+        for joints in (path.joints for path in by.paths)
+        if of.series is None and not elastic & set(joints)
+    ]
+    return np.any(few, axis=0) if few else np.zeros(freedoms.shape[:-1], dtype=bool)
+
+
+def _saddle(A: Array, G: Array) -> tuple[Array, Array, Array]:
+    """Wrenches of the paths by their openings (..., 3 P, 3 P) and by loads (..., P, 3, 3 K), twists by loads
+    (..., 3 K, 3 K): of `G V - A w = t` and `G' w = F`, whether A (..., 3 P, 3 P) is singular or not."""
+    rows, size = A.shape[-1], G.shape[-1]
+    scale = np.max(np.abs(A), axis=(-2, -1), keepdims=True)
+    M = np.zeros((*A.shape[:-2], rows + size, rows + size))
+    M[..., :rows, :rows] = -A / scale
+    M[..., :rows, rows:] = G.reshape(rows, size)
+    M[..., rows:, :rows] = G.reshape(rows, size).T
+    found = inverse(M)
+    across = _of_paths(found[..., :rows, rows:], G)
+    return found[..., :rows, :rows] / scale, across, found[..., rows:, rows:] * scale

@@ -345,7 +345,7 @@ def in_joint_order(dependent: Array, independent: Array, choice: Choice) -> Arra
     return np.take_along_axis(rows, back[..., None], axis=-2)
 
 
-class Mechanism(NamedTuple):
+class PaperModel(NamedTuple):
     """A stage as the analytic model sees it; leading axes are designs, the joints are shared by all of them.
 
     springs : (..., N), stiffness of every joint, N mm/rad or N/mm.
@@ -380,7 +380,7 @@ class JointMotion(NamedTuple):
     joints: Array
 
 
-def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> Mechanism:
+def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
     """Put springs on the joints that `freedoms` allows, each the inverse of its compliance (..., 3, 3).
 
     `choice` None takes `loops.choose`. Raises BadInput as `mobility.checked` does.
@@ -388,10 +388,10 @@ def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
     springs = 1.0 / table.reshape(*table.shape[:-3], 27)[..., joints.slot]  # (10)
-    return Mechanism(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
+    return PaperModel(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
 
 
-def stiffness(of: Mechanism, displacement: Array | None = None, load: Array | None = None) -> Stiffness:
+def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | None = None) -> Stiffness:
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
@@ -428,13 +428,13 @@ def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
     return R_inverse @ inverse(np.eye(G_p.shape[-1]) - R_inverseT @ S @ R_inverse) @ R_inverseT
 
 
-def effective_load(of: Mechanism, first: Influence, displacement: Array, load: Array) -> Array:
+def effective_load(of: PaperModel, first: Influence, displacement: Array, load: Array) -> Array:
     """T_a (..., M) on the independent joints (13): zero at equilibrium."""
     tau_a, tau_p = split(-of.springs * displacement, of.choice)
     return tau_a + transposed(first.G_p, tau_p) + transposed(first.G_u, load)  # (13)
 
 
-def inverse_kinematics(of: Mechanism, at: Stiffness, du: Array) -> JointMotion:
+def inverse_kinematics(of: PaperModel, at: Stiffness, du: Array) -> JointMotion:
     """Joint motion of least potential energy for the platform displacement du (..., 3), (29)-(31)."""
     G_u, G_p = at.influence.G_u, at.influence.G_p
     dphi_a = apply(at.C_aa, transposed(G_u, apply(at.K_uu, du)))  # (29)

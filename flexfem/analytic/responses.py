@@ -1,32 +1,16 @@
-"""What the analytic model says of drives, vibration and heat.
+"""What the analytic model says of drives, vibration and heat: loads and openings of the network of `model.lowered`.
 
-The driven stage as one compliance of platform loads and stack forces, at any mobility, with elastic links or rigid.
+Drives: one newton of a stack is a pair of opposite wrenches on two bodies; its opening is what they do work on. A push
+on an elastic link is spread over a station of it, so that pieces of the link carry shares of it.
 
-Flexibility method. Every section of a chain carries the wrench w of the platform's end and that of all pushes beyond
-it, Q f; a hinge, or a length of a link, of compliance c, all at the platform centre, moves what is beyond it by
-c (w + Q f). Of each chain, then, with sums over its hinges and links,
+Vibration: unit wrenches on all seven moving bodies give the compliance C (21, 21) of their twists, whatever freedoms
+the hinges have; its rank is the mobility. With their mass matrix M, the eigenvalues of `C M` are `1 / omega^2`.
+Every body is drawn up to the narrowest section of its hinges: half a notch moves with either side.
 
-    U = A w + B f,   opening of the stacks = B' w + D f,   A = sum c, B = sum c Q, D = sum Q' c Q
-
-where U is the same for all chains and their wrenches balance the load: no dependent joints are needed.
-
-Natural frequencies of the pseudo-rigid model: links and platform with the mass and inertia of their outlines.
-
-Seven bodies move, with three freedoms each: the platform and two links a chain. The flexibility method of `drive` gives
-the compliance C (21, 21) of their twists under wrenches on them, whatever freedoms the hinges have; its rank is the
-mobility. With their mass matrix M, the eigenvalues of `C M` are `1 / omega^2`. Every body is drawn up to the narrowest
-section of its hinges: half a notch moves with either side, that of the pad rests.
-
-Thermal drift by the pseudo-rigid model: chains that grow and bow, base hinges that the frame carries along.
-
-A chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
-difference t_i the hinges and elastic links take up: with the wrenches w_i of the chains on the platform
-
-    U = t_i + c_i w_i + sum_j B_ij w_j,    sum_i w_i = 0.
-
-The change dT and the gradient are about the platform's centre; before it, stage and frame are taken to be alike.
-The frame also strains and bows the edge that an elastic pad is clamped along (`warm_pad`): 1.1 % of the pose per
-gradient of the shipped stages.
+Heat: a chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
+difference is an opening of the chain. The change dT and the gradient are about the platform's centre; before it, stage
+and frame are taken to be alike. The frame also strains and bows the edge that an elastic pad is clamped along
+(`edge_motions`): 1.1 % of the pose per gradient of the shipped stages.
 """
 
 from __future__ import annotations
@@ -36,13 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import bar_density, platform_compliance
-from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.network import chain_compliance, neck_wrenches
-from flexfem.analytic.paper import KINDS, Freedoms, checked, mobility
-from flexfem.arrays import Array, inverse
+from flexfem.analytic.model import JOINTS, AnalyticResult, at_necks, lowered
+from flexfem.analytic.model import LINKS as LINKS_OF
+from flexfem.analytic.paper import Freedoms, mobility
+from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance
-from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
+from flexfem.hinges.strength import neck_stress, stress_raised
 from flexfem.mechanism.bodies import (
     Payload,
     body_moments,
@@ -59,6 +44,9 @@ from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
 PLATFORM = 3  # of `actuators.BODY_NAMES` and `bodies.BODIES`
+MOVING = 7  # bodies: the platform and two links of every chain
+ON_BODIES = 3 * (MOVING - 1)  # twists of links
+FREEDOMS = 3 * MOVING
 ROUND_OFF = 1e-12  # of the places of two ends of stations
 
 
@@ -74,7 +62,10 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """What elastic links add to A (..., 3 chains, 3, 3), B (..., 3, 3, n) and D (..., n, n), `platform` (..., 9, 9)."""
+    """What elastic links add to the chains, as `network.SeriesSum`, under n stacks, and the platform's compliance.
+
+    A : (..., 3 chains, 3, 3).   B : (..., 3, 3, n).   D : (..., n, n).   platform : (..., 9, 9).
+    """
 
     A: Array
     B: Array
@@ -107,71 +98,26 @@ def driven(
 
     nan for a design with a chain that has no compliance in some direction.
     """
-    c, Q = hinge_compliances(frames, hinges, freedoms), beyond_hinges(stacks)
-    moving = c @ Q
-    A, B = np.sum(c, axis=-3), np.sum(moving, axis=-3)
-    D = np.einsum("...chan,...cham->...nm", Q, moving)
-    body = np.zeros((9, 9))
+    platform, series = None, None
     if elastic is not None:
-        A, B, D, body = A + elastic.A, B + elastic.B, D + elastic.D, elastic.platform
-    lead, n = B.shape[:-3], len(stacks)
-    W = inverse(body + np.einsum("ij,...iab->...iajb", np.eye(3), A).reshape(*lead, 9, 9))  # wrenches per opening
-    one, B = np.tile(np.eye(3), (3, 1)), B.reshape(*lead, 9, n)
-    C_uu = inverse(one.T @ W @ one)
-    T = on_hub(stacks) + one.T @ W @ B  # the load of the platform that a stack is as good as
-    moved = C_uu @ np.concatenate([np.broadcast_to(np.eye(3), (*lead, 3, 3)), T], axis=-1)
-    closed = np.concatenate([np.zeros((*lead, 9, 3)), B], axis=-1)
-    w = W @ (one @ moved - closed)
-    opened = np.swapaxes(T, -1, -2) @ moved
-    opened[..., 3:] += D - np.swapaxes(B, -1, -2) @ W @ B
-    carried = np.concatenate([np.zeros((*Q.shape[:-1], 3)), Q], axis=-1)
-    necks = w.reshape(*lead, 3, 1, 3, 3 + n) + carried
-    return DrivenModel(np.concatenate([moved, opened], axis=-2), necks)
+        B, D = (np.pad(part, [(0, 0)] * (part.ndim - n) + [(3, 0)] * n) for part, n in ((elastic.B, 1), (elastic.D, 2)))
+        platform, series = elastic.platform, network.SeriesSum(elastic.A, B, D)
+    found = network.solve(lowered(frames, hinges, freedoms, platform, series), loads_of(stacks))
+    necks = found.wrenches.reshape(*found.wrenches.shape[:-3], 3, 3, *found.wrenches.shape[-2:])
+    return DrivenModel(found.motions, necks)
 
 
-def hinge_compliances(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
-    """Compliance (..., 3 chains, 3 hinges, 3, 3) of each hinge at the platform centre: G k^-1 G^T."""
-    G, own = hinge_twists(frames), np.stack(np.broadcast_arrays(*hinges), axis=-1) * allowed_in(freedoms)
-    return np.asarray(np.einsum("...ak,...k,...bk->...ab", G, own, G))
-
-
-def hinge_twists(frames: Frames) -> Array:
-    """Twist (..., 3 chains, 3 hinges, 3, 3) of the platform centre by rotation, axial and shear of each hinge."""
-    x, y = frames.centres[..., 0], frames.centres[..., 1]
-    c, s = np.cos(frames.axes), np.sin(frames.axes)
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    return np.stack(
-        [np.stack(column, axis=-1) for column in ((y, -x, one), (c, s, zero), (-s, c, zero))], axis=-1
-    )  # as in `chains.chain_compliance`
-
-
-def allowed_in(freedoms: Freedoms) -> Array:
-    """Which freedoms (3 chains, 3 hinges, 3) hinges have, one or zero."""
-    return np.array([[[float(kind in hinge) for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
-
-
-def beyond_hinges(stacks: tuple[Stack, ...]) -> Array:
-    """Wrench (..., 3 chains, 3 hinges, 3, n) of one newton of each stack beyond each hinge, at the platform centre."""
-    Q = np.zeros((*_lead(stacks), 3, 3, 3, len(stacks)))
+def loads_of(stacks: tuple[Stack, ...]) -> Array:
+    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then one newton of each stack."""
+    lead = np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
+    loads = np.zeros((*lead, MOVING, 3, 3 + len(stacks)))
+    loads[..., 0, :, :3] = np.eye(3)
     for j, stack in enumerate(stacks):
         for push in stack.pushes:
-            if push.body in LINKS:
-                Q[..., stack.chain, : push.body, :, j] += stack.placed(push)[..., None, :]
-    return Q
-
-
-def on_hub(stacks: tuple[Stack, ...]) -> Array:
-    """Wrench (..., 3, n) of one newton of each stack on the platform."""
-    P = np.zeros((*_lead(stacks), 3, len(stacks)))
-    for j, stack in enumerate(stacks):
-        for push in stack.pushes:
-            if push.body == PLATFORM:
-                P[..., :, j] += stack.placed(push)
-    return P
-
-
-def _lead(stacks: tuple[Stack, ...]) -> tuple[int, ...]:
-    return np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
+            if push.body in LINKS or push.body == PLATFORM:
+                body = 0 if push.body == PLATFORM else LINKS_OF[stack.chain][push.body - 1]
+                loads[..., body, :, 3 + j] += stack.placed(push)
+    return loads
 
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
@@ -189,8 +135,8 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
             Q = np.zeros((len(at), 3, n))
             for j, push in mine:
                 Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
-            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
             moved = c @ Q
+            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
             B[chain - 1] += R @ np.sum(moved, axis=0)
             D += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
     return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
@@ -233,10 +179,6 @@ def beyond(push: Push, link: int, at: Array) -> Array:
     if push.body == link and push.station is not None:
         return share_beyond(push.station, at)
     return np.full(len(at), float(push.body > link))
-
-
-ON_BODIES = 6 * len(CHAINS)  # twists of links
-FREEDOMS = 3 + ON_BODIES  # and of the platform
 
 
 class Dynamics(NamedTuple):
@@ -426,23 +368,16 @@ def drift(
     stage_expansion, frame_expansion : (n,), 1/K, in the plane.
     bodies : None where pads, links and platform are rigid.
     """
-    chains = chain_compliance(designs.frames, hinges, freedoms)
     gaps = misfits(designs, stage_expansion, frame_expansion)
-    n = len(gaps)
-    full = np.zeros((n, 9, 9))
     if bodies is not None:
-        full += bodies.compliance
         gaps = gaps + (frame_expansion - stage_expansion)[:, None, None, None] * bodies.edges
-    for chain in range(3):
-        part = slice(3 * chain, 3 * chain + 3)
-        full[:, part, part] += chains[:, chain]
-    S, E = inverse(full), np.tile(np.eye(3), (3, 1))
-    pull, t = E.T @ S, gaps.reshape(n, 9, 3)
-    pose = inverse(pull @ E) @ pull @ t
-    wrenches = (S @ (E @ pose - t)).reshape(n, 3, 3, 3)
-    necks: Wrench = neck_wrenches(designs.frames, wrenches)
+    openings = np.zeros((len(gaps), len(JOINTS), 3, 3))
+    openings[:, ::3] = gaps  # of each chain, in its first joint
+    of = lowered(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
+    found = network.solve(of, np.zeros((MOVING, 3, 3)), openings)
+    necks = at_necks(designs.frames, found.wrenches)
     stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
-    return WarmModel(pose, -wrenches, stress)
+    return WarmModel(found.output, -found.wrenches[:, ::3], stress)
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:

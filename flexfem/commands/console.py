@@ -181,7 +181,7 @@ def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
 
-    from flexfem.study.worker import no_interrupt
+    from flexfem.study.workers import signals_held
 
     count = workers or min(processors(), MOST)
     if count == 1:
@@ -190,7 +190,7 @@ def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
     pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin)
 
     def started(*tasks: Any) -> Iterator[Any]:
-        with no_interrupt():
+        with signals_held():
             return pool.map(*tasks)
 
     try:

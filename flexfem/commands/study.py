@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,26 +14,19 @@ import typer
 
 from flexfem import studies
 from flexfem.refused import BadInput
-from flexfem.sources import ONE_THREAD
-from flexfem.terminal import Stopped
+from flexfem.terminal import Stopped, raw
 
 if TYPE_CHECKING:
-    from flexfem.study.parts import Parts, Shard
-    from flexfem.study.run import Progress
+    from flexfem.study.run import Parts, Progress
+
+EVERY = 30.0  # s between lines on a run that no terminal shows
+SHOWN = 10  # reasons of a status
 
 app = typer.Typer(
     help="Study many designs: run, see how far it is, collect the table, plot.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-
-
-@app.callback()
-def _begin() -> None:
-    """Study many designs: run, see how far it is, collect the table, plot."""
-    os.environ.update(ONE_THREAD)  # as for the workers, before numpy is loaded: threads change last bits
-
-
 StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
@@ -55,62 +48,83 @@ def run(
 ) -> None:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
     from flexfem.commands import console
-    from flexfem.commands.progress import print_status
-    from flexfem.files.writing import check_folder
     from flexfem.study.probes import unseen
-    from flexfem.study_answers import shard_of
 
-    part = shard_of(shard)
+    share = studies.shard_of(shard)
     if scheduler is not None and workers is not None:
         raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = studies.parts_of(study, output)
-    check_folder(parts.folder)
-    told = unseen(parts.loaded)  # before a run that may take days; not again after it
-    _warn(told)
-    _compute(parts, workers, scheduler, part, retry)
-    facts, lost = _run_facts(parts, part), _lost(parts, part)
-    later = [text for text in facts["warnings"] if text not in told]
+    said = unseen(parts.loaded)  # before a run that may take days; not again after it
+    _warn(said)
+    with _resumable(parts) as watch:
+        studies.compute(parts, workers, share, scheduler, retry, watch, _note)
+    facts = studies.status_facts(parts, share)
+    later = [text for text in facts["warnings"] if text not in said]
+    where = [] if output == studies.REPORTS else ["--output", str(output)]
+    wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
+    following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
+    facts |= {"shard": f"{share.first + 1}/{share.step}", "next": following}
     console.show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
-    _say_lost(lost, parts.folder)
-    raise typer.Exit(1 if lost or (facts["failed"] and not facts["ok"]) else 0)
-
-
-def _compute(parts: Parts, workers: int | None, scheduler: str | None, part: Shard, retry: bool) -> None:
-    """Compute what is open of a share, with a bar; a stop says how it goes on."""
-    from flexfem.commands.progress import watching
-    from flexfem.study.run import run_study
-
-    latest: list[Progress] = []
-
-    def seen(step: Progress) -> None:
-        latest[:] = [step]
-        watch(step)
-
-    with _resumable(parts, latest), studies.pool_for(parts, workers, scheduler, _note) as pool, watching() as watch:
-        run_study(parts, pool, shard=part, retry=retry, watch=seen, say=_note)
-
-
-def _lost(parts: Parts, part: Shard) -> list[Path]:
-    """Where parts of a share that has been computed are not there: removed meanwhile, or never taken."""
-    return [path for number in part.chunks(parts) if not (path := parts.path(parts.chunk(number))).is_file()]
-
-
-def _say_lost(lost: list[Path], folder: Path) -> None:
-    if lost:
-        blocked = [path for path in lost if path.exists()]
-        cure = f"; first remove {shlex.quote(str(blocked[0]))}, which is no file" if blocked else ""
-        _note(f"{len(lost)} parts of this run are not in {folder}: the same command computes them{cure}")
+    raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 
 
 @contextmanager
-def _resumable(parts: Parts, latest: list[Progress]) -> Iterator[None]:
+def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
+    """Show how far a run is; a stop says in one line what is kept."""
+    latest: list[Progress] = []
     try:
-        yield
+        with _watching() as show:
+
+            def watch(progress: Progress) -> None:
+                latest[:] = [progress]
+                show(progress)
+
+            yield watch
     except Stopped as stop:
-        known = latest and latest[0].kept is not None
-        kept = f"{latest[0].kept:,} of {latest[0].designs:,} designs are" if known else "what is done is"
+        kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "what is done is"
         stop.said = f"stopped; {kept} kept in {parts.folder}, the same command goes on"
         raise
+
+
+@contextmanager
+def _watching() -> Iterator[Callable[[Progress], None]]:
+    """Yield a function that shows on standard error how far a run is: a bar, or without a terminal lines."""
+    from rich import progress as rich_progress
+    from rich.console import Console
+
+    console, began = Console(file=raw(sys.stderr)), time.monotonic()
+    if console.is_terminal:
+        columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
+        with rich_progress.Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task("", total=None)
+            yield lambda step: bar.update(
+                task,
+                total=step.designs,
+                completed=step.counts.total(),
+                description=progress_line(step, time.monotonic() - began),
+            )
+        return
+    latest = began
+
+    def line(step: Progress) -> None:
+        nonlocal latest
+        if time.monotonic() - latest > EVERY:
+            latest = time.monotonic()
+            print(progress_line(step, latest - began), file=sys.stderr, flush=True)
+
+    yield line
+
+
+def progress_line(step: Progress, seconds: float) -> str:
+    """One line on a run that has gone on for `seconds`: done, rate, time left, failed."""
+    from flexfem.study.run import RETRIED
+
+    done = step.counts.total()
+    failed = sum(n for (status, _), n in step.counts.items() if status in RETRIED)
+    rate = (done - step.known) / seconds if seconds > 0 else 0.0
+    minutes, s = divmod(round((step.designs - done) / rate), 60) if rate > 0 else (0, 0)
+    left = f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left" if rate > 0 else "waiting for the first"
+    return f"{done:,}/{step.designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} failed"
 
 
 def _warn(texts: Iterable[str]) -> None:
@@ -123,12 +137,42 @@ def _note(text: str) -> None:
 
 
 @app.command()
-def status(study: StudyFile, output: Output = studies.REPORTS, json: Json = False) -> None:
+def status(
+    study: Annotated[Path, typer.Argument(help="Study file, or the folder of its results.", metavar="STUDY")],
+    output: Output = studies.REPORTS,
+    json: Json = False,
+) -> None:
     """Count the designs of a study that are done, refused, failed with reasons, and open."""
     from flexfem.commands import console
-    from flexfem.commands.progress import print_status
 
     console.show(studies.study_status(study, output), json, print_status)
+
+
+def print_status(facts: dict[str, Any]) -> None:
+    """Print what `study run` and `study status` found."""
+    from flexfem.mechanism.stage_file import doubts_said
+
+    share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
+    elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
+    print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} open{elsewhere}")
+    print(f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed")
+    for state, reasons in facts["reasons"].items():
+        for reason, n in list(reasons.items())[:SHOWN]:
+            print(f"  {n:,} {state}: {reason}")
+        if others := list(reasons.values())[SHOWN:]:
+            print(f"  {sum(others):,} {state} for {len(others):,} other reasons")
+    print(f"{facts['parts']:,} parts in {facts['folder']}")
+    for text in facts["damaged"]:
+        print(f"{text}; flexfem study run computes it again")
+    if facts["stale"]:
+        print(f"{facts['stale']:,} parts of other inputs or versions there; flexfem study clean removes them")
+    for text in facts["warnings"]:
+        print(f"warning: {text}")
+    print(f"stress: {facts['stress_accuracy']}")
+    for text in doubts_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
+        print(f"{text}: --json lists them")
+    if "next" in facts:
+        print(f"next: {facts['next']}")
 
 
 @app.command()
@@ -140,28 +184,26 @@ def clean(
 ) -> None:
     """Remove parts of other inputs or versions than the study has now; nothing else."""
     from flexfem.commands import console
-    from flexfem.commands.progress import print_cleaned
 
-    console.show(studies.clean_study(study, output, dry_run), json, print_cleaned)
+    def show(facts: dict[str, Any]) -> None:
+        said = "removed" if facts["removed"] else "nothing removed"
+        print(f"{facts['stale']:,} parts of other inputs or versions, {facts['bytes'] / 1e6:.3g} MB: {said}")
+
+    console.show(studies.clean_study(study, output, dry_run), json, show)
 
 
 @app.command()
 def collect(
     study: StudyFile,
     output: Output = studies.REPORTS,
-    to: Annotated[
-        Path | None, typer.Option(help="Table to write: .parquet, .csv, or with --partitioned a folder.")
-    ] = None,
-    partitioned: Annotated[
-        bool, typer.Option("--partitioned", help="A folder of Parquet files; so are tables of millions of designs.")
-    ] = False,
+    to: Annotated[Path | None, typer.Option(help="Table to write: .parquet or .csv.")] = None,
     partial: Partial = False,
     json: Json = False,
 ) -> None:
     """Join what is done to one table, design after design."""
     from flexfem.commands import console
 
-    made = studies.collect_study(study, output, to, partitioned, partial)
+    made = studies.collect_study(study, output, to, partial)
     console.show_written([made.path], json, designs=made.designs, open=made.open)
 
 
@@ -171,27 +213,14 @@ def plot(study: StudyFile, output: Output = studies.REPORTS, partial: Partial = 
     from flexfem.commands import console
     from flexfem.plot.study import write_study_figures
     from flexfem.study.findings import Refused
-    from flexfem.study_answers import facts_of
 
     table, source, found = studies.study_findings(study, output, partial)
     written = write_study_figures(source, list(found.values()), table.path.parent)
-    doubts = [*source.unseen, *source.table.warnings]
-    shown = {name: facts_of(one) for name, one in found.items()}
-    console.show_written([table.path, *written], json, warnings=doubts, findings=shown)
-    _warn(doubts)
+    warnings = [*source.unseen, *source.table.warnings]
+    shown = {name: studies.facts_of(one) for name, one in found.items()}
+    console.show_written([table.path, *written], json, warnings=warnings, findings=shown)
+    _warn(warnings)
     refused = {name: one.reason for name, one in found.items() if isinstance(one, Refused)}
     for name, reason in refused.items():
         _note(f"{name} is not drawn: {reason}")
     raise typer.Exit(1 if refused else 0)
-
-
-def _run_facts(parts: Parts, shard: Shard) -> dict[str, Any]:
-    from flexfem.study_answers import status_facts
-
-    facts = status_facts(parts, shard)
-    file, folder = facts["file"], parts.folder.parent.parent
-    where = [] if folder == studies.REPORTS else ["--output", str(folder)]
-    opened = facts["open"] or facts["open_elsewhere"]
-    wanted = ["run", "--retry"] if facts["failed"] else ["status"] if opened else ["plot"]
-    going_on = shlex.join(["flexfem", "study", *wanted, str(file), *where])
-    return facts | {"shard": f"{shard.first + 1}/{shard.step}", "next": going_on}

@@ -1,7 +1,7 @@
 """Between which ends a number of a file is plausible, by what it measures: one table for every kind of file.
 
 Less than the least or more than the most is a mistake of the unit or of the keyboard, and would overflow or vanish in
-what is computed. What is merely unusual is inside, and some of it is warned of: see `verify.warning`.
+what is computed. What is merely unusual is inside, and some of it is warned of: see `questions.warnings`.
 """
 
 from __future__ import annotations

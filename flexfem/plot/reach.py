@@ -59,8 +59,8 @@ def _lines(found: Reach) -> list[str]:
         f"{'load ' + ', '.join(load) if np.any(found.load) else 'no load'}; linear. Below, what bounds the edges; "
         "strokes: + the longest, \N{MINUS SIGN} the shortest.",
         f"Ranges with the other two at zero: {ranges}. About rest: a circle of "
-        f"{um.factor * float(found.circle):.4g} {um} at θ = 0, and a ball of {um.factor * float(found.ball):.4g} {um} with rotations times l₃ = "
-        f"{found.about.lever:g} {LENGTH}.",
+        f"{um.factor * float(found.circle):.4g} {um} at θ = 0, and a ball of {um.factor * float(found.ball):.4g} {um} "
+        f"with rotations times l₃ = {found.about.lever:g} {LENGTH}.",
     ]
 
 

@@ -19,9 +19,9 @@ from flexfem.study.tables import Method
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
     from flexfem.study.plan import Study
-    from flexfem.study.study_table import StudyTable
 
 OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
     "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),

@@ -22,8 +22,8 @@ from flexfem.study.reductions import Cells, cells_of, wide
 from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
 
 
 Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront

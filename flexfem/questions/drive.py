@@ -33,6 +33,7 @@ from flexfem.mechanism.drives import StageDrive, contacts, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.mechanism.stage_file import actuators_of
+from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
@@ -55,7 +56,6 @@ from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Quantity, Result
 from flexfem.units import MICROMETRE
-from flexfem.verify import warning
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm

@@ -37,15 +37,13 @@ from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import located
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import ROUND_OFF, SAFETY, coarser, corner_bands, levels, pose_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import EXPANSION
-from flexfem.verify import warning
-from flexfem.verify.corners import corner_bands, pose_bands
-from flexfem.verify.errors import ROUND_OFF, SAFETY, levels
 from flexfem.verify.result import Fields
-from flexfem.verify.solid import coarser, held_faces
 
 CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"
@@ -223,7 +221,7 @@ def drift(
         found[SHEET], found[SOLID], tilt, tilt_band, fields = solved
         at = (np.array(tuple(found)) == SOLID)[:, None]
         values["tilt"], bands["tilt"] = np.where(at, tilt, np.nan), np.where(at, tilt_band, np.nan)
-        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *held_faces(stage)]
+        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *warning.held_faces(stage)]
     elif mesh is not None:
         found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution)
     for quantity in ("pose", "stress", "reaction", "edges"):

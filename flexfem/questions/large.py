@@ -16,18 +16,18 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.large import along, at_pose, missed, summed_loads, tangents
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.paper import Mechanism, stiffness
+from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
 from flexfem.fem.cyclic import CyclicResponse
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import load_case, plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import percentages
 from flexfem.questions.setup import about, mesh_of, meshed, solved
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
-from flexfem.verify import warning
-from flexfem.verify.errors import percentages
 
 AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml
 TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
@@ -153,7 +153,7 @@ def large(
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
 
 
-def _way(stage: Stage, of: Mechanism, elements: CyclicResponse | None, axis: int, far: float) -> dict[str, Array]:
+def _way(stage: Stage, of: PaperModel, elements: CyclicResponse | None, axis: int, far: float) -> dict[str, Array]:
     """The way along one direction, the others held at zero: `tangent`, `errors`, `load` and `strain` of `Large`."""
     rest, step = stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS

@@ -19,13 +19,12 @@ from flexfem.hinges.strength import KEY, Basquin, BasquinFit, checked_law, fit_b
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed, solved
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS
-from flexfem.verify import warning
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import levels
 from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
 
 LARGEST_POSE = 1e2  # mm, rad

@@ -39,15 +39,14 @@ from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
 from flexfem.questions.setup import Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
-from flexfem.verify import warning
 from flexfem.verify.dynamic_model import DynamicModel
 from flexfem.verify.dynamic_model import dynamic_model as reduced_dynamics
-from flexfem.verify.errors import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence, levels
-from flexfem.verify.solid import coarser, held_faces
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
 SHEET = "plane stress"  # label of the plane problem beside three dimensions
@@ -262,7 +261,7 @@ def modes(
             flat = [k for k, (kind, _) in enumerate(found.fields.chosen) if kind == 0]
             for name in (name for name in frequencies if name not in (SHEET, SOLID)):
                 frequencies[name] = _placed(frequencies[name], flat, count)
-        warnings += [*held_faces(stage), *([AT_ITS_PLACE] if any(load) else [])]
+        warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(load) else [])]
     elif mesh is not None:
         plane, bands, share, whole = _in_plane(stage, load, drives, count, mesh.resolution, ratio, progress)
         frequencies[ELEMENTS], fields, band = plane.modes.frequencies, plane, bands

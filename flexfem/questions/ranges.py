@@ -30,8 +30,8 @@ from flexfem.questions.driven import (
     sections_of,
     stress_along,
 )
+from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.refused import ComputationFailed
-from flexfem.verify.warning import YIELD_MARGIN
 
 ROUNDS = 60  # of added half-spaces; three are common
 ROUND_OFF = 1e-11  # of the yield strength

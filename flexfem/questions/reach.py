@@ -18,6 +18,7 @@ from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.questions import warnings as warning
 from flexfem.questions.drive import (
     LARGEST_LOAD,
     MOTION,
@@ -43,7 +44,6 @@ from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
-from flexfem.verify import warning
 
 KINDS = (*LIMITS, "yield")  # what the name of a limit begins with, before " of "
 EXACT = 1e-9  # of limits and of the largest coordinate: what programs may break them by, and hulls may miss

@@ -19,13 +19,12 @@ from flexfem.fem.solid_response import SolidResponse
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, Models, about, mesh_of, meshed, solved
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, STRESS, Progress, Quantity, Result
-from flexfem.verify import warning
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import compliance_bands, levels
-from flexfem.verify.solid import bounding, held_faces, neck_stress_of, solid_bands, solve_solid
+from flexfem.verify.solid import bounding, neck_stress_of
 
 SHEET, HELD = "plane stress", "plane strain"  # labels of the plane problems that bound three dimensions
 STIFFNESSES = (("n_per_mm", "n_per_mm", "n"), ("n_per_mm", "n_per_mm", "n"), ("n", "n", "n_mm_per_rad"))
@@ -209,7 +208,7 @@ def stiffness(
     if mesh is not None and mesh.layers:
         more, fields = _in_three_dimensions(stage, mesh, load, held)
         found |= more
-        warnings += held_faces(stage)
+        warnings += warning.held_faces(stage)
     elif mesh is not None:
         found[ELEMENTS], fields = _in_plane(stage, mesh.resolution, load, held, progress)
         warnings += warning.of_thickness(stage)
@@ -291,13 +290,14 @@ def _in_three_dimensions(
 ) -> tuple[dict[str, AtRest], LoadFields | None]:
     """Three dimensions, and plane stress and plane strain on the same mesh of the plane, which bound it."""
     response = solve_solid(stage, mesh.resolution, mesh.layers)
-    bands = solid_bands(stage, mesh.resolution, mesh.layers)
+    plane, thickness = solid_bands(solid_levels(stage, mesh.resolution, mesh.layers), mesh.resolution)
+    total = plane + thickness
     soft, hard = bounding(stage, response)
     found = AtRest(stage, response.compliance)
-    found.bands["compliance"] = bands.total
-    found.values |= {"band_plane": bands.plane, "band_thickness": bands.thickness}
+    found.bands["compliance"] = total
+    found.values |= {"band_plane": plane, "band_thickness": thickness}
     K = found.values["stiffness"]
-    found.bands["stiffness"] = np.abs(K) @ bands.total @ np.abs(K)
+    found.bands["stiffness"] = np.abs(K) @ total @ np.abs(K)
     found.strained(np.moveaxis(neck_stress_of(stage, response, K.T).highest, 0, -1))
     force = load if held is None else K @ held
     models = {SHEET: AtRest(stage, soft), HELD: AtRest(stage, hard), SOLID: found}
@@ -307,5 +307,5 @@ def _in_three_dimensions(
     energy = float(force @ response.energy @ force / 2)
     found.loaded(force, necks.highest[0], reaction=force @ response.reactions, energy=energy)
     found.values["neck_height"] = necks.height[0]
-    found.bands["pose"] = bands.total @ np.abs(force)
+    found.bands["pose"] = total @ np.abs(force)
     return models, LoadFields(stage, force, None, response)

@@ -17,6 +17,7 @@ from flexfem.mechanism.feasibility import Broken, broken, check_feasible, condit
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study import drawn
 from flexfem.study.designs import designs_of, refusals_of, stage_of
@@ -24,7 +25,6 @@ from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import Rows, row_of, values_of
 from flexfem.study.plan import Study
 from flexfem.study.sampling import sample
-from flexfem.verify import warning
 from flexfem.verify.questions import Clock, ask_drift, ask_elements, ask_formulas, ask_solid
 from flexfem.verify.strained import Repeated, of_preloads, scaled
 
@@ -34,19 +34,13 @@ BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
 DRAWN = 512  # of them, where each is made a stage, which is kept until the batch is answered: 60 kB
 
 
-def answer(loaded: LoadedStudy, start: int, stop: int, inside: bool = False) -> Rows:
-    """Answer the designs from `start` up to `stop`.
-
-    Parameters
-    ----------
-    inside : gmsh may run in this very process, one that can be killed; else meshes are made in a child process, which
-        ends with the time limit.
-    """
+def answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
+    """Answer the designs from `start` up to `stop`."""
     if loaded.study.model == "analytic":
         ends = [*range(start, stop, DRAWN if drawn.drawn_one_by_one(loaded.study) else BATCH), stop]
         batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
-        batches = [_solved_row(loaded, values, inside) for values in sample(loaded, start, stop)]
+        batches = [_solved_row(loaded, values) for values in sample(loaded, start, stop)]
     if not batches:
         nothing = np.array([], dtype=object)
         return Rows(nothing, nothing, np.empty((0, len(loaded.outputs))))
@@ -101,9 +95,9 @@ def _repeated(loaded: LoadedStudy) -> Repeated | None:
     return Repeated(scaled(np.array(of.amplitude), None, of.ratio), of.cycles, of.notch_sensitivity)
 
 
-def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
+def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     """Values (outputs,) of a feasible design, for models that mesh. Raises as `ask_elements`, or the formula."""
-    study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), inside)
+    study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
         found = ask_solid(stage, study.resolution, study.layers, clock)
@@ -115,7 +109,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy, inside: bool) -> Array:
     return np.asarray(values_of(found, study.rotation)[0])
 
 
-def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
+def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
     from flexfem.fem.gmsh_process import MeshTimeout
 
@@ -125,7 +119,7 @@ def _solved_row(loaded: LoadedStudy, values: Array, inside: bool) -> Rows:
             raise BadInput(reason)
         stage = stage_of(loaded, values)
         check_feasible(stage)
-        found = solved_values(stage, loaded, inside)
+        found = solved_values(stage, loaded)
         return doubted(loaded, values[None], row_of("ok", "", found))
     except BadInput as refusal:
         status, reason = "refused", str(refusal)

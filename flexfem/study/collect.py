@@ -1,14 +1,14 @@
-"""Join the parts of a study to one table, design after design, one part in memory at a time."""
+"""The table of a study: parts joined design after design, and read again column by column."""
 
 from __future__ import annotations
 
-import os
-import secrets
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -16,21 +16,17 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from flexfem.files.inputs import require_unread
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
-from flexfem.study.collected import FILE
-from flexfem.study.content import read_part
 from flexfem.study.designs import judge
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import FEASIBLE
-from flexfem.study.parts import PARQUET, Chunk, Parts, listed, sweep
-from flexfem.study.study_table import OK
+from flexfem.study.run import ABOUT, PARQUET, Chunk, Parts, read_part, survey
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
-SPLIT = 2**20  # designs a file of a data set, about
-LARGE = 2**22  # designs, beyond which the table is a data set when nobody says
+OK = "ok"
 
 
 class Collected(NamedTuple):
@@ -41,21 +37,9 @@ class Collected(NamedTuple):
     open: int
 
 
-def table_path(parts: Parts, partitioned: bool = False) -> Path:
-    """Where the table of a study goes when nobody says: a file, or the folder of a data set."""
-    split = partitioned or parts.loaded.count > LARGE
-    return parts.folder.parent / (f"{parts.loaded.stem}-table" if split else f"{parts.loaded.stem}.parquet")
-
-
-def check_target(path: Path, partitioned: bool = False) -> Path:
-    """Raise BadInput when a table cannot be written under that name: a file by its format, a data set by a folder."""
-    if partitioned:
-        if path.suffix in FORMATS:
-            raise BadInput(f"{path}, expected the name of a folder, without {path.suffix}, for a partitioned table")
-        _require_replaceable(path)
-    elif path.suffix not in FORMATS:
-        raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
-    return path
+def table_path(parts: Parts) -> Path:
+    """Where the table of a study goes when nobody says."""
+    return parts.folder.parent / f"{parts.loaded.stem}.parquet"
 
 
 def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
@@ -63,120 +47,188 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
     Parameters
     ----------
-    path : a file, Parquet or CSV, or the folder of a data set, a Parquet file for every `SPLIT` designs or so.
-    partial : leave out designs that are open instead of refusing.
+    path : Path
+        A file, Parquet or CSV.
+    partial : bool
+        Leave out designs that are open instead of refusing.
 
-    Raises BadInput when designs are open, a part is damaged, or the table cannot be written.
+    Raises
+    ------
+    BadInput
+        Designs are open, a part is damaged, or the table cannot be written.
     """
-    chunks, foreign = listed(parts)
-    open_designs = parts.loaded.count - sum(chunk.stop - chunk.start for chunk in chunks)
-    if open_designs == parts.loaded.count or (open_designs and not partial):
-        others = f"; {len(foreign)} files there are of other inputs or versions" if foreign else ""
+    if path.suffix not in FORMATS:
+        raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
+    found, loaded = survey(parts), parts.loaded
+    if found.damaged:
+        raise BadInput(f"{found.damaged[0]}: a damaged part; flexfem study run computes it again")
+    designs = sum(chunk.stop - chunk.start for chunk in found.counts)
+    if designs == 0 or (designs < loaded.count and not partial):
+        others = f"; {len(found.stale)} parts there are of other inputs or versions" if found.stale else ""
         raise BadInput(
-            f"{parts.folder}: {open_designs} of {parts.loaded.count} designs are open, expected "
+            f"{parts.folder}: {loaded.count - designs} of {loaded.count} designs are open, expected "
             f"{'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
         )
-    sweep(path.parent, path.stem)
-    if path.suffix in FORMATS:
-        written = _write_file(parts, chunks, path)
-    else:
-        with _replacing_folder(check_target(path, partitioned=True)) as folder:
-            written = sum(_write_file(parts, some, folder / name) for name, some in _split(parts, chunks))
-    return Collected(path, written, parts.loaded.count - written)
-
-
-def _split(parts: Parts, chunks: list[Chunk]) -> Iterator[tuple[str, list[Chunk]]]:
-    """Chunks by the file of a data set that they go to, which does not depend on what else is there."""
-    together = max(SPLIT // parts.size, 1)
-    files: dict[int, list[Chunk]] = {}
-    for chunk in chunks:
-        files.setdefault(chunk.number // together, []).append(chunk)
-    for number, some in files.items():
-        yield f"designs-{number * together * parts.size:010d}.parquet", some
-
-
-def _write_file(parts: Parts, chunks: list[Chunk], path: Path) -> int:
-    """Write the rows of chunks to a file; returns how many there are."""
-    written = 0
-    with (
-        replacing(path, ".tmp") as temporary,
-        temporary.open("wb") as file,
-        _writer(parts, file, path.suffix) as writer,
-    ):
-        for table in _groups(parts, chunks):
-            writer.write_table(with_derived(parts.loaded, table))
-            written += len(table)
-    return written
+    schema = _with_derived_fields(parts)
+    with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
+        csv = path.suffix == ".csv"
+        with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
+            for group in _groups(parts, sorted(found.counts)):
+                writer.write_table(_with_derived(loaded, group).replace_schema_metadata(schema.metadata))
+    return Collected(path, designs, loaded.count - designs)
 
 
 def _groups(parts: Parts, chunks: list[Chunk]) -> Iterator[Any]:
-    """The tables of the parts that are there, small ones joined."""
+    """The tables of parts, small ones joined."""
     held, designs = list[Any](), 0
     for chunk in chunks:
         try:
-            held.append(read_part(parts, chunk).replace_schema_metadata(parts.table_schema.metadata))
+            held.append(read_part(parts.path(chunk)).replace_schema_metadata(None))
         except FileNotFoundError:
             raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay while it is collected") from None
         designs += len(held[-1])
-        if designs >= GROUP:
+        if designs >= GROUP or chunk == chunks[-1]:
             yield pa.concat_tables(held).combine_chunks()
             held, designs = [], 0
-    if held:
-        yield pa.concat_tables(held).combine_chunks()
 
 
-def _writer(parts: Parts, file: BinaryIO, suffix: str) -> Any:
-    schema = with_derived_fields(parts.loaded, parts.table_schema)
-    if suffix == ".csv":
-        return pyarrow.csv.CSVWriter(file, schema)
-    return pq.ParquetWriter(file, schema, **PARQUET)
-
-
-@contextmanager
-def _replacing_folder(path: Path) -> Iterator[Path]:
-    """Yield a new folder that takes the place of `path` when all went well; an earlier data set there goes then."""
-    temporary = path.parent / f".{path.name}-{secrets.token_hex(4)}.tmp"
-    earlier = path.parent / f".{path.name}-{secrets.token_hex(4)}.tmp"
-    try:
-        temporary.mkdir(parents=True)
-        yield temporary
-        _require_replaceable(path)
-        if path.exists():
-            path.rename(earlier)
-        temporary.rename(path)
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        for folder in (temporary, earlier):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _require_replaceable(path: Path) -> None:
-    """Raise BadInput when something is there that is no data set of ours."""
-    if not os.path.lexists(path):
-        return
-    ours = path.is_dir() and not path.is_symlink() and all(FILE.fullmatch(each.name) for each in path.iterdir())
-    if not ours:
-        raise BadInput(f"{path}: not a table that flexfem study collect wrote, expected a new folder")
-    require_unread(*path.iterdir())
-
-
-def with_derived(loaded: LoadedStudy, stored: Any) -> Any:
-    """An Arrow table of designs with columns for the derived outputs, and for whether all constraints are kept."""
+def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
+    """A table of designs with columns for the derived outputs, and for whether all constraints are kept."""
     names = [*(column.name for column in loaded.columns), *loaded.outputs]
     columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
     ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
     found = judge(loaded, columns, ok)
-    added = {name: pa.array(values, mask=np.isnan(values)) for name, values in found.derived.items()}
+    for name, values in found.derived.items():
+        stored = stored.append_column(name, pa.array(values, mask=np.isnan(values)))
     if loaded.study.constraint:
-        added[FEASIBLE] = pa.array(found.feasible, mask=~ok)
-    for name, values in added.items():
-        stored = stored.append_column(name, values)
+        stored = stored.append_column(FEASIBLE, pa.array(found.feasible, mask=~ok))
     return stored
 
 
-def with_derived_fields(loaded: LoadedStudy, schema: Any) -> Any:
-    """The schema of `with_derived`, from that of the parts."""
-    for output in loaded.study.output:
+def _with_derived_fields(parts: Parts) -> Any:
+    """The schema of the table, from that of the parts."""
+    schema, study = parts.schema, parts.loaded.study
+    about = json.loads(schema.metadata[ABOUT]) | {"count": parts.loaded.count}
+    for output in study.output:
         schema = schema.append(pa.field(output.name, pa.float64()))
-    return schema.append(pa.field(FEASIBLE, pa.bool_())) if loaded.study.constraint else schema
+    schema = schema.append(pa.field(FEASIBLE, pa.bool_())) if study.constraint else schema
+    return schema.with_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """What was answered, design after design.
+
+    Attributes
+    ----------
+    design : (n,) int
+        Numbers of the designs, ascending.
+    status, reason : (n,) object
+        Texts.
+    columns : mapping
+        Factors, outputs and derived outputs by name, (n,) each, in file units; nan where there is no number. Those of
+        a table on disk are read when they are asked for, and not kept.
+    feasible : (n,) bool, optional
+        Designs that have an answer and keep all constraints; None in a study without constraints.
+    """
+
+    design: Index
+    status: AnyArray
+    reason: AnyArray
+    columns: Mapping[str, Array]
+    feasible: AnyArray | None = None
+
+    @cached_property
+    def ok(self) -> AnyArray:
+        """Designs that have an answer, bool (n,)."""
+        return np.asarray(self.status == OK, dtype=bool)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many designs have each status, the most frequent first."""
+        return dict(Counter(self.status.tolist()).most_common())
+
+    @property
+    def unanswered(self) -> dict[str, AnyArray]:
+        """Designs without an answer, bool (n,), by status, the most frequent first."""
+        return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What there is to know of some of the answers, a sentence each."""
+        return counted_warnings(Counter(self.reason[self.ok].tolist()))
+
+    @property
+    def infeasible(self) -> AnyArray:
+        """Designs that have an answer but break a constraint, bool (n,)."""
+        return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
+
+    @cached_property
+    def considered(self) -> StudyTable:
+        """The table without the designs that break a constraint."""
+        keep = ~self.infeasible
+        if keep.all():
+            return replace(self, feasible=None)
+        return StudyTable(self.design[keep], self.status[keep], self.reason[keep], _Kept(self.columns, keep))
+
+    def answered(self, *names: str) -> list[Array]:
+        """Columns of the designs that have an answer."""
+        return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
+
+
+def counted_warnings(reasons: Counter[str]) -> list[str]:
+    """Warnings on the designs with an answer, by what stands as their reason, and how many."""
+    return [f"{n:,} of {reasons.total():,} designs with an answer: {text}" for text, n in reasons.most_common() if text]
+
+
+class _Kept(dict[str, Array]):
+    """Some rows, bool (n,), of columns that are made when they are asked for."""
+
+    def __init__(self, columns: Mapping[str, Array], keep: AnyArray) -> None:
+        super().__init__()
+        self._columns, self._keep = columns, keep
+
+    def __missing__(self, name: str) -> Array:
+        return self._columns[name][self._keep]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+
+class _Stored(dict[str, Array]):
+    """Columns of a Parquet file, read when they are asked for."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path, self._names = path, frozenset(pq.read_schema(path).names)
+
+    def __missing__(self, name: str) -> Array:
+        return np.asarray(_column(self._path, name).to_numpy(), dtype=np.float64)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+
+def read_table(path: Path) -> StudyTable:
+    """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
+    texts = list[AnyArray]()
+    for name in ("status", "reason"):
+        column = _column(path, name).unify_dictionaries().combine_chunks()
+        texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
+    columns = _Stored(path)
+    feasible = None
+    if FEASIBLE in columns:
+        feasible = np.asarray(pc.fill_null(_column(path, FEASIBLE), False).to_numpy(), dtype=bool)
+    status, reason = texts
+    return StudyTable(np.asarray(_column(path, "design").to_numpy()), status, reason, columns, feasible)
+
+
+def _column(path: Path, name: str) -> Any:
+    try:
+        with (
+            path.open("rb") as content,  # pyarrow takes no name that is not UTF-8
+            pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=["status", "reason"]) as file,
+        ):
+            return file.read(columns=[name], use_threads=False)[name]
+    except (OSError, ValueError, pa.ArrowException):
+        raise BadInput(f"{path}: a damaged Parquet file; flexfem study collect writes it again") from None

@@ -19,8 +19,8 @@ from flexfem.study.statistics import Indices, Percentile, percentiles, sensitivi
 from flexfem.study.tables import Figure
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
 
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each

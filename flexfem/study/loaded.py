@@ -17,13 +17,13 @@ from flexfem.files.toml import bad_key, validate
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions import warnings as warning
 from flexfem.refused import BadInput
 from flexfem.study.columns import Column, acting, columns_of, with_mean
 from flexfem.study.expression import names_in
 from flexfem.study.given import Given, given_of
 from flexfem.study.plan import Study
 from flexfem.study.tables import EXTENSIBLE
-from flexfem.verify import warning
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,13 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label
 from flexfem.mechanism.keys import keys, meant
+from flexfem.questions import warnings as warning
 from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
 from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in
 from flexfem.study.outputs import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.rules import APPLIES, require_correlated, require_sampled, require_shown, require_unlike, rules
 from flexfem.study.tables import MOST, Constraint, Correlation, Figure, Output, Sampling
-from flexfem.verify import warning
 from flexfem.verify.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array, Index
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
 
 PER_CELL = 12  # designs, about
 MOST_BINS = 25  # along one side

@@ -1,270 +1,354 @@
-"""Run a study: chunk after chunk to the workers, part after part to disk; what exists is skipped.
+"""A study on disk and the run that writes it: whole parts, named after their inputs and the versions that decide them.
 
-Runners on one folder need not know of one another: each walks the chunks in an order of its own, and looks again
-whether a part is there before it computes or writes it.
+A part is a Parquet file of some designs. Its name holds a hash of the study, the range of designs and the versions, so
+that a part that exists is done, and rows of other inputs or versions are never taken for it.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import random
+import re
 import time
 from collections import Counter, deque
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from flexfem.refused import BadInput
-from flexfem.sources import require_unchanged
+from flexfem.files.writing import write_atomically
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer
-from flexfem.study.content import (
-    Counts,
-    Kept,
-    counts_of,
-    counts_of_table,
-    forget_rows,
-    keep_rows,
-    read_part,
-    under_way,
-    write_part,
-)
-from flexfem.study.folder import candidates, claim_folder, require_same_arithmetic, set_apart, survey
+from flexfem.study.drawn import drawn_one_by_one
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import Rows, failed_row
-from flexfem.study.parts import WHOLE, Chunk, Parts, Shard, shuffled, sweep
-from flexfem.study.pool import DEATHS, Answer, Pool, require_workers
-from flexfem.study.tables import EXTENSIBLE
-from flexfem.study.worker import Died
+from flexfem.study.sampling import sample
+from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
-BROADCAST_LIMIT = 600.0  # s, for as many analytic designs as are given out at once
-FIRST, SECONDS = 4, 2.0  # analytic designs given out first; how long those given out later take, which a stop loses
-STARTUP = 10.0  # s, for a worker to load what it needs, on top of that or of the study's limit for a design
-POLL = 0.25  # s
+ABOUT, COUNTS = b"flexfem.study", b"flexfem.counts"  # metadata: what a part belongs to, and what is in it
+PARQUET: Mapping[str, Any] = {
+    "compression": "zstd",
+    "use_dictionary": ["status", "reason"],
+    "write_page_checksum": True,
+}
+SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs a part: some seconds of work, which a stop may lose
+LINKED, DRAWN, BROADCAST = 32, 512, 8192  # analytic ones: with elastic links, drawn one by one, all at once
+PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
+RETRIED = ("time limit", "crashed", "failed")  # statuses that another run may change
+FILE = "study.json"  # names the study file in its folder
+ANALYTIC_LIMIT, SLACK = 600.0, 10.0  # s, for a part of analytic designs; for a meshed design beyond the limit of gmsh
+OLD = 3600.0  # s, after which the temporary file of a killed run is removed
+Counts: TypeAlias = Counter[tuple[str, str]]  # designs by status and kind of reason
+Solve: TypeAlias = Callable[[LoadedStudy, int, int], Rows]
 
 
-class Task(NamedTuple):
-    """Designs of a chunk given to a worker, and how many workers have died over them."""
+class Chunk(NamedTuple):
+    """Designs from `start` up to `stop`, kept in one part."""
 
-    chunk: Chunk
     start: int
     stop: int
-    deaths: int = 0
+
+
+class Shard(NamedTuple):
+    """The chunks of one of several runners that share them out: number `first`, and every `step` after it."""
+
+    first: int = 0
+    step: int = 1
+
+
+WHOLE = Shard()
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Where the parts of a study lie and what each is called; `size` designs a part."""
+
+    loaded: LoadedStudy
+    folder: Path
+    size: int
+
+    @cached_property
+    def meshed(self) -> bool:
+        """Whether finite elements take part."""
+        return self.loaded.study.model != "analytic"
+
+    @cached_property
+    def versions(self) -> dict[str, str]:
+        """Versions of what decides the results."""
+        return dict(versions_of(self.meshed))
+
+    @cached_property
+    def _key(self) -> str:
+        return json.dumps([self.loaded.hash, self.versions], sort_keys=True)
+
+    @cached_property
+    def schema(self) -> Any:
+        """Columns of the table, with what it belongs to as metadata."""
+        loaded = self.loaded
+        factors = [column.name for column in loaded.columns]
+        fields = [pa.field("design", pa.int64(), False), pa.field("status", pa.string(), False)]
+        fields += [pa.field("reason", pa.string(), False), *(pa.field(name, pa.float64(), False) for name in factors)]
+        fields += [pa.field(name, pa.float64()) for name in loaded.outputs]
+        about = {"stem": loaded.stem, "name": loaded.study.name, "hash": loaded.hash, "versions": self.versions}
+        about |= {"stress_accuracy": loaded.stress_accuracy}
+        about |= {"assumed": list(loaded.assumed), "not_stated": list(loaded.not_stated)}
+        return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
+
+    def chunks(self, shard: Shard = WHOLE) -> list[Chunk]:
+        """The chunks of a shard, in the order of their designs."""
+        size, count = self.size, self.loaded.count
+        starts = range(shard.first * size, count, shard.step * size)
+        return [Chunk(start, min(start + size, count)) for start in starts]
+
+    def path(self, chunk: Chunk) -> Path:
+        """Where the part of a chunk lies, once it is written."""
+        digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
+        return self.folder / f"part-{chunk.start:010d}-{digits}.parquet"
+
+
+def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
+    """The parts of a study in an output folder, by default of some seconds of work each."""
+    study = loaded.study
+    analytic = LINKED if study.links else DRAWN if drawn_one_by_one(study) or study.driven else BROADCAST
+    return Parts(loaded, output / loaded.stem / "parts", size or SIZES.get(study.model, analytic))
+
+
+def table_of(parts: Parts, chunk: Chunk, rows: Rows) -> Any:
+    """The Arrow table of a chunk: design, status, reason, factors, outputs (null where there is no answer)."""
+    factors = sample(parts.loaded, chunk.start, chunk.stop)
+    missing = np.asarray(rows.status != "ok")
+    columns = [pa.array(np.arange(chunk.start, chunk.stop)), pa.array(rows.status), pa.array(rows.reason)]
+    columns += [pa.array(column) for column in factors.T]
+    columns += [pa.array(column, mask=missing | np.isnan(column)) for column in rows.values.T]
+    kinds = sorted([*kind, n] for kind, n in counts_of(rows.status, rows.reason).items())
+    return pa.Table.from_arrays(columns, schema=parts.schema).replace_schema_metadata(
+        parts.schema.metadata | {COUNTS: json.dumps(kinds).encode()}
+    )
+
+
+def part_content(parts: Parts, chunk: Chunk, rows: Rows) -> bytes:
+    """The file of a part."""
+    content = pa.BufferOutputStream()
+    pq.write_table(table_of(parts, chunk, rows), content, **PARQUET)
+    return content.getvalue().to_pybytes()  # type: ignore[no-any-return]
+
+
+def read_part(path: Path) -> Any:
+    """The Arrow table of a part. Raises FileNotFoundError, or BadInput where it is damaged: pages have checksums."""
+    try:
+        with path.open("rb") as content, pq.ParquetFile(content, page_checksum_verification=True) as file:
+            return file.read(use_threads=False)
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, pa.ArrowException):
+        raise BadInput(f"{path}: a damaged part") from None
+
+
+def read_counts(path: Path, whole: bool = False) -> Counts:
+    """Designs of each kind in a part, by its footer, or after all of it was read. Raises as `read_part`."""
+    try:
+        if whole:
+            metadata = read_part(path).schema.metadata
+        else:
+            with path.open("rb") as content:
+                metadata = pq.read_metadata(content).metadata
+        return Counter({(status, kind): n for status, kind, n in json.loads(metadata[COUNTS])})
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):
+        raise BadInput(f"{path}: a damaged part") from None
+
+
+def counts_of(status: Iterable[str], reason: Iterable[str]) -> Counts:
+    """Designs of each status and kind of reason."""
+    return Counter((s, kind_of(r)) for s, r in zip(status, reason, strict=True))
+
+
+def kind_of(reason: str) -> str:
+    """A reason without the numbers of its design: the text before its value, or else dots for every number."""
+    before, found, _ = reason.partition(" = ")
+    return before if found or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
+
+
+class Survey(NamedTuple):
+    """What lies in the folder of a study.
+
+    counts : designs by status and kind of reason, by chunk.
+    damaged : paths of parts that are there but cannot be read.
+    stale : parts of other inputs or versions.
+    elsewhere : designs of other shards that have parts.
+    """
+
+    counts: dict[Chunk, Counts]
+    damaged: list[Path]
+    stale: list[Path]
+    elsewhere: int
+
+    @property
+    def total(self) -> Counts:
+        """Designs by status and kind of reason."""
+        return sum(self.counts.values(), Counter())
+
+
+def survey(parts: Parts, shard: Shard = WHOLE, whole: bool = False) -> Survey:
+    """Look at the parts of a shard: at their footers, or, where `whole`, at every byte."""
+    names = set(os.listdir(parts.folder)) if parts.folder.is_dir() else set[str]()
+    mine, counts, damaged, elsewhere = set(parts.chunks(shard)), dict[Chunk, Counts](), list[Path](), 0
+    for chunk in parts.chunks():
+        path = parts.path(chunk)
+        if path.name not in names:
+            continue
+        names.remove(path.name)
+        if chunk not in mine:
+            elsewhere += chunk.stop - chunk.start
+            continue
+        try:
+            counts[chunk] = read_counts(path, whole)
+        except FileNotFoundError:
+            continue
+        except BadInput:
+            damaged.append(path)
+    return Survey(counts, damaged, [parts.folder / name for name in sorted(names) if PART.fullmatch(name)], elsewhere)
 
 
 class Progress(NamedTuple):
-    """How far a run is: `designs` it is to see to, of which `known` were there before; all it knows of by status.
-
-    kept : of a run that has ended, designs in its folder, those of parts under way included.
-    """
+    """How far a run is: `designs` in all, `known` were there before, `counts` by status and kind of reason."""
 
     designs: int
     known: int
     counts: Counts
-    kept: int | None = None
 
 
-def run_study(
+def run_parts(
     parts: Parts,
-    pool: Pool,
-    solve: Answer = answer,
+    workers: Workers,
+    solve: Solve = answer,
     shard: Shard = WHOLE,
     retry: bool = False,
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
 ) -> Progress:
-    """Compute the parts of a study that are missing.
+    """Compute the parts of a study that are missing; several runs may work on one folder at once.
 
     Parameters
     ----------
-    solve : answers a range of designs; importable by workers.
-    retry : also compute again the parts that hold designs out of time, crashed or failed.
-    watch : is told now and then how far the run is.
-    say : is told in a line what the user should know, such as a damaged part.
+    solve : callable
+        Answers a range of designs; importable by workers.
+    retry : bool
+        Also compute again the parts that hold designs out of time, crashed or failed.
+    watch, say : callable
+        Receive the progress after every part, and lines for the user.
 
     Raises
     ------
     BadInput
-        The folder takes no file or has rows of another arithmetic, or a worker has another flexfem.
+        The folder takes no file, or a worker has another flexfem.
     ComputationFailed
-        Workers cannot be started, or are lost. Parts that are written stay in any case.
-    SourcesChanged
-        flexfem was edited since this process began.
+        Workers cannot start or are lost. Parts that are written stay.
     """
-    require_unchanged()  # what this process has loaded by now is what its parts are named after
-    require_same_arithmetic(parts)
-    sweep(parts.folder)
-    for line in set_apart(parts).said(parts.stale):
-        say(line)
-    run = _Run(parts, pool, solve, shard, retry, say)
-    watch(run.progress)
-    if run.known < run.designs:
-        require_workers(pool, solve, parts.loaded, lambda: watch(run.progress))
-        claim_folder(parts)
+    found = survey(parts, shard, whole=True)
+    for path in found.damaged:
+        say(f"{path}: a damaged part; computing it again")
+    if found.stale:
+        say(f"{len(found.stale):,} parts of other inputs or versions are in {parts.folder}; study clean removes them")
+    again = {chunk for chunk, counts in found.counts.items() if retry and any(kind[0] in RETRIED for kind in counts)}
+    done = {chunk: counts for chunk, counts in found.counts.items() if chunk not in again}
+    again |= {chunk for chunk in parts.chunks(shard) if parts.path(chunk) in found.damaged}
+    todo = deque(chunk for chunk in parts.chunks(shard) if chunk not in done)
+    todo.rotate(random.randrange(len(todo) or 1))  # runs on one folder begin at different places
+    counts: Counts = sum(done.values(), Counter())
+    designs = sum(chunk.stop - chunk.start for chunk in parts.chunks(shard))
+    known, pieces, ahead = counts.total(), dict[Chunk, dict[int, Rows]](), deque[Any]()
+    watch(Progress(designs, known, counts))
+    if todo:
+        named = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
+        _write(parts.folder.parent / FILE, json.dumps(named).encode())
+
+    def next_task() -> tuple[Any, ...] | None:
+        while not ahead and todo:
+            chunk = todo.popleft()
+            try:
+                if chunk in again:
+                    raise FileNotFoundError
+                counts.update(read_counts(parts.path(chunk)))  # another run has written it meanwhile
+            except (FileNotFoundError, BadInput):
+                return solve, parts, chunk, *chunk
+        return ahead.popleft() if ahead else None
+
+    def limit(task: tuple[Any, ...]) -> float:
+        return ((task[4] - task[3]) * (parts.loaded.study.time_limit + SLACK)) if parts.meshed else ANALYTIC_LIMIT
+
+    for task, result in workers.results(solve_task, next_task, limit):
+        _, _, chunk, start, stop = task
+        if isinstance(result, Failure) and stop - start > 1:  # find the design at fault
+            middle = (start + stop) // 2
+            ahead += [(solve, parts, chunk, start, middle), (solve, parts, chunk, middle, stop)]
+            continue
+        if isinstance(result, Failure):
+            result = failed_row(len(parts.loaded.outputs), *result)
+        if isinstance(result, Rows):
+            each = pieces.setdefault(chunk, {})
+            each[start] = result
+            if sum(len(rows.status) for rows in each.values()) < chunk.stop - chunk.start:
+                continue
+            rows = joined([each[start] for start in sorted(each)])
+            result = part_content(parts, chunk, rows), counts_of(rows.status, rows.reason)
+        content, kinds = result
+        _write(parts.path(chunk), content)
+        counts.update(kinds)
+        watch(Progress(designs, known, counts))
+    return Progress(designs, known, counts)
+
+
+def _write(path: Path, content: bytes) -> None:
+    write_atomically(path, lambda file: file.write(content), again=True)
+
+
+def solve_task(solve: Solve, parts: Parts, chunk: Chunk, start: int, stop: int) -> tuple[bytes, Counts] | Rows:
+    """In a worker: a whole part as a file with its counts, or rows of a piece of it."""
+    require_same_versions(parts.versions, parts.meshed)
+    rows = _solved(solve, parts.loaded, start, stop)
+    if chunk != (start, stop):
+        return rows
+    return part_content(parts, chunk, rows), counts_of(rows.status, rows.reason)
+
+
+def _solved(solve: Solve, loaded: LoadedStudy, start: int, stop: int) -> Rows:
+    """Rows of designs; one whose answer raises an error is a row `failed`, and takes no other along."""
     try:
-        with ThreadPoolExecutor(1) as writer:
-            while run.step(writer):
-                watch(run.progress)
-    finally:  # also of a run that is stopped
-        watch(run.progress._replace(kept=run.on_disk()))
-    return run.progress
+        return solve(loaded, start, stop)
+    except Exception as error:
+        if stop - start > 1:
+            middle = (start + stop) // 2
+            return joined([_solved(solve, loaded, start, middle), _solved(solve, loaded, middle, stop)])
+        kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
+        return failed_row(len(loaded.outputs), "failed", kind + " ".join(str(error).split()))
 
 
-class _Run:
-    """The state of a run: chunks to open, tasks to give out, tasks and writes under way."""
+def joined(rows: list[Rows]) -> Rows:
+    """Rows one after the other."""
+    return Rows(*map(np.concatenate, zip(*rows, strict=True)))
 
-    def __init__(
-        self, parts: Parts, pool: Pool, solve: Answer, shard: Shard, retry: bool, say: Callable[[str], object]
-    ) -> None:
-        self.parts, self.pool, self.solve, self.shard, self.say = parts, pool, solve, shard, say
-        found = survey(parts, shard, whole=True)
-        blocked = {number for number in found.damaged if parts.path(parts.chunk(number)).is_dir()}
-        for number, text in found.damaged.items():
-            say(f"{text}; {'its designs are left out' if number in blocked else 'computing it again'}")
-        unsure = found.unsure if retry else {}
-        self.again = set(unsure) | set(found.damaged) - blocked  # parts to replace, though they are there
-        self.done = found.done - self.again | blocked
-        self.counts = found.counts - sum(unsure.values(), Counter())
-        self.known, self.designs = self.counts.total(), shard.designs(parts)
-        stale = candidates(parts) if parts.loaded.study.sampling.method in EXTENSIBLE else {}
-        self.kept = Kept(parts, retry, frozenset(unsure), stale)
-        self.order = shuffled(shard.chunks(parts))
-        self.ready: deque[Task] = deque()
-        self.pieces: dict[Chunk, dict[int, Rows]] = {}
-        self.computing: dict[Future[Any], Task] = {}
-        self.begun: dict[Future[Any], float] = {}
-        self.at_once = FIRST
-        self.writing: dict[Future[Any], Chunk] = {}
 
-    @property
-    def progress(self) -> Progress:
-        return Progress(self.designs, self.known, self.counts)
-
-    def on_disk(self) -> int:
-        """Designs that lie in the folder when all writes are done."""
-        written = sum(chunk.stop - chunk.start for chunk in self.writing.values() if self.parts.path(chunk).exists())
-        return self.counts.total() + written + under_way(self.parts, self.shard)
-
-    def step(self, writer: ThreadPoolExecutor) -> bool:
-        """Give out tasks, wait a little and take in what is done; returns whether there was anything to wait for."""
-        while len(self.computing) < self.pool.width and len(self.writing) <= self.pool.width:
-            task = self._next(writer)
-            if task is None:
-                break
-            began = time.monotonic()
-            future = self.pool.submit(self.solve, self.parts.loaded, task.start, task.stop, self._allowed + STARTUP)
-            self.computing[future], self.begun[future] = task, began
-        pending = [*self.computing, *self.writing]
-        for future in wait(pending, POLL, FIRST_COMPLETED).done:
-            if future in self.writing:
-                del self.writing[future]
-                self.counts.update(future.result())
-            else:
-                task = self.computing.pop(future)
-                self._learn(task, time.monotonic() - self.begun.pop(future))
-                self._take(task, future, writer)
-        self.pool.check()
-        return bool(pending)
-
-    def _learn(self, task: Task, seconds: float) -> None:
-        """Give out as many designs at once as take `SECONDS`, after what a task took."""
-        count = task.stop - task.start
-        self.at_once = max(1, min(int(SECONDS * count / max(seconds, 1e-9)), 8 * max(count, FIRST)))
-
-    @property
-    def _allowed(self) -> float:
-        """Time for a task, s."""
-        study = self.parts.loaded.study
-        return BROADCAST_LIMIT if self._broadcast else study.time_limit
-
-    def _next(self, writer: ThreadPoolExecutor) -> Task | None:
-        """The next task to give out, of a chunk under way or else of a new one; None when all are given out."""
-        while not self.ready:
-            number = next(self.order, None)
-            if number is None:
-                return None
-            chunk = self.parts.chunk(number)
-            if not self._is_there(chunk):
-                kept = self.pieces[chunk] = self.kept.answers(chunk) | self.kept.journalled(chunk)
-                missing = [k for k in range(chunk.start, chunk.stop) if k not in kept]
-                self.ready += [Task(chunk, *ends) for ends in self._ranges(missing)]
-                if not missing:
-                    self._write_when_whole(chunk, writer)
-        task = self.ready.popleft()
-        cut = task.start + self.at_once
-        if self._broadcast and cut < task.stop:
-            self.ready.appendleft(task._replace(start=cut))
-            return task._replace(stop=cut)
-        return task
-
-    def _ranges(self, designs: list[int]) -> list[tuple[int, int]]:
-        """Designs as ranges: as long as they can be for a model that answers many at once, else of one."""
-        if not self._broadcast:
-            return [(design, design + 1) for design in designs]
-        runs = np.split(np.array(designs), np.flatnonzero(np.diff(designs) != 1) + 1)
-        return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run)]
-
-    @property
-    def _broadcast(self) -> bool:
-        """Whether the model answers many designs at once."""
-        return self.parts.loaded.study.model == "analytic"
-
-    def _is_there(self, chunk: Chunk) -> bool:
-        """Whether the part of a chunk is there; counts it when another runner has written it since."""
-        if chunk.number in self.done:
-            return True
-        if chunk.number in self.again and len(self.kept.answers(chunk)) < chunk.stop - chunk.start:
-            return False
+def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:
+    """Remove parts of other inputs or versions, and what killed runs left; how many parts, of how many bytes."""
+    stale = survey(parts).stale
+    size = sum(path.stat().st_size for path in stale)
+    for path in stale if not dry_run else ():
         try:
-            counts = counts_of_table(read_part(self.parts, chunk))
-        except FileNotFoundError:
-            return False
-        except BadInput as error:
-            self.say(f"{error}; computing it again")
-            self.again.add(chunk.number)
-            return False
-        self.counts.update(counts)
-        self.known += counts.total()
-        return True
-
-    def _take(self, task: Task, future: Future[Any], writer: ThreadPoolExecutor) -> None:
-        """Take in what became of a task: rows, or the same designs to be tried again."""
-        try:
-            found = self.pool.outcome(future)
-            failure = ("failed", found if isinstance(found, str) else "")
-        except TimeoutError:
-            found, failure = "", ("time limit", f"no answer in {self._allowed:g} s and {STARTUP:g} s more")
-        except Died as death:
-            if not death.final and task.deaths + 1 < DEATHS:
-                self.ready.appendleft(task._replace(deaths=task.deaths + 1))
-                return
-            found, failure = "", ("crashed", "the worker died")
-        if isinstance(found, Rows):
-            self._file(task, found, writer)
-        elif task.stop - task.start > 1:  # find the design whose fault it is
-            middle = (task.start + task.stop) // 2
-            self.ready.extendleft([task._replace(start=middle, deaths=0), task._replace(stop=middle, deaths=0)])
-        else:
-            self._file(task, failed_row(len(self.parts.loaded.outputs), *failure), writer)
-
-    def _file(self, task: Task, rows: Rows, writer: ThreadPoolExecutor) -> None:
-        """Put rows to those of their chunk, and write the part when they are all there."""
-        self.pieces[task.chunk][task.start] = rows
-        if len(rows.status) < task.chunk.stop - task.chunk.start:
-            keep_rows(self.parts, task.chunk, task.start, rows)
-        self._write_when_whole(task.chunk, writer)
-
-    def _write_when_whole(self, chunk: Chunk, writer: ThreadPoolExecutor) -> None:
-        pieces = self.pieces[chunk]
-        if sum(len(piece.status) for piece in pieces.values()) == chunk.stop - chunk.start:
-            whole = Rows(*map(np.concatenate, zip(*(pieces[start] for start in sorted(pieces)), strict=True)))
-            del self.pieces[chunk]
-            self.writing[writer.submit(self._write, chunk, whole)] = chunk
-
-    def _write(self, chunk: Chunk, rows: Rows) -> Counts:
-        if chunk.number in self.again or not self.parts.path(chunk).exists():
-            kept = self.kept.answers(chunk) if chunk.number in self.kept.unsure else {}
-            for design, row in kept.items():  # another runner may have had more luck
-                for mine, theirs in zip(rows, row, strict=True):
-                    mine[design - chunk.start] = theirs[0]
-            write_part(self.parts, chunk, rows)
-        forget_rows(self.parts, chunk)
-        return counts_of(rows.status, rows.reason)
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be removed: {error.strerror or error}") from None
+    for path in parts.folder.glob(".part-*.tmp") if not dry_run else ():
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > OLD:
+                path.unlink()
+    return len(stale), size

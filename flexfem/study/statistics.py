@@ -13,8 +13,8 @@ from flexfem.refused import BadInput
 from flexfem.study.outputs import CROSS, DRIFTS, PARTS, STIFFNESSES, round_off_of
 
 if TYPE_CHECKING:
+    from flexfem.study.collect import StudyTable
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.study_table import StudyTable
 
 CONFIDENCE = 0.95
 LEAST = 100  # designs, for indices from one plain sample; of 60, an interval of 95 % held in 86 %

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from flexfem.arrays import Array
 from flexfem.files.digest import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import levels
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
 from flexfem.study.asked import Drive
@@ -21,14 +21,11 @@ from flexfem.study.columns import Factor, columns_of
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import COUPLINGS, ERRORS, Rows
-from flexfem.study.pool import POLL, Pool, require_workers
 from flexfem.study.tables import Sampling
-from flexfem.study.versions import versions_of
-from flexfem.study.worker import Died
+from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import scattered_study, seed_of_others
 from flexfem.synthesis.store import Store
-from flexfem.verify.errors import levels
 
 FIXED = "thickness_mm"
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
@@ -59,10 +56,10 @@ class ProposedElements:
     """Finite elements for requirements; `pool` None solves one after the other in this process."""
 
     def __init__(
-        self, loaded: LoadedRequirements, counts: Counter[str], pool: Pool | None = None, store: Store | None = None
+        self, loaded: LoadedRequirements, counts: Counter[str], pool: Workers | None = None, store: Store | None = None
     ) -> None:
         self.loaded, self.counts, self.pool, self.store = loaded, counts, pool, store or Store(None)
-        self._counted, self._began = set[str](), False
+        self._counted = set[str]()
 
     @property
     def solid(self) -> bool:
@@ -125,43 +122,25 @@ class ProposedElements:
         self.counts[name] += len({*questions} - self._counted)
         self._counted |= {*questions}
         waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
-        if waiting and self.pool is not None and not self._began:
-            require_workers(self.pool, answer, tasks[0].study)
-            self._began = True
-        solved = self._serial if self.pool is None else self._parallel
-        for done, (k, rows) in enumerate(solved(tasks, waiting), 1):
-            if isinstance(rows, str) or rows.status[0] != "ok":
-                reason = rows if isinstance(rows, str) else str(rows.reason[0])
+        for done, (k, rows) in enumerate(self._found(tasks, waiting), 1):
+            if isinstance(rows, Failure) or rows.status[0] != "ok":
+                reason = rows.reason if isinstance(rows, Failure) else str(rows.reason[0])
                 raise ComputationFailed(f"finite elements of a proposed design: {reason}")
             self.store.keep(questions[k], rows.values[0].tolist())
             say(f"finite elements: {done} of {len(waiting)} solutions")
         return [self.store.answer(question) for question in questions]
 
-    def _serial(self, tasks: Sequence[Solve], waiting: list[int]) -> Any:
-        for k in waiting:
-            yield k, answer(tasks[k].study, tasks[k].design, tasks[k].design + 1)
+    def _found(self, tasks: Sequence[Solve], waiting: list[int]) -> Iterator[tuple[int, Rows | Failure]]:
+        """Rows of the tasks that are waiting, by this process or by workers."""
+        if self.pool is None:
+            yield from ((k, answer(tasks[k].study, tasks[k].design, tasks[k].design + 1)) for k in waiting)
+            return
+        ahead = ((k, tasks[k], dict(versions_of(True))) for k in waiting)
+        for (k, *_), rows in self.pool.results(solved, lambda: next(ahead, None), lambda task: LIMIT):
+            yield k, rows
 
-    def _parallel(self, tasks: Sequence[Solve], waiting: list[int]) -> Any:
-        assert self.pool is not None
-        ahead, computing = list(reversed(waiting)), dict[Future[Any], int]()
-        deaths = Counter[int]()
-        while ahead or computing:
-            while ahead and len(computing) < self.pool.width:
-                k = ahead.pop()
-                task = tasks[k]
-                computing[self.pool.submit(answer, task.study, task.design, task.design + 1, LIMIT)] = k
-            for future in wait(computing, POLL, FIRST_COMPLETED).done:
-                k = computing.pop(future)
-                rows: Rows | str
-                try:
-                    rows = self.pool.outcome(future)
-                except TimeoutError:
-                    rows = f"no answer in {LIMIT:g} s"
-                except Died:
-                    deaths[k] += 1
-                    if deaths[k] < 3:
-                        ahead.append(k)
-                        continue
-                    rows = "the worker died"
-                yield k, rows
-            self.pool.check()
+
+def solved(number: int, task: Solve, versions: Mapping[str, str]) -> Rows:
+    """In a worker: the row of a solution. Raises BadInput where the versions are others."""
+    require_same_versions(versions, True)
+    return answer(task.study, task.design, task.design + 1)

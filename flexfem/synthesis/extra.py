@@ -9,11 +9,11 @@ from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy
 from flexfem.units import UNITS
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.questions import ask_formulas
 
 

@@ -9,17 +9,15 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
+from flexfem.questions.bands import corner_bands, mesh_band, stress_bands
 from flexfem.refused import BadInput
-from flexfem.sources import manifest
 from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
-from flexfem.study.versions import versions_of
+from flexfem.study.workers import versions_of
 from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of
 from flexfem.synthesis.scattered import ScatteredStages, scattered_stages
 from flexfem.synthesis.search import BestDesign, Say, optimum
 from flexfem.synthesis.store import Store
-from flexfem.verify.corners import corner_bands, stress_bands
-from flexfem.verify.errors import mesh_band
 
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
@@ -134,11 +132,10 @@ def searched(model: Model, seed: int, near: Array | None, store: Store, say: Say
 
 def content(model: Model) -> Any:
     """All that a search depends on, as plain data."""
-    own = {name: digits for name, digits in manifest().items() if name.startswith("synthesis/")}
     guard = None if model.guard is None else model.guard.tolist()
     state = [guard, sorted((k, list(v)) for k, v in model.corrections.items()), sorted(model.shifts.items())]
     ends = [sorted(model.tightened.items()), model.objective, sorted(model.bounded.items())]
-    return [model.loaded.hash, state, ends, own, dict(versions_of(True))]
+    return [model.loaded.hash, state, ends, dict(versions_of(True))]
 
 
 def proof(model: Model, elements: ProposedElements, values: Array, say: Say = lambda text: None) -> Proof:

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.network import chain_compliance
+from flexfem.analytic.model import chain_compliance, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import Designs, Frames

@@ -11,8 +11,8 @@ from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import error_matrix
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.errors import error_matrix
 
 
 class Metal(NamedTuple):

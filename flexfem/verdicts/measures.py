@@ -15,6 +15,7 @@ from flexfem.analytic.model import hinge_compliances
 from flexfem.analytic.paper import freedoms_of, mobility
 from flexfem.arrays import Array, inverse
 from flexfem.mechanism.designs import Designs
+from flexfem.questions.bands import error_matrix
 from flexfem.units import LENGTH
 from flexfem.verdicts import arguments
 from flexfem.verdicts.evidence import Evidence, ModelErrors, along, diagonals, listed, stiffness_of
@@ -27,7 +28,6 @@ from flexfem.verdicts.second_order import (
     second_order_of_error,
 )
 from flexfem.verdicts.temperature import said_temperature_gradient, temperature_gradient
-from flexfem.verify.errors import error_matrix
 
 # How far calibrated hinges and elastic links are from finite elements, percentage points: of 20 pairs of the shipped
 # ensemble an error at worst by 0.064 (median 0.004), mobility three less six by 0.003, theta less X by 0.027.

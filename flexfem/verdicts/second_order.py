@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.analytic.large import Missed, at_every, at_pose, missed
 from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.paper import Mechanism, apply, freedoms_of, inverse_kinematics, mechanism, stiffness
+from flexfem.analytic.paper import PaperModel, apply, freedoms_of, inverse_kinematics, mechanism, stiffness
 from flexfem.arrays import Array
 from flexfem.refused import ComputationFailed
 from flexfem.units import COMMANDS
@@ -18,7 +18,7 @@ MOTIONS, SEED, STRAY = 1000, 29, 0.1  # other joint motions; root of their energ
 CHUNK = 20  # stages together
 
 
-def _mechanism(of: ModelErrors) -> Mechanism:
+def _mechanism(of: ModelErrors) -> PaperModel:
     return mechanism(of.designs.frames, hinge_compliances(of.designs, of.formula), freedoms_of(of.mobility))
 
 

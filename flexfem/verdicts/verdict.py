@@ -16,6 +16,8 @@ from flexfem.files.provenance import doubts
 from flexfem.hinges.formulas import formulas
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import error_bands, levels
 from flexfem.refused import BadInput
 from flexfem.verdicts.claims import Claim, LoadedClaims, load_claims
 from flexfem.verdicts.ensemble import Population, Watch, answered, metal_of_stage, populate
@@ -33,9 +35,7 @@ from flexfem.verdicts.shares import (
     said_of,
     share_of,
 )
-from flexfem.verify import warning
 from flexfem.verify.alternatives import alternatives
-from flexfem.verify.errors import error_bands, levels
 from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import versions
 

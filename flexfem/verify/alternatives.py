@@ -13,8 +13,8 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.writing import markdown_table
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import error_matrix
 from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.other_elements import other_elements
 from flexfem.verify.other_stages import (
     driven_joints,

@@ -17,7 +17,7 @@ from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS, Compliance
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import Plane, of_stage
-from flexfem.verify import warning
+from flexfem.questions import warnings as warning
 
 if TYPE_CHECKING:
     from flexfem.fem.mesh import StageMesh

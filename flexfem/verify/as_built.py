@@ -22,9 +22,9 @@ from flexfem.mechanism.designs import lower
 from flexfem.mechanism.dimensioned import converted
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
+from flexfem.questions import warnings as warning
 from flexfem.refused import BadInput
 from flexfem.units import MICROMETRE
-from flexfem.verify import warning
 from flexfem.verify.result import Matrix, OfStage, about
 
 DRAWS, SEED = 4000, 2003

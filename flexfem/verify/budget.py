@@ -28,8 +28,8 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import command_errors, error_matrix, levels, percentages
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import command_errors, error_matrix, levels, percentages
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.result import OfStage, Record, Triple, about
 

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import COARSER, grid_convergence
 from flexfem.refused import BadInput
-from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.errors import COARSER, grid_convergence
 from flexfem.verify.protocol import Solve, solve_stage
 from flexfem.verify.result import Matrix, OfStage, Uncertainty, about
 
@@ -54,7 +54,15 @@ def converge(stage: Stage, resolutions: Sequence[int], solve: Solve = solve_stag
     return MeshStudy(
         **about(stage),
         stage=stage.name,
-        warnings=[*warning.of_numbers(stage), *warning.of_convergence(uncertainty)],
+        warnings=[
+            *warning.of_numbers(stage),
+            *(
+                f"the mesh band of the compliance in {axis} is ±{100 * each.band / abs(each.extrapolated):.2g} % "
+                f"({each.verdict}); finer meshes narrow it"
+                for axis, each in uncertainty.items()
+                if each.band > 1e-3 * abs(each.extrapolated)
+            ),
+        ],
         resolutions=list(resolutions),
         triangles=[each.triangles for each in solved],
         unknowns=[each.response.unknowns for each in solved],

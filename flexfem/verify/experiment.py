@@ -10,9 +10,9 @@ from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
 from flexfem.files.provenance import doubts
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.refused import ComputationFailed
 from flexfem.units import DIRECTIONS, PLANES, Direction
-from flexfem.verify import warning
 from flexfem.verify.fixture import Fixture, Measurement
 from flexfem.verify.measured import Slopes
 from flexfem.verify.protocol import Solved

@@ -16,9 +16,9 @@ from flexfem.files.provenance import doubts
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import DIRECTIONS
-from flexfem.verify import warning
 from flexfem.verify.fixture import Fixture, Measurement
 from flexfem.verify.identified import Alone, Identification, Region, Unknown, finding, unexplained
 from flexfem.verify.pushes import IDEAL, pole_share, pushes_of, read_compliance

@@ -24,19 +24,12 @@ from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels, stress_bands
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.driven import Driven, commands_for, driven, held
-from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Drive
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import (
-    Comparison,
-    Convergence,
-    command_convergence,
-    compare,
-    error_matrix,
-    levels,
-)
+from flexfem.verify.errors import Comparison, compare
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 KEPT = 12  # answers of finite elements: three levels of two stages for two kinds of drive

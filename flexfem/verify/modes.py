@@ -19,10 +19,17 @@ from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, hub_moment
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import (
+    CAUTIOUS,
+    ORDER,
+    SAFETY,
+    Convergence,
+    grid_convergence,
+    levels,
+)
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY, UNITS
-from flexfem.verify import warning
-from flexfem.verify.errors import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence, levels
 from flexfem.verify.result import OfStage, Record, Triple, Uncertainty, about
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]

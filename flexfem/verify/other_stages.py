@@ -14,10 +14,10 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import HINGE_NAMES, Hinge, Stage
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.units import LENGTH, MICROMETRE
 from flexfem.verify.case import Drive
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.imposed import elements, imposed
 from flexfem.verify.protocol import Solve
 

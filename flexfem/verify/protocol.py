@@ -23,10 +23,11 @@ from flexfem.fem.sectors import mesh_sectors
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import Convergence, command_errors, levels, percentages
 from flexfem.refused import ComputationFailed
-from flexfem.verify import warning
 from flexfem.verify.case import DIRECTIONS, Case, Curve, Direction, LoadedCase
-from flexfem.verify.errors import Comparison, Convergence, command_errors, compare, levels, percentages
+from flexfem.verify.errors import Comparison, compare
 from flexfem.verify.imposed import CurveAnswer, FullCommand, answer_to_joints, peak_band
 from flexfem.verify.result import CurveModels, Fields, Result, Series, Triple, Uncertainty, stamp, versions
 from flexfem.verify.solid_case import answer_of_solid
@@ -100,6 +101,24 @@ def command_warnings(
     return found
 
 
+LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
+UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
+SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
+
+
+def _of_bands(uncertainty: dict[Direction, Uncertainty], percent: Triple, where: str) -> list[str]:
+    """Error percentages whose mesh bands are large, or whose meshes do not converge."""
+    found = []
+    for axis, each in uncertainty.items():
+        error = f"the error in {axis}, {getattr(percent, axis):.4g} %"
+        said = f"{where}: the mesh band of {error}, is ±{each.band:.2g} points"
+        if each.band > LARGE_BAND:
+            found.append(f"{said}; a higher resolution narrows it")
+        elif each.verdict not in SOUND and each.band > UNSETTLED:
+            found.append(f"{said}, from meshes that are not converging ({each.verdict})")
+    return found
+
+
 class CurveRun(NamedTuple):
     """One curve of a case, as it is stored."""
 
@@ -164,7 +183,7 @@ def _run_curve(loaded: LoadedCase, curve: Curve, solve: Solve) -> CurveRun:
         model=model_record(loaded, curve, analytic, of),
         fields=fields_record(of),
         warnings=_warnings(case, curve, stage, analytic, of)
-        + warning.of_bands(uncertainty, percent, f"curve {curve.label!r}"),
+        + _of_bands(uncertainty, percent, f"curve {curve.label!r}"),
     )
 
 

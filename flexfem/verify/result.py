@@ -16,8 +16,8 @@ from flexfem.files.digest import digest
 from flexfem.files.toml import Label
 from flexfem.files.writing import write_atomically
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import Convergence, Verdict
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements
-from flexfem.verify.errors import Convergence, Verdict
 
 DIGEST = "digest"  # key of a stored record
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")

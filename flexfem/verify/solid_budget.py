@@ -9,11 +9,10 @@ from flexfem.arrays import Array
 from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.bands import SAFETY, error_matrix, levels, solve_solid
 from flexfem.units import DIRECTIONS
 from flexfem.verify.budget import Budget, ThreeDimensional, thick_compliance
-from flexfem.verify.errors import SAFETY, error_matrix, levels
 from flexfem.verify.result import Triple
-from flexfem.verify.solid import solve_solid
 
 BUDGET = (4, 3)  # resolution and layers: what three dimensions change hardly depends on the mesh in the plane
 

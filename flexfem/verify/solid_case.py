@@ -10,19 +10,22 @@ from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 from flexfem.fem.solid_response import SolidResponse
 from flexfem.mechanism.stage import Stage
-from flexfem.verify.case import DIRECTIONS, Case
-from flexfem.verify.errors import (
+from flexfem.questions.bands import (
     ROUND_OFF,
     command_errors,
-    compare,
     error_matrix,
     levels,
     mesh_band,
     percentages,
     pose_bounds,
+    solid_levels,
+    solve_solid,
 )
+from flexfem.questions.warnings import held_faces
+from flexfem.verify.case import DIRECTIONS, Case
+from flexfem.verify.errors import compare
 from flexfem.verify.imposed import CurveAnswer, FullCommand
-from flexfem.verify.solid import held_faces, neck_stress_of, solid_levels, solve_solid
+from flexfem.verify.solid import neck_stress_of
 
 
 def answer_of_solid(stage: Stage, analytic: AnalyticResult, case: Case) -> CurveAnswer:

@@ -20,12 +20,12 @@ from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_modes import SolidModes, solid_modes
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import SAFETY, coarser, levels
+from flexfem.questions.warnings import held_faces
 from flexfem.units import DENSITY
-from flexfem.verify import warning
-from flexfem.verify.errors import SAFETY, levels
 from flexfem.verify.modes import HERTZ, KILOGRAM, masses, uncertainty
 from flexfem.verify.result import OfStage, Record, Uncertainty, about
-from flexfem.verify.solid import coarser, held_faces
 
 Kind: TypeAlias = Literal["in plane", "out of plane"]
 KINDS: tuple[Kind, Kind] = ("in plane", "out of plane")

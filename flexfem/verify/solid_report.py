@@ -8,9 +8,11 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.solid_response import SolidResponse
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_stage
-from flexfem.verify import warning
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import solid_bands, solid_levels
+from flexfem.questions.warnings import held_faces
 from flexfem.verify.answers import UNITS
-from flexfem.verify.solid import MODEL, bounding, held_faces, neck_stress_of, solid_bands
+from flexfem.verify.solid import MODEL, bounding, neck_stress_of
 
 
 class SolidReport(NamedTuple):
@@ -54,7 +56,8 @@ class SolidReport(NamedTuple):
 def report_solid(stage: Stage, response: SolidResponse, load: Array, resolution: int) -> SolidReport:
     """Finite elements in three dimensions under a load (3,), with what is to be known of that."""
     layers = response.layers
-    bands, (soft, hard) = solid_bands(stage, resolution, layers.number), bounding(stage, response)
+    plane, thickness = solid_bands(solid_levels(stage, resolution, layers.number), resolution)
+    soft, hard = bounding(stage, response)
     necks, pose = neck_stress_of(stage, response, load[None]), response.compliance @ load
     doubts = warning.of_yield(float(necks.highest.max()), stage.material.yield_strength, "under this load")
     return SolidReport(
@@ -68,9 +71,9 @@ def report_solid(stage: Stage, response: SolidResponse, load: Array, resolution:
         unknowns=response.unknowns,
         stiffness=inverse(response.compliance),
         compliance=response.compliance,
-        band=bands.total,
-        band_plane=bands.plane,
-        band_thickness=bands.thickness,
+        band=plane + thickness,
+        band_plane=plane,
+        band_thickness=thickness,
         plane_stress=soft,
         plane_strain=hard,
         force=load,

@@ -10,7 +10,7 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
-from flexfem.verify import warning
+from flexfem.questions import warnings as warning
 
 
 class PlacedHinge(NamedTuple):

@@ -11,12 +11,11 @@ from flexfem.arrays import Array, alone, first_highest
 from flexfem.fem.response import load_case
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
+from flexfem.questions import warnings as warning
+from flexfem.questions.bands import levels, stress_bands
 from flexfem.units import PLANES
-from flexfem.verify import warning
 from flexfem.verify.answers import BandedStress
 from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.corners import stress_bands
-from flexfem.verify.errors import levels
 from flexfem.verify.protocol import Solve, Solved
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 

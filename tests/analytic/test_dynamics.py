@@ -8,14 +8,12 @@ import scipy.linalg
 
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.paper import chain_poses, first_order, stiffness
-from flexfem.analytic.responses import driven_model, dynamics, engaged, many
+from flexfem.analytic.responses import dynamics, many
 from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
 from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import load_stage
 from flexfem.verify.modes import payload_of
 
-from ..conftest import ROOT, UNLIKE, with_changes
+from ..conftest import UNLIKE, with_changes
 
 PAYLOAD = Payload(4e-5, 0.021)
 
@@ -72,16 +70,6 @@ def test_a_heavy_payload_vibrates_on_the_static_stiffness(links):
     found = dynamics(stage, model, payload_of(500.0, 4e5)).frequencies[:3]
     expected = np.sqrt(scipy.linalg.eigh(model.stiffness, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
     np.testing.assert_allclose(found, expected, rtol=5e-4)
-
-
-def test_engaged_stacks_stiffen_as_they_do_at_rest():
-    stage = load_stage(ROOT / "geometry" / "mobility6.toml")
-    model, drive = analyse(stage, 21, "calibrated", True), drive_of(stage)
-    of = engaged(dynamics(stage, model, payload_of(500.0, 4e5), drive.stacks), drive.stiffness)
-    C = driven_model(stage, model).compliance
-    held = C[:3, :3] - C[:3, 3:] @ np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:]) @ C[3:, :3]
-    expected = np.sqrt(scipy.linalg.eigh(np.linalg.inv(held), np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
-    np.testing.assert_allclose(of.frequencies[:3], expected, rtol=5e-4)
 
 
 def test_many_designs_are_each_as_alone():

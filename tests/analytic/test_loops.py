@@ -15,7 +15,6 @@ from flexfem.analytic.paper import (
     influence,
     joints_of,
     mechanism,
-    rank_revealing,
     stiffness,
 )
 from flexfem.arrays import inverse
@@ -38,14 +37,6 @@ def test_loops_close_at_finite_displacements(generic, table) -> None:
     pose = chain_poses(of.frames, of.joints, phi).pose
     np.testing.assert_allclose(pose, pose[:1] + np.zeros((3, 1)), rtol=0, atol=1e-12)  # rounding of a few mm
     assert np.max(np.abs(pose)) > 0.01
-
-
-def test_closing_the_loops_leaves_the_independent_joints_alone(generic, table) -> None:
-    of = mechanism(*generic(22), table)
-    given = np.random.default_rng(5).uniform(-0.02, 0.02, of.springs.shape)
-    closed = close_loops(of, given)
-    independent = of.choice.independent
-    assert np.array_equal(closed[independent], given[independent])
 
 
 def test_every_chain_gives_the_same_platform_coefficients(generic, table) -> None:
@@ -94,15 +85,6 @@ def test_the_papers_independent_joints_are_taken_where_it_names_them(generic) ->
         assert set(joints.hinge[independent]) == hinges
 
 
-def test_each_design_of_a_batch_gets_its_own_dependent_joints(generic) -> None:
-    stage, table = generic(27, 40), FREEDOMS_BY_MOBILITY[21]
-    of = mechanism(*stage, table)
-    assert of.choice.dependent.shape == (40, 6) and of.choice.independent.shape == (40, 21)
-    assert len({tuple(row) for row in of.choice.dependent}) > 1
-    together = np.sort(np.concatenate(of.choice, axis=-1), axis=-1)
-    assert np.array_equal(together, np.broadcast_to(np.arange(27), (40, 27)))
-
-
 @pytest.mark.parametrize("number", [12, 21])
 def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> None:
     stage = generic(28)
@@ -111,15 +93,6 @@ def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> 
     assert np.all(np.isfinite(stiffness(of).K_uu))
     slides = chosen(of.joints, ~np.isin(np.arange(len(of.joints.kind)), np.flatnonzero(of.joints.kind == 1)[:6]))
     assert np.isnan(stiffness(of._replace(choice=slides)).K_uu).all()
-
-
-def test_elimination_does_not_depend_on_units(generic) -> None:
-    stage, joints = generic(29), joints_of(FREEDOMS_BY_MOBILITY[21])
-    springs = np.random.default_rng(1).uniform(1.0, 2.0, 27) * np.where(joints.kind == 0, 1e3, 1e5)
-    metres = np.where(joints.kind == 0, 1e-3, 1e3)  # N mm to N m, N/mm to N/m
-    small = stage.frames._replace(centres=stage.frames.centres * 1e-3)
-    one, other = (rank_revealing(f, joints, k) for f, k in ((stage.frames, springs), (small, springs * metres)))
-    assert np.array_equal(one.dependent, other.dependent)
 
 
 def test_singular_loops_give_nan_in_their_design_alone(generic) -> None:

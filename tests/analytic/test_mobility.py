@@ -28,21 +28,8 @@ def test_known_mechanisms_have_their_known_mobility() -> None:
     assert gruebler_kutzbach(14, [2] * 6 + [1] * 6 + [3] * 6, dimension=6) == 6  # Stewart platform, universal below
 
 
-def test_every_prismatic_hinge_adds_one() -> None:
-    flags = np.zeros((3, 3), dtype=bool)
-    for n, place in enumerate(np.ndindex(3, 3), start=1):
-        flags[place] = True
-        assert mobility(stage_freedoms(flags)) == 3 + n
-
-
 def test_prismatic_base_hinges_are_the_mobility_six_of_the_paper() -> None:
     assert stage_freedoms(np.array([[True, False, False]] * 3)) == FREEDOMS_BY_MOBILITY[6]
-
-
-def test_joints_run_from_base_to_platform() -> None:
-    joints = joints_of(FREEDOMS_BY_MOBILITY[6])
-    assert joints.chain.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    assert joints.hinge[:4].tolist() == [0, 0, 1, 2] and joints.kind[:4].tolist() == [0, 1, 0, 0]  # phi_1 s phi_2 phi_3
 
 
 R = ("rotation",)
@@ -62,14 +49,3 @@ R = ("rotation",)
 def test_tables_that_are_no_mechanism_are_refused(table: tuple, message: str) -> None:
     with pytest.raises(BadInput, match=message):
         joints_of(table)
-
-
-@pytest.mark.parametrize("number", [0, 2, 4, 27])
-def test_a_mobility_without_a_uniform_table_is_refused(number: int) -> None:
-    with pytest.raises(BadInput, match=f"mobility = {number}, expected one of 3, 6, 12, 21"):
-        freedoms_of(number)
-
-
-def test_prismatic_flags_of_the_wrong_shape_are_refused() -> None:
-    with pytest.raises(BadInput, match="3 chains by 3 hinges"):
-        stage_freedoms(np.zeros((3, 2), dtype=bool))

@@ -33,7 +33,7 @@ from flexfem.mechanism.drawing import part_of
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import UNLIKE, with_changes
-from ..stage.test_bodies import CHANGES, OVERRIDES
+from ..mechanism.test_bodies import CHANGES, OVERRIDES
 
 ROOT = Path(__file__).parents[2]
 REL = 1e-9  # of what is read from text

@@ -16,7 +16,7 @@ from flexfem.fem.mesh import jacobians, least_scaled_jacobian
 from flexfem.fem.problem import meshed
 from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.mechanism.bodies import Face, Segment, area
-from flexfem.verify.errors import grid_convergence
+from flexfem.questions.bands import grid_convergence
 
 from ..validation.hinge import differences
 

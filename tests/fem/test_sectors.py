@@ -24,8 +24,8 @@ from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
 from flexfem.mechanism.bodies import area, draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
-from flexfem.verify.errors import grid_convergence
 
 CHORD = 3e-5  # parabolas for arcs of up to 40 degrees, relative to the whole area
 ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles

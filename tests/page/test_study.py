@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -214,7 +215,7 @@ def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_const
     source = source_of(loaded, kxx_n_per_mm=stiffness, range_x_um=stiffness)
     status = np.array(["refused", *["ok"] * 11], dtype=object)
     feasible = (status == "ok") & (stiffness <= 90.0)
-    source = source._replace(table=source.table._replace(status=status, feasible=feasible))
+    source = source._replace(table=replace(source.table, status=status, feasible=feasible))
     (found,) = findings(loaded, source.table, {})
     points = of_front(source, loaded.study.figure[0], found, 10)
     assert points.rows.tolist() == [8] and points.at.tolist() == [[89.0, 89.0]]

@@ -31,6 +31,7 @@ from flexfem.plot.study_scatter import (
 )
 from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
+from flexfem.study.collect import StudyTable
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.findings import Refused, Shown, findings
 from flexfem.study.loaded import LoadedStudy, load_study
@@ -38,7 +39,6 @@ from flexfem.study.outputs import outputs_of
 from flexfem.study.probes import nominal, own_values
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Indices, Percentile
-from flexfem.study.study_table import StudyTable
 from flexfem.study.tables import Figure
 
 from ..study.answered import answered, head, study
@@ -422,7 +422,7 @@ def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> 
     table = answered(loaded)
     feasible = table.ok & (table.columns["range_x_um"] >= 500.0)
     reason = np.where(table.ok & (table.design % 5 == 0), "something", table.reason)
-    table = table._replace(feasible=feasible, reason=reason)
+    table = replace(table, feasible=feasible, reason=reason)
     source = Source(loaded, table, {})
     lines = " ".join(map_of(source, loaded.study.figure[0]).caption.lines).replace(SPACE, " ")
     ok = int(table.ok.sum())

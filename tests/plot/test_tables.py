@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.commands.progress import print_status
+from flexfem.commands.study import print_status
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.verdicts.page import markdown_claims

@@ -111,7 +111,7 @@ def test_units_are_spelled_in_one_place() -> None:
     others = (
         "commands/tables",
         "commands/comparisons",
-        "verify/warning",
+        "questions/warnings",
         "verdicts/measures",
         "verdicts/second_order",
         "verdicts/shares",

@@ -16,9 +16,9 @@ from flexfem.fem.heat import largest_within
 from flexfem.plot.displacement import exaggeration
 from flexfem.plot.drift import drift_figure, plot_drift
 from flexfem.questions import heat
+from flexfem.questions.bands import corner_bands, pose_bands
 from flexfem.questions.heat import CASES, layer_bands
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
-from flexfem.verify.corners import corner_bands, pose_bands
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.questions.bands import solve_solid
 from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 from flexfem.verify import solid
@@ -160,7 +161,7 @@ def test_neck_stress_corrected_for_the_thickness_is_that_of_three_dimensions(sta
     """Resolution 4 with what more layers change on a coarse mesh; with the stress of a sheet 10 % too high."""
 
     def highest(resolution, layers):
-        response = solid.solve_solid(stage, resolution, layers)
+        response = solve_solid(stage, resolution, layers)
         return solid.neck_stress_of(stage, response, np.linalg.inv(response.compliance)).highest.max(axis=(1, 2))
 
     found = np.max(flexfem.stiffness(stage, models="analytic").stress[0], axis=(0, 1))

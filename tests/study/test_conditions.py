@@ -10,13 +10,11 @@ import pytest
 from scipy.stats import kstest, spearmanr, truncnorm, uniform
 
 from flexfem.study.answer import answer
-from flexfem.study.collect import collect
-from flexfem.study.collected import read_table
-from flexfem.study.content import write_part
+from flexfem.study.collect import collect, read_table
 from flexfem.study.designs import judge
 from flexfem.study.expression import names_in, value_of
-from flexfem.study.parts import parts_of
 from flexfem.study.probes import nominal
+from flexfem.study.run import Chunk, part_content, parts_of
 from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
@@ -58,7 +56,8 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
     assert plain.hash == loaded.hash and parts.schema.names == parts_of(plain, tmp_path, 40).schema.names
     rows = answer(loaded, 0, 40)
     rows.status[3], rows.values[3] = "refused", np.nan
-    write_part(parts, parts.chunk(0), rows)
+    parts.folder.mkdir(parents=True)
+    parts.path(Chunk(0, 40)).write_bytes(part_content(parts, Chunk(0, 40), rows))
     for name in ("t.parquet", "t.csv"):
         collect(parts, tmp_path / name)
     stored = pq.read_table(tmp_path / "t.parquet").to_pandas()
@@ -74,7 +73,7 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
     assert 5 < keeps[ok].sum() < 34, (stored["range_x_um"].describe(), ratio.describe())
     assert (stored["feasible"][ok] == keeps[ok]).all()
     assert stored["feasible"][3] is None and np.isnan(stored["slenderness"][3])
-    table = read_table(tmp_path / "t.parquet", loaded)
+    table = read_table(tmp_path / "t.parquet")
     assert table.infeasible.sum() == (ok & ~keeps).sum() and not table.infeasible[3]
     assert len(table.considered.design) == 1 + (ok & keeps).sum()
     np.testing.assert_array_equal(table.columns["ratio"][ok], stored["ratio"][ok])

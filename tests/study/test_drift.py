@@ -12,7 +12,9 @@ import pytest
 import flexfem
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.keys import keys
+from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput
+from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.study.answer import answer
 from flexfem.study.designs import judge, stage_of
 from flexfem.study.sampling import sample
@@ -29,7 +31,6 @@ FACTORS = (
 )
 NAMES = ("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k")
 STEEPEST = ("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm")
-CASES = ("uniform", "gradient in x", "gradient in y")
 HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
 OWN = 'model = "analytic"\n'
 
@@ -56,8 +57,8 @@ def columns(loaded: Any, rows: Any) -> dict[str, Any]:
 
 def alone(stage: Any, **model: Any) -> Any:
     """Pose by case (3, 3 cases) as `flexfem.drift` has it, um and urad; largest over directions by trying many."""
-    cases = flexfem.drift(stage, resolution=None, **model).cases
-    poses = np.array([cases[name].analytic.pose for name in CASES]).T * np.array([[1e3], [1e3], [1e6]])
+    found = flexfem.drift(stage, models="analytic", analytic=Analytic(**model))
+    poses = found.at("pose", model=ANALYTIC).T * np.array([[1e3], [1e3], [1e6]])
     turn = np.linspace(0, np.pi, 200_001)
     x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
     return poses[:, 0], np.max(np.hypot(x, y)), np.max(np.abs(theta))
@@ -133,8 +134,8 @@ def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any
     (studies.folder / "stage.toml").write_text(toml_text(content(model=plane)))
     loaded = study(studies, 'model = "fe"\nresolution = 6\n', 1)
     (row,), (values,) = answer(loaded, 0, 1).values, sample(loaded, 0, 1)
-    cases = flexfem.drift(stage_of(loaded, values), resolution=6).cases
-    poses = np.array([cases[name].elements.pose for name in CASES]).T * np.array([[1e3], [1e3], [1e6]])
+    found = flexfem.drift(stage_of(loaded, values), models="elements", resolution=6)
+    poses = found.at("pose", model=ELEMENTS).T * np.array([[1e3], [1e3], [1e6]])
     turn = np.linspace(0, np.pi, 20_001)
     x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
     np.testing.assert_allclose(row[-5:-2], poses[:, 0], rtol=1e-8)

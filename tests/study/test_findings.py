@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import flexfem.study.findings
+from flexfem.studies import facts_of
+from flexfem.study.collect import StudyTable
 from flexfem.study.designs import judge
 from flexfem.study.findings import Best, Marks, Refused, Shares, findings, power_of
 from flexfem.study.loaded import LoadedStudy
@@ -15,8 +18,6 @@ from flexfem.study.probes import own_values
 from flexfem.study.reductions import cells_of
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import Percentile
-from flexfem.study.study_table import StudyTable
-from flexfem.study_answers import facts_of
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'
@@ -68,7 +69,7 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
     )  # fmt: skip
     table = table_of(loaded, kxx_n_per_mm=np.arange(99.0), kyy_n_per_mm=np.arange(99.0))
     columns = {name: np.where(table.ok, value, np.nan) for name, value in table.columns.items()}
-    found = findings(loaded, table._replace(columns=columns | judge(loaded, columns, table.ok).derived), {})
+    found = findings(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived), {})
     assert [type(one) for one in found] == [Refused, Refused, Marks]
     assert "no finite number for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
     assert "98 designs have an answer, expected at least 100" in facts_of(found[1])["refused"]
@@ -79,7 +80,7 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     loaded = studies.of('method = "monte_carlo"\ndesigns = 6\nseed = 3', FREE, tail=limit + FRONT)
     reach, stiffness = np.array([1.0, 0, 5.0, 3.0, 2.0, 9.0]), np.array([6.0, 0, 2.0, 4.0, 4.5, 9.0])
     table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
-    table = table._replace(feasible=judge(loaded, table.columns, table.ok).feasible)
+    table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     assert table.infeasible.tolist() == [False, False, False, True, False, True]
     (found,) = findings(loaded, table, {})
     x = table.considered.answered("range_x_um")[0]
@@ -87,13 +88,13 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
     loaded = studies.of('method = "grid"', *GRID, tail=limit + figure)
     table = table_of(loaded, kxx_n_per_mm=np.arange(12.0), envelope_mm=np.arange(12.0))
-    table = table._replace(feasible=judge(loaded, table.columns, table.ok).feasible)
+    table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     (found,) = findings(loaded, table, {})
     assert (found.least[0], found.most[0]) == (0.0, 5.0)
     cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
         "refused": [1], "breaks a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
-    nothing = table._replace(feasible=np.zeros(12, dtype=bool))
+    nothing = replace(table, feasible=np.zeros(12, dtype=bool))
     assert "keeps all constraints" in facts_of(findings(loaded, nothing, {})[0])["refused"]
 
 

@@ -49,7 +49,7 @@ def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links:
 
 def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies: Any) -> None:
     loaded = study(studies, 'model = "fe"\nresolution = 4\n', 1)
-    (ours,) = frequencies(loaded, answer(loaded, 0, 1, inside=False))
+    (ours,) = frequencies(loaded, answer(loaded, 0, 1))
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     found = flexfem.modes(stage, 3, (0.07, 31.0), resolution=4)
     np.testing.assert_allclose(ours, [one.frequency for one in found.modes], rtol=1e-8)

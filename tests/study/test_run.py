@@ -1,47 +1,46 @@
-"""Studies that are run: the same table however the work is split, failures as rows, progress kept."""
+"""Studies that are run: the same table however the work is split or killed, failures as rows, inputs never mixed."""
 
 from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
-from collections import Counter
-from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
 
+import numpy as np
+import psutil
+import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.commands.progress import said
+from flexfem.commands.study import progress_line
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.studies import shard_of, status_facts
+from flexfem.study import table as table_of
+from flexfem.study import workers as worker_module
 from flexfem.study.collect import collect
-from flexfem.study.content import read_part
-from flexfem.study.folder import release_folder
 from flexfem.study.loaded import load_study
-from flexfem.study.parts import Shard, parts_of, shuffled
-from flexfem.study.pool import LocalPool
-from flexfem.study.run import Progress, run_study
-from flexfem.study.worker import Died, Worker, _is_stopped
-from flexfem.study_answers import shard_of, status_facts
+from flexfem.study.run import Chunk, Progress, Shard, kind_of, parts_of, remove_stale, run_parts, survey
+from flexfem.study.workers import Workers, require_same_versions, sources_hash, versions_of
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 
 import strange
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[2]
 STUDY = """
 name = "necks of some designs"
 stage = "STAGE"
 model = "MODEL"
 
 [sampling]
-method = "monte_carlo"
+method = "sobol"
 designs = DESIGNS
 seed = 29
 
@@ -57,365 +56,166 @@ to = 6.0
 """
 
 
+def write(folder, model="analytic", designs=300, edit=("", "")):
+    text = STUDY.replace("STAGE", str(ROOT / "geometry/mobility6.toml")).replace("MODEL", model)
+    path = folder / "necks.toml"
+    path.write_text(text.replace("DESIGNS", str(designs)).replace(*edit))
+    return path
+
+
 @pytest.fixture
 def study(tmp_path):
-    def write(model="analytic", designs=300, name="necks", edit=("", "")):
-        text = STUDY.replace("STAGE", str(ROOT / "geometry/mobility6.toml")).replace("MODEL", model)
-        path = tmp_path / f"{name}.toml"
-        path.write_text(text.replace("DESIGNS", str(designs)).replace(*edit))
-        return path
-
-    return write
+    return lambda *given, **named: write(tmp_path, *given, **named)
 
 
 class Here:
-    """A pool that computes at once in this process, so that a run can be tried many times."""
+    """In the place of workers: computes in this process, and remembers the designs."""
 
-    width = 3
+    def __init__(self):
+        self.asked = []
 
-    def submit(self, solve, loaded, start, stop, limit):
-        from concurrent.futures import Future
-
-        future = Future()
-        future.set_result(solve(loaded, start, stop, False) if start < stop else "")
-        return future
-
-    def outcome(self, future):
-        return future.result()
-
-    def check(self):
-        pass
+    def results(self, function, next_task, limit):
+        while (task := next_task()) is not None:
+            self.asked += range(*task[3:])
+            yield task, function(*task)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def workers():
-    pool = LocalPool(2)
-    yield pool
-    pool.close()
+    with Workers(2) as pool:
+        yield pool
 
 
-def table(parts, path):
-    return pq.read_table(collect(parts, path).path)
+def table(parts, name="table.parquet"):
+    return pq.read_table(collect(parts, parts.folder / name).path)
 
 
-@settings(max_examples=4)
-@given(size=st.integers(4, 130), shards=st.integers(1, 5), order=st.randoms())
-def test_any_split_into_chunks_and_shards_gives_the_same_rows(tmp_path_factory, size, shards, order):
+@settings(max_examples=4, deadline=None)
+@given(size=st.integers(4, 130), shards=st.integers(1, 5))
+def test_any_split_into_parts_and_shards_gives_the_same_rows(tmp_path_factory, size, shards):
     folder = tmp_path_factory.mktemp("split")
-    path = folder / "necks.toml"
-    text = STUDY.replace("STAGE", str(ROOT / "geometry/mobility6.toml")).replace("MODEL", "analytic")
-    path.write_text(text.replace("DESIGNS", "97"))
-    loaded = load_study(path)
+    loaded = load_study(write(folder, designs=97))
     whole, split = parts_of(loaded, folder / "whole"), parts_of(loaded, folder / "split", size)
-    run_study(whole, Here())
-    turns = list(range(shards))
-    order.shuffle(turns)
-    for turn in turns:
-        run_study(split, Here(), shard=Shard(turn, shards))
-    assert table(split, folder / "a.parquet").equals(table(whole, folder / "b.parquet"))
-
-
-@given(st.integers(1, 200), st.integers(1, 9), st.integers(0, 99))
-def test_every_chunk_is_seen_to_once_by_one_shard(count, shards, seed):
-    numbers = [list(shuffled(range(first, count, shards), seed)) for first in range(shards)]
-    assert sorted(chain(*numbers)) == list(range(count))
-
-
-def test_orders_of_runners_differ():
-    assert len({tuple(shuffled(range(1000))) for _ in range(5)}) > 1
-
-
-def test_worker_processes_give_the_table_of_one_process(study, workers, tmp_path):
-    loaded = load_study(study())
-    here, there = parts_of(loaded, tmp_path / "here", 64), parts_of(loaded, tmp_path / "there", 64)
-    run_study(here, Here())
-    run_study(there, workers)
-    for a, b in zip(sorted(here.folder.iterdir()), sorted(there.folder.iterdir()), strict=True):
-        assert (a.name, a.read_bytes()) == (b.name, b.read_bytes())
-    assert status_facts(there)["refused"] > 0  # else no row without numbers was tried
-
-
-@pytest.mark.slow
-def test_finite_elements_are_the_same_in_a_worker_and_with_gmsh_in_a_child_process(study, workers, tmp_path):
-    loaded = load_study(study("fe", 5))
-    inside, outside = parts_of(loaded, tmp_path / "inside"), parts_of(loaded, tmp_path / "outside")
-    run_study(inside, workers)
-    run_study(outside, Here())
-    assert status_facts(inside)["ok"] > 1
-    assert table(inside, tmp_path / "a.parquet").equals(table(outside, tmp_path / "b.parquet"))
-
-
-def test_what_exists_is_not_computed_again(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path, 64)
-    asked = []
-
-    def counting(loaded, start, stop, inside):
-        asked.extend(range(start, stop))
-        assert start // 64 == (stop - 1) // 64
-        return strange.plain(loaded, start, stop, inside)
-
-    run_study(parts, Here(), counting)
-    assert sorted(asked) == list(range(300))
-    gone = sorted(parts.folder.iterdir())[2]
-    gone.unlink()
-    asked.clear()
-    progress = run_study(parts, Here(), counting)
-    assert sorted(asked) == list(range(128, 192))
-    assert (progress.known, progress.designs, progress.counts.total()) == (236, 300, 300)
-
-
-def test_a_run_that_is_stopped_within_a_part_keeps_its_designs_and_says_how_many(study, tmp_path, monkeypatch):
-    """Designs of 10 ms and tasks of 50 ms: a part of 300 designs is answered in pieces, of which three are lost."""
-    monkeypatch.setattr("flexfem.study.run.SECONDS", 0.05)
-    parts, whole = (parts_of(load_study(study()), tmp_path / name, 300) for name in ("a", "b"))
-    asked, seen = [], []
-
-    def slow(loaded, start, stop, inside):
-        if len(asked) > 60:
-            raise KeyboardInterrupt
-        asked.extend(range(start, stop))
-        time.sleep(0.01 * (stop - start))
-        return strange.plain(loaded, start, stop, inside)
-
-    with pytest.raises(KeyboardInterrupt):
-        run_study(parts, Here(), slow, watch=seen.append)
-    facts = status_facts(parts)
-    assert 0.5 * len(asked) < seen[-1].kept == facts["under_way"] <= len(asked) < 130
-    assert (seen[-1].designs, facts["open"]) == (300, 300)
-    before, begun = seen[-1].kept, len(asked)
-    asked.clear()
-    monkeypatch.setattr("flexfem.study.run.SECONDS", 5.0)
-    run_study(parts, Here(), lambda *task: asked.extend(range(*task[1:3])) or strange.plain(*task), watch=seen.append)
-    assert len(asked) == 300 - before and begun >= before and seen[-1].kept == 300
-    run_study(whole, Here(), strange.plain)
-    assert table(parts, tmp_path / "a.parquet").equals(table(whole, tmp_path / "b.parquet"))
-
-
-@pytest.mark.slow
-def test_hanging_and_crashing_designs_become_rows_and_the_rest_completes(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("flexfem.study.run.STARTUP", 1.0)
-    loaded = load_study(study("fe", 40, edit=("[sampling]", "time_limit_s = 1.0\n[sampling]")))
-    parts, pool = parts_of(loaded, tmp_path), LocalPool(2)
-    began = time.monotonic()
-    try:
-        run_study(parts, pool, strange.strange)
-    finally:
-        pool.close()
-    print(f"{time.monotonic() - began:.1f} s")
-    made = table(parts, tmp_path / "t.parquet").to_pydict()
-    bad = {n: (s, r) for n, s, r in zip(made["design"], made["status"], made["reason"], strict=True) if s != "ok"}
-    assert bad == {
-        strange.HANGS: ("time limit", "no answer in 1 s and 1 s more"),
-        strange.KILLED: ("crashed", "the worker died"),
-        strange.SEGMENTATION: ("crashed", "the worker died"),
-        strange.RAISES: ("failed", "ValueError: a bug in two lines"),
-        strange.FAILS: ("failed", "mesh has a scaled Jacobian = 0.01, expected > 0.1"),
-    }
-    assert made["design"] == list(range(40))
+    run_parts(whole, Here())
+    for turn in reversed(range(shards)):
+        run_parts(split, Here(), shard=Shard(turn, shards))
+    found, expected = table(split), table(whole)
+    assert found.schema == expected.schema and found["status"] == expected["status"]
     for name in loaded.outputs:
-        without = {n for n, value in zip(made["design"], made[name], strict=True) if value is None}
-        assert without == {*bad, strange.NAN}
-    first = [value for value in made[loaded.outputs[0]] if value is not None]
-    assert first == sorted(first)
-    facts = status_facts(parts)
-    assert facts["reasons"]["failed"] == {"ValueError: a bug in two lines": 1, "mesh has a scaled Jacobian": 1}
-    assert (facts["failed"], facts["ok"], facts["open"]) == (5, 35, 0)
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_a_worker_killed_twice_from_outside_changes_no_row(study, workers, tmp_path):
-    parts = parts_of(load_study(study("fe", 20)), tmp_path / "out")
-    run_study(parts, workers, strange.once)
-    assert len(list(tmp_path.glob("try-*"))) == 2
-    assert status_facts(parts)["ok"] == 20
-
-
-def test_a_worker_on_its_way_out_is_given_no_task_and_loading_eats_no_limit(monkeypatch):
-    """A death counted twice, or a slow start, would be a false row."""
-    worker = Worker()
-    try:
-        leaving = "__import__('os').closerange(0, 64) or __import__('time').sleep(99)"
-        with pytest.raises(Died):
-            worker.start(eval, (leaving,), 60.0, {}).result(60)
-        monkeypatch.setattr("flexfem.study.worker.LOADING", 1e9)
-        future = worker.start(eval, ("6 * 7",), 1e-9, {})
-        worker.check()
-        assert future.result(60) == 42
-        late = worker.start(eval, ("__import__('time').sleep(99)",), 0.05, {})
-        while not late.done():
-            worker.check()
-        with pytest.raises(TimeoutError):
-            late.result()
-    finally:
-        worker.kill()
-
-
-def test_a_stopped_worker_keeps_its_limit_and_is_given_up_in_the_end(monkeypatch):
-    worker, now = Worker(), [0.0]
-    monkeypatch.setattr("flexfem.clock.time.monotonic", lambda: now[0])
-
-    def pass_time(seconds):
-        for _ in range(4 * seconds):
-            now[0] += 0.25
-            worker.check()
-
-    def stopped(pid):
-        os.kill(pid, signal.SIGSTOP)
-        while not _is_stopped(pid):
-            pass
-
-    try:
-        late = worker.start(eval, ("[f.open().read() for f in [__import__('pathlib').Path('/dev/stdin')]]",), 5.0, {})
-        worker._begun.wait(60)
-        stopped(worker._process.pid)
-        pass_time(55)
-        assert not late.done()
-        os.kill(worker._process.pid, signal.SIGCONT)
-        while _is_stopped(worker._process.pid):
-            pass
-        pass_time(4)
-        assert not late.done()
-        stopped(worker._process.pid)
-        pass_time(6)
-        with pytest.raises(Died):
-            late.result(60)
-    finally:
-        worker.kill()
-
-
-@pytest.mark.slow
-def test_one_bad_design_takes_no_other_of_its_chunk_along(study, workers, tmp_path):
-    parts = parts_of(load_study(study(designs=8)), tmp_path)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("flexfem.study.run.BROADCAST_LIMIT", 2.0)
-        run_study(parts, workers, strange.strange)
-    made = table(parts, tmp_path / "t.parquet").to_pydict()
-    bad = {n: s for n, s in zip(made["design"], made["status"], strict=True) if s != "ok"}
-    assert bad == {strange.HANGS: "time limit", strange.KILLED: "crashed"}
-    assert made["design"] == list(range(8))
-
-
-def test_retry_computes_only_parts_with_designs_that_may_be_answered(study, tmp_path):
-    parts = parts_of(load_study(study("fe", 64)), tmp_path)
-    failing = {"now": True}
-
-    def sometimes(loaded, start, stop, inside):
-        rows = strange.plain(loaded, start, stop, inside)
-        if start == 17 and failing["now"]:
-            rows.status[:], rows.reason[:] = "time limit", "no answer in 60 s"
-        if start == 40:
-            rows.status[:], rows.reason[:] = "refused", "neck = 20, expected less"
-        return rows
-
-    run_study(parts, Here(), sometimes)
-    before = {path.name: path.stat().st_mtime_ns for path in parts.folder.iterdir()}
-    failing["now"] = False
-    run_study(parts, Here(), sometimes)
-    assert status_facts(parts)["failed"] == 1
-    run_study(parts, Here(), sometimes, retry=True)
-    facts = status_facts(parts)
-    assert (facts["failed"], facts["refused"], facts["ok"]) == (0, 1, 63)
-    changed = [path.name for path in parts.folder.iterdir() if path.stat().st_mtime_ns != before[path.name]]
-    assert [name[:12] for name in changed] == ["part-0000001"]
-
-
-def test_retry_asks_for_nothing_that_has_its_answer_and_never_loses_one(study, tmp_path):
-    """On a busy machine a second try may be out of time too: it must not take the answers along."""
-    parts, asked = parts_of(load_study(study("fe", 16)), tmp_path), []
-
-    def busy(late):
-        def late_ones(loaded, start, stop, inside):
-            asked.append(start)
-            rows = strange.plain(loaded, start, stop, inside)
-            if start in late:
-                rows.status[:], rows.reason[:] = "time limit", "no answer in 60 s"
-            return rows
-
-        return late_ones
-
-    run_study(parts, Here(), busy({3, 5}))
-    first = read_part(parts, parts.chunk(0))
-    asked.clear()
-    run_study(parts, Here(), busy(range(16)), retry=True)
-    assert sorted(asked)[-2:] == [3, 5]
-    assert read_part(parts, parts.chunk(0)).equals(first)
-
-    def another_succeeds(loaded, start, stop, inside):
-        if start == 3:
-            run_study(parts, Here(), busy({3}), retry=True)
-        return busy({5})(loaded, start, stop, inside)
-
-    run_study(parts, Here(), another_succeeds, retry=True)
-    assert status_facts(parts)["ok"] == 16
-
-
-def test_a_damaged_part_is_named_and_computed_again(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path, 64)
-    run_study(parts, Here())
-    first, second, third, *_ = sorted(parts.folder.iterdir())
-    sound = {path: path.read_bytes() for path in (first, second, third)}
-    first.write_bytes(sound[first][:1000])
-    broken = bytearray(sound[second])
-    broken[400] ^= 1  # a bit in a page
-    second.write_bytes(broken)
-    third.write_bytes(sound[first])
-    with pytest.raises(BadInput, match=r"part-000000[0-2]-.*damaged|not the part"):
+def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path):
+    parts, said = parts_of(load_study(study()), tmp_path, 64), []
+    run_parts(parts, Here())
+    expected = table(parts)
+    paths = [parts.path(chunk) for chunk in parts.chunks()]
+    assert len(paths) == 5 and paths[-1].name.startswith("part-0000000256-")
+    content = bytearray(paths[1].read_bytes())
+    content[len(content) // 3] ^= 4  # in a page: its checksum tells
+    paths[1].write_bytes(content)
+    paths[2].write_bytes(b"PAR1 torn")
+    assert survey(parts).damaged == [paths[2]] and survey(parts, whole=True).damaged == paths[1:3]
+    with pytest.raises(BadInput, match="damaged"):
         collect(parts, tmp_path / "t.parquet")
-    assert len(status_facts(parts)["damaged"]) == 2  # a bit in a page is found by who reads it
-    said = []
-    run_study(parts, Here(), say=said.append)
-    assert [path.name in line for path, line in zip(sound, said, strict=True)] == [True] * 3
-    assert {path: path.read_bytes() for path in sound} == sound
+    here = Here()
+    run_parts(parts, here, say=said.append)
+    assert sorted(here.asked) == [*range(64, 192)]
+    assert [text.split(":")[0] for text in said] == [str(path) for path in paths[1:3]]
+    assert table(parts).equals(expected)
+    here = Here()
+    assert run_parts(parts, here).known == 300 and here.asked == []
 
 
-@pytest.mark.slow
-def test_workers_that_cannot_begin_are_no_failed_designs(study, workers, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path)
-    missing = tmp_path / "gone.py"
-    missing.write_text("def solve(loaded, start, stop, inside): pass\n")
-    with pytest.MonkeyPatch.context() as patched:
-        patched.syspath_prepend(tmp_path)
-        import gone
-
-        missing.unlink()
-        with pytest.raises(ComputationFailed, match="a worker cannot answer: ModuleNotFoundError"):
-            run_study(parts, workers, gone.solve)
-    assert not parts.folder.exists()
-
-
-def test_a_part_that_another_runner_writes_meanwhile_is_counted_not_computed(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path, 30)
-    asked = []
-
-    def both(loaded, start, stop, inside):
-        asked.append(start)
-        if len(asked) == 1:
-            run_study(parts, Here())
-        return strange.answer(loaded, start, stop, inside)
-
-    progress = run_study(parts, Here(), both)
-    assert len(asked) <= Here.width + 1
-    assert progress.counts.total() == 300
+def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_those_alone(study, tmp_path, monkeypatch):
+    first, said = parts_of(load_study(study()), tmp_path, 64), []
+    run_parts(first, Here())
+    other = parts_of(load_study(study(edit=("sd = 0.05", "sd = 0.04"))), tmp_path, 64)
+    with pytest.raises(BadInput, match=r"300 of 300 designs are open.*5 parts there are of other inputs"):
+        collect(other, tmp_path / "t.parquet")
+    here = Here()
+    run_parts(other, here, say=said.append)
+    assert len(here.asked) == 300 and "5 parts of other inputs or versions" in said[0]
+    again = Here()
+    run_parts(parts_of(load_study(study()), tmp_path, 64), again)  # the first inputs find their own parts
+    assert again.asked == []
+    monkeypatch.setattr("flexfem.study.run.versions_of", lambda meshed: {"flexfem": "9.9"})
+    newer = parts_of(load_study(study()), tmp_path, 64)
+    assert not {newer.path(chunk) for chunk in newer.chunks()} & {first.path(chunk) for chunk in first.chunks()}
+    monkeypatch.undo()
+    stranger = first.folder / "notes.parquet"
+    stranger.write_text("mine")
+    assert remove_stale(other, dry_run=True)[0] == 5 and len(survey(other).stale) == 5
+    assert remove_stale(other)[0] == 5 and stranger.exists()
+    assert survey(other).total.total() == 300 and survey(other).stale == []
 
 
-def test_the_folder_stays_small_in_the_runner(study, tmp_path):
-    """Chunks under way are bounded by the width of the pool, however long the study."""
-    parts = parts_of(load_study(study(designs=400)), tmp_path, 10)
-    held = []
+def test_versions_are_those_of_all_that_decides_results(tmp_path, monkeypatch):
+    monkeypatch.setattr(worker_module, "own_hash", lambda: "ab" * 32)
+    own = dict(versions_of.__wrapped__(True))
+    assert {"flexfem", "numpy", "scipy", "gmsh", "scikit-fem", "sources"} < set(own) and own["with"] == "ab" * 8
+    require_same_versions(versions_of(True), True)
+    with pytest.raises(BadInput, match=r"a worker has numpy .*, the runner 1.0, expected the same versions everywhere"):
+        require_same_versions(dict(versions_of(True)) | {"numpy": "1.0"}, True)
+    (tmp_path / "data").mkdir()
+    source, data = tmp_path / "a.py", tmp_path / "data" / "b.json"
+    source.write_text("x = 1\n"), data.write_text("{}")
+    before = sources_hash(tmp_path)
+    source.write_text("x = 2\n")
+    changed = sources_hash(tmp_path)
+    data.write_text("[]")
+    assert len({before, changed, sources_hash(tmp_path)}) == 3
 
-    def watching(loaded, start, stop, inside):
-        held.append(len(list(parts.folder.glob("*.parquet"))) if parts.folder.exists() else 0)
-        return strange.plain(loaded, start, stop, inside)
 
-    run_study(parts, Here(), watching)
-    behind = [asked - written for asked, written in enumerate(held)]
-    assert max(behind) <= 3 * Here.width  # asked for, computing and being written
+@pytest.mark.parametrize("method", ["sobol", "monte_carlo"])
+def test_a_larger_sample_computes_only_what_is_new(study, tmp_path, method):
+    edit = ('"sobol"', f'"{method}"')
+    run_parts(parts_of(load_study(study(designs=100, edit=edit)), tmp_path, 20), Here())
+    here, parts = Here(), parts_of(load_study(study(designs=170, edit=edit)), tmp_path, 20)
+    run_parts(parts, here)
+    assert sorted(here.asked) == [*range(100, 170)] and len(table(parts)) == 170
+    run_parts(parts_of(load_study(study(designs=100, edit=("sobol", "latin_hypercube"))), tmp_path, 20), here)
+    here = Here()
+    run_parts(parts_of(load_study(study(designs=170, edit=("sobol", "latin_hypercube"))), tmp_path, 20), here)
+    assert sorted(here.asked) == [*range(170)]  # which begins otherwise
 
 
-def test_progress_tells_rate_and_time_left():
-    step = Progress(10_000, 1000, Counter({("ok", ""): 2800, ("time limit", "x"): 200}))
-    assert said(step, 40.0) == "3,000/10,000 designs, 50/s, 2 min 20 s left, 200 failed"
-    assert said(step._replace(known=3000), 1.0).endswith("waiting for the first, 200 failed")
+def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, tmp_path):
+    parts = parts_of(load_study(study(designs=64)), tmp_path, 16)
+    run_parts(parts, Here(), strange.raising)
+    rows = table(parts).to_pylist()
+    assert [row["design"] for row in rows if row["status"] != "ok"] == [20, 21]
+    assert rows[20]["reason"] == "ValueError: a bug in two lines" and rows[20]["kxx_n_per_mm"] is None
+    assert rows[21]["status"] == "failed" and rows[21]["reason"].startswith("mesh has a scaled Jacobian = 0.01")
+    assert rows[22]["kxx_n_per_mm"] == 22.0
+    assert status_facts(parts)["reasons"] == {
+        "failed": {"ValueError: a bug in two lines": 1, "mesh has a scaled Jacobian": 1}
+    }
+    here = Here()
+    run_parts(parts, here, strange.plain)
+    assert here.asked == []
+    run_parts(parts, here, strange.plain, retry=True)
+    assert here.asked == [*range(16, 32)] and status_facts(parts)["ok"] == 64
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind"),
+    [("neck = 0.1, expected > 0.2", "neck"), ("mesh 12 of -3.5e-7 mm", "mesh ... of ... mm"), ("", "")],
+)
+def test_reasons_of_a_kind_are_counted_together(reason, kind):
+    assert kind_of(reason) == kind
+
+
+def test_progress_has_rate_and_time_left():
+    step = Progress(10_000, 1000, survey_counts(2800, 200))
+    assert progress_line(step, 40.0) == "3,000/10,000 designs, 50/s, 0 h 02 min 20 s left, 200 failed"
+    assert progress_line(step._replace(known=3000), 1.0).endswith("waiting for the first, 200 failed")
+
+
+def survey_counts(ok, late):
+    from collections import Counter
+
+    return Counter({("ok", ""): ok, ("time limit", "x"): late})
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", "", "\uff11/2", "1/9999999"])
@@ -424,34 +224,32 @@ def test_bad_shards_are_refused(text):
         shard_of(text)
 
 
-def test_commands_run_count_and_collect(flexfem, study, tmp_path):
-    path = study()
+def test_commands_run_count_and_collect(flexfem, study):
+    path = study(edit=("[sampling]", '[[output]]\nname = "half"\nexpression = "kxx_n_per_mm / 2"\n[sampling]'))
     code, out, _ = flexfem("study", "status", path, "--json")
     assert (code, json.loads(out)["open"]) == (0, 300)
+    code, _, err = flexfem("study", "status", ".")
+    assert code == 2 and "no study has run in this folder" in err and err.count("\n") == 1
     code, _, err = flexfem("study", "collect", path)
     assert code == 2 and "300 of 300 designs are open" in err and err.count("\n") == 1
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--shard", "2/2", "--json")
     about = json.loads(out)
-    assert (code, about["designs"], about["open_elsewhere"]) == (0, 0, 300)  # one chunk, which is the other shard's
+    assert (code, about["designs"], about["open_elsewhere"]) == (0, 0, 300)  # one part, which is the other shard's
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
+    code, out, _ = flexfem("study", "status", "reports/necks", "--json")  # the folder instead of the file
+    assert (code, json.loads(out)["done"]) == (0, 300)
     for target in ("t.csv", "t.parquet"):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
-    assert (Path("t.csv")).read_text().count("\n") == 301
-    assert len(pq.read_table("t.parquet")) == 300
-
-
-@pytest.mark.slow
-def test_plot_collects_and_draws(flexfem, study, tmp_path):
-    path = study(edit=("[sampling]", '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]\n[sampling]'))
-    assert flexfem("study", "run", path, "--workers", 1)[0] == 0
-    code, out, _ = flexfem("study", "plot", path, "--json")
-    assert code == 0
-    found = json.loads(out)["written"]
-    assert found[0] == "reports/necks/necks.parquet" and {Path(name).suffix for name in found[1:]} == {".png", ".pdf"}
-    assert all(Path(name).stat().st_size > 1000 for name in found)
+    frame = table_of("t.parquet")
+    assert list(frame["design"]) == [*range(300)] and np.allclose(
+        2 * frame["half"], frame["kxx_n_per_mm"], equal_nan=True
+    )
+    assert pyarrow.csv.read_csv("t.csv").num_rows == 300
+    code, out, _ = flexfem("study", "clean", path)
+    assert code == 0 and out.startswith("0 parts of other inputs")
 
 
 @pytest.mark.parametrize(
@@ -465,13 +263,15 @@ def test_plot_collects_and_draws(flexfem, study, tmp_path):
 )
 def test_bad_options_are_refused_in_one_line(flexfem, study, arguments, said):
     code, out, err = flexfem("study", arguments[0], study(), *arguments[1:])
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said in err
+    assert (code, out, err.count("\n")) == (2, "", 1) and said in err
+    assert not Path("reports").exists()
 
 
 def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     parts = parts_of(load_study(study()), tmp_path, 64)
-    run_study(parts, Here(), shard=Shard(1, 2))
+    with pytest.raises(BadInput, match="expected some to be done"):
+        collect(parts, tmp_path / "t.parquet", partial=True)
+    run_parts(parts, Here(), shard=Shard(1, 2))
     with pytest.raises(BadInput, match="172 of 300 designs are open"):
         collect(parts, tmp_path / "t.parquet")
     made = collect(parts, tmp_path / "t.parquet", partial=True)
@@ -479,127 +279,184 @@ def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     assert pq.read_table(made.path)["design"].to_pylist() == [*range(64, 128), *range(192, 256)]
 
 
-@pytest.mark.parametrize("address", ["nonsense", "", "tcp://", "http://localhost:80", "inproc://x", "/no/such.json"])
-def test_what_is_no_address_of_a_scheduler_is_refused_at_once(flexfem, study, address):
-    code, _, err = flexfem("study", "run", study(), "--scheduler", address)
-    assert code == 2 and err.count("\n") == 1 and "expected host:port" in err
+def test_a_folder_that_takes_no_part_is_refused_in_one_line(flexfem, study):
+    Path("reports").write_text("a file")
+    code, out, err = flexfem("study", "run", study(), "--workers", 1)
+    assert (code, out, err.count("\n")) == (2, "", 1) and "reports" in err
 
 
-def test_a_pipe_in_the_place_of_a_part_is_named_and_replaced(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path, 100)
-    run_study(parts, Here())
-    path = parts.path(parts.chunk(1))
-    whole = path.read_bytes()
-    path.unlink()
-    os.mkfifo(path)
-    told = []
-    run_study(parts, Here(), say=told.append)
-    assert len(told) == 1 and str(path) in told[0]
-    assert path.read_bytes() == whole
-
-
-def test_processors_that_round_otherwise_are_refused_not_mixed_and_nothing_moves(study, tmp_path, monkeypatch):
+def test_worker_processes_give_the_table_of_one_process(study, workers, tmp_path):
     loaded = load_study(study())
-    own, other = parts_of(loaded, tmp_path, 30), parts_of(loaded, tmp_path, 30)
-    other.__dict__["versions"] = dict(own.versions) | {"arithmetic": "0123456789abcdef"}
-    refused = []
-
-    def beside(loaded, start, stop, inside):
-        if not refused:  # before there is a part
-            with pytest.raises(
-                BadInput, match=r"of arithmetic \w{16}, those of this .* 0123456789abcdef: .*OPENBLAS_CORETYPE"
-            ):
-                run_study(other, Here())
-            refused.append(sorted(tmp_path.rglob("*.parquet")))
-        return strange.plain(loaded, start, stop, inside)
-
-    run_study(own, Here(), beside, shard=Shard(0, 2))
-    before = sorted(own.folder.iterdir())
-    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
-        run_study(other, Here())
-    assert refused == [[]] and sorted(own.folder.iterdir()) == before and len(before) == 5
-    release_folder(own)  # its own: stays
-    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
-        run_study(other, Here())
-    release_folder(other)  # as study clean does there
-    run_study(other, Here(), strange.plain)
-    with pytest.raises(BadInput, match="OPENBLAS_CORETYPE"):
-        run_study(own, Here())
+    here, there = parts_of(loaded, tmp_path / "here", 64), parts_of(loaded, tmp_path / "there", 64)
+    run_parts(here, Here())
+    run_parts(there, workers)
+    found, expected = table(there), table(here)
+    assert found["reason"] == expected["reason"]
+    for name in loaded.outputs:
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-12)
 
 
-def test_open_designs_in_the_end_are_no_success_and_a_folder_in_the_way_is_named(flexfem, study, monkeypatch):
-    path, spoilt = study("fe", 32), []
-
-    @contextmanager
-    def here(*_):
-        yield Here()
-
-    def spoiling(parts, pool, solve=None, **more):
-        made = run_study(parts, pool, strange.plain, **more)
-        first, second = (parts.path(parts.chunk(number)) for number in (0, 1))
-        if not spoilt:
-            first.unlink()
-            second.unlink()
-            second.mkdir()
-        spoilt.append(second)
-        return made
-
-    monkeypatch.setattr("flexfem.studies.pool_for", here)
-    monkeypatch.setattr("flexfem.study.run.run_study", spoiling)
-    code, out, err = flexfem("study", "run", path)
-    lines = err.splitlines()
-    assert code == 1 and "32 designs, 32 open" in out
-    assert lines[-1].startswith(
-        "flexfem: 2 parts of this run are not in reports/necks/parts: the same command computes"
-    )
-    assert lines[-1].endswith(f"; first remove {spoilt[0]}, which is no file")
-    code, out, err = flexfem("study", "run", path)
-    assert code == 1 and "32 designs, 16 open" in out and "a folder in the place of a part: remove it" in err
-    spoilt[0].rmdir()
-    code, out, err = flexfem("study", "run", path)
-    assert (code, err) == (0, "") and "32 designs, 0 open" in out
+def test_a_worker_killed_from_outside_changes_no_row(study, workers, tmp_path):
+    parts = parts_of(load_study(study(designs=60)), tmp_path, 4)
+    run_parts(parts, workers, strange.once)
+    assert (tmp_path / "killed").exists() and status_facts(parts)["ok"] == 60
 
 
-def test_a_warning_is_said_once_before_the_run(flexfem, study, monkeypatch):
-    @contextmanager
-    def here(*_):
-        yield Here()
-
-    monkeypatch.setattr("flexfem.studies.pool_for", here)
-    shown = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]\n[sampling]'
-    path = study(
-        designs=4,
-        edit=(
-            "[sampling]",
-            f'[[factor]]\nkey = "material.yield_strength_mpa"\nsd = 1.0\ndistribution = "normal"\n{shown}',
-        ),
-    )
-    code, out, err = flexfem("study", "run", path)
-    assert code == 0
-    assert err.count("changes none of kxx_n_per_mm") == 1 and "changes none" not in out
-    assert "changes none of kxx_n_per_mm" in flexfem("study", "status", path)[1]
-
-
-def test_a_partial_table_of_nothing_replaces_none(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path)
-    with pytest.raises(BadInput, match="300 of 300 designs are open, expected some"):
-        collect(parts, tmp_path / "t.parquet", partial=True)
-    assert not (tmp_path / "t.parquet").exists()
+def test_workers_that_cannot_begin_fail_in_one_line(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(worker_module, "_begin", os._exit)
+    with Workers(1) as pool, pytest.raises(ComputationFailed, match="end before they begin"):
+        run_parts(parts_of(load_study(study()), tmp_path), pool)
 
 
 @pytest.mark.slow
-def test_a_run_that_answers_nothing_and_fails_exits_with_one_and_names_the_cure(flexfem, study):
-    path = study("fe", 2, edit=("[sampling]", "resolution = 64\n[sampling]"))  # more triangles than are allowed
-    code, out, _ = flexfem("study", "run", path)
-    assert code == 1 and " 0 ok" in out and "study run --retry" in out
+def test_hanging_and_crashing_designs_are_named_and_cost_no_other(study, workers, tmp_path, monkeypatch):
+    monkeypatch.setattr("flexfem.study.run.SLACK", 1.0)
+    loaded = load_study(study("fe", designs=32, edit=("[sampling]", "time_limit_s = 1\n[sampling]")))
+    parts = parts_of(loaded, tmp_path, 8)
+    run_parts(parts, workers, strange.strange)
+    rows = table(parts).to_pylist()
+    bad = {row["design"]: (row["status"], row["reason"]) for row in rows if row["status"] != "ok"}
+    assert [*bad] == [strange.HANGS, strange.KILLED, strange.SEGMENTATION, strange.RAISES, strange.FAILS]
+    assert bad[strange.HANGS] == ("time limit", "no answer in 2 s")
+    assert bad[strange.KILLED] == bad[strange.SEGMENTATION] == ("crashed", "the worker died")
+    assert all(row["kxx_n_per_mm"] == row["design"] for row in rows if row["status"] == "ok")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
-def test_closed_standard_streams_take_no_worker_along(flexfem, study, closed):
-    path = study("fe", 3)
-    command = f"exec {sys.executable} -m flexfem study run {path} --workers 2 {closed}"
-    subprocess.run(["sh", "-c", command], check=True, capture_output=True, timeout=120)
-    code, out, _ = flexfem("study", "status", path, "--json")
-    facts = json.loads(out)
-    assert (code, facts["open"], facts["failed"]) == (0, 0, 0) and facts["ok"] > 0
+def test_finite_elements_of_a_worker_are_those_of_this_process(study, workers, tmp_path):
+    loaded = load_study(study("fe", designs=6))
+    here, there = parts_of(loaded, tmp_path / "here"), parts_of(loaded, tmp_path / "there", 2)
+    run_parts(here, Here())
+    run_parts(there, workers)
+    for name in loaded.outputs:
+        np.testing.assert_allclose(table(there)[name], table(here)[name], rtol=1e-9, atol=1e-9)
+
+
+RUN = """
+import sys
+from pathlib import Path
+import strange
+from flexfem.study import run
+from flexfem.study.loaded import load_study
+from flexfem.study.workers import Workers
+parts = run.parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 16)
+with Workers(2, sys.argv[3] or None) as pool:
+    print("running", flush=True)
+    print(run.run_parts(parts, pool, strange.slow).known)
+"""
+
+
+def start(path, output, scheduler=""):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
+    return subprocess.Popen(
+        [sys.executable, "-c", RUN, str(path), str(output), scheduler],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+
+
+def until(condition, seconds=60.0):
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(study, tmp_path):
+    path, draw = study(designs=600), random.Random(5)
+    whole, parts = (parts_of(load_study(path), tmp_path / name, 16) for name in ("whole", "killed"))
+    run_parts(whole, Here())
+    for _ in range(4):
+        runner = start(path, tmp_path / "killed")
+        children = psutil.Process(runner.pid)
+        assert runner.stdout.readline() == "running\n"
+        before = len(survey(parts).counts)
+        until(lambda least=before + 1: len(survey(parts).counts) >= least)
+        time.sleep(draw.uniform(0.0, 0.5))
+        left = children.children(recursive=True)
+        runner.kill()
+        runner.communicate()
+        psutil.wait_procs(left, 10.0)
+        assert not [child for child in left if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+    done = survey(parts, whole=True)
+    assert 0 < done.total.total() < 600 and done.damaged == []
+    out, err = start(path, tmp_path / "killed").communicate(timeout=120)
+    assert int(out.split()[-1]) == done.total.total(), err  # nothing that was there is computed again
+    assert table(parts)["reason"] == table(whole)["reason"]
+    for name in parts.loaded.outputs:
+        np.testing.assert_allclose(table(parts)[name], table(whole)[name], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, number):
+    path = study("fe", designs=200)
+    command = [sys.executable, "-m", "flexfem", "study", "run", str(path), "-o", str(tmp_path), "--workers", "2"]
+    runner = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+    )
+    until(lambda: list((tmp_path / "necks").glob("parts/part-*")))
+    left = psutil.Process(runner.pid).children(recursive=True)
+    began = time.monotonic()
+    os.killpg(runner.pid, number)  # all of them, as a terminal does
+    _, err = runner.communicate(timeout=30)
+    assert time.monotonic() - began < 8 and runner.returncode == 128 + number
+    assert err.count("\n") == 1 and "of 200 designs are kept in" in err, err
+    _, alive = psutil.wait_procs(left, 10.0)
+    assert alive == []
+
+
+@pytest.fixture
+def cluster():
+    distributed = pytest.importorskip("distributed")
+    environment = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", environment["PYTHONPATH"])
+        made = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        )
+        yield made
+        made.close()
+
+
+@pytest.mark.slow
+def test_a_cluster_makes_the_same_table_and_names_what_kills_its_workers(study, tmp_path, cluster):
+    loaded = load_study(study(designs=120))
+    here, there = parts_of(loaded, tmp_path / "here", 16), parts_of(loaded, tmp_path / "there", 16)
+    run_parts(here, Here())
+    with Workers(1, cluster.scheduler_address) as pool:
+        run_parts(there, pool)
+        assert table(there)["reason"] == table(here)["reason"]
+        for name in loaded.outputs:
+            np.testing.assert_allclose(table(there)[name], table(here)[name], rtol=1e-12, atol=1e-12)
+        parts = parts_of(loaded, tmp_path / "killing", 20)
+        run_parts(parts, pool, strange.killing)
+    rows = table(parts).to_pylist()
+    assert [row["design"] for row in rows if row["status"] == "crashed"] == [strange.KILLED]
+    assert sum(row["status"] == "ok" for row in rows) == 119
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_is_one_line_and_parts_are_kept(study, tmp_path, cluster):
+    path = study(designs=600)
+    parts = parts_of(load_study(path), tmp_path / "lost", 16)
+    runner = start(path, tmp_path / "lost", cluster.scheduler_address)
+    until(lambda: len(survey(parts).counts) > 2)
+    cluster.close()
+    _, err = runner.communicate(timeout=60)
+    assert runner.returncode == 1 and "lost; parts are kept, run again" in err.splitlines()[-1]
+    assert survey(parts, whole=True).damaged == []
+
+
+def test_a_scheduler_that_is_not_there_is_refused(monkeypatch):
+    monkeypatch.setattr(worker_module, "CONNECT", 0.5)
+    with pytest.raises(BadInput, match="no scheduler answers there"):
+        Workers(1, "127.0.0.1:9")
+
+
+def test_a_part_is_named_after_the_range_of_its_designs(study, tmp_path):
+    parts = parts_of(load_study(study()), tmp_path, 64)
+    assert parts.path(Chunk(0, 64)) != parts.path(Chunk(0, 63)) and parts.chunks()[-1] == Chunk(256, 300)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexfem.refused import BadInput
+from flexfem.study.collect import StudyTable
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.sampling import sample
 from flexfem.study.statistics import first_order, sensitivity, sobol_indices
-from flexfem.study.study_table import StudyTable
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
 UNIT = 'key = "{}"\ndistribution = "uniform"\nlower = 1.0\nupper = 2.0'
@@ -100,7 +102,7 @@ def test_a_plain_sample_of_a_study_is_taken_factor_by_factor(studies) -> None:
     answers = values @ [3.0, 0.0, -1.0]
     table = table_of(loaded, "kxx_n_per_mm", np.where(np.arange(400) == 7, np.nan, answers), {7: "refused"})
     columns = table.columns | {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
-    found = sensitivity(loaded, table._replace(columns=columns), "kxx_n_per_mm")
+    found = sensitivity(loaded, replace(table, columns=columns), "kxx_n_per_mm")
     np.testing.assert_allclose(found.first, [0.9, 0.0, 0.1], atol=0.05)  # squares of the weights, 399 designs
     few = studies.of('method = "monte_carlo"\ndesigns = 99\nseed = 5', *(UNIT.format(key) for key in KEYS))
     with pytest.raises(BadInput, match="99 designs have an answer, expected at least 100"):

@@ -12,10 +12,11 @@ from flexfem.fem.cyclic import cyclic_response
 from flexfem.fem.cyclic_fields import base_rotations
 from flexfem.fem.response import plate_of
 from flexfem.fem.solid_fields import in_mid_plane
+from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
-from flexfem.verify.solid import neck_stress_of, solve_solid
+from flexfem.verify.solid import neck_stress_of
 
 ROOT = Path(__file__).parents[2]
 STUDY = f"""

@@ -16,12 +16,12 @@ from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import load_case
 from flexfem.fem.sectors import mesh_sectors
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import Override
+from flexfem.questions.bands import grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
-from flexfem.verify.errors import compare, grid_convergence, mesh_band
+from flexfem.verify.errors import compare
 from flexfem.verify.protocol import solve_stage
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
@@ -32,7 +32,7 @@ ONE = ("method = 'grid'", 'key = "thickness_mm"\nvalues = [9.7]')
 
 
 def columns(loaded: LoadedStudy, stage: Stage) -> dict[str, float]:
-    return dict(zip(loaded.outputs, solved_values(stage, loaded, True).tolist(), strict=True))
+    return dict(zip(loaded.outputs, solved_values(stage, loaded).tolist(), strict=True))
 
 
 def of(found: dict[str, float], names: tuple[str, ...]) -> Array:
@@ -122,30 +122,22 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
 
 
-@pytest.mark.slow
-def test_the_same_design_gives_the_same_bits_inside_and_apart_and_after_others(stage: Stage, studies: Any) -> None:
-    loaded = studies.of(*ONE, head='model = "fe"', tail=DRIVE)
-    first = solved_values(stage, loaded, True)
-    override = Override.model_validate({"chain": 3, "hinge": "base", "neck_mm": 0.4})
-    thinner = stage.model_copy(update={"override": (override,)})
-    assert not np.array_equal(solved_values(thinner, loaded, True), first)
-    assert np.array_equal(solved_values(stage, loaded, True), first)
-    assert np.array_equal(solved_values(stage.model_copy(), loaded, False), first)
-
-
 def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Good, impossible by a number, impossible to draw, not meshed, out of time."""
     loaded = studies.of(*(ONE[0], 'key = "hinges.base.neck_mm"\nvalues = [0.5, 12.0, 0.6, 0.7]'), head='model = "fe"')
 
-    def meshed(job: Any) -> Any:
+    def meshed(jobs: Any, limit: Any) -> Any:
+        return [meshed_once(job) for job in jobs]
+
+    def meshed_once(job: Any) -> Any:
         if any(abs(cone.least - 0.7 / 4) < 1e-12 for cone in job.cones):
             raise MeshTimeout("too slow")
         if any(abs(cone.least - 0.6 / 4) < 1e-12 for cone in job.cones):
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.sectors, "_meshed_inside", meshed)
-    rows = answer(loaded, 0, 4, inside=True)
+    monkeypatch.setattr(flexfem.fem.sectors, "run_jobs", meshed)
+    rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
     assert [bool(reason) for reason in rows.reason] == [False, True, True, True]
     assert rows.reason[1].startswith("hinges.base.neck_mm = 12")
@@ -163,9 +155,9 @@ def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) 
     thick = stage.model_copy(update={"hinges": stage.hinges.model_copy(update={"base": base})})
     loaded = studies.of(*ONE, head='model = "verify"\nformula = "calibrated"\nbands = false')
     with pytest.raises(BadInput, match="chart"):
-        solved_values(thick, loaded, True)
+        solved_values(thick, loaded)
 
 
 def test_a_corrected_stage_has_no_plane_finite_elements(stage: Stage, studies: Any) -> None:
     with pytest.raises(BadInput, match="plane"):
-        solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'), True)
+        solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'))

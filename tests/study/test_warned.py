@@ -9,12 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from flexfem.commands.study import app
+from flexfem.studies import status_facts
 from flexfem.study.answer import answer
-from flexfem.study.content import write_part
-from flexfem.study.parts import parts_of
 from flexfem.study.probes import unseen
+from flexfem.study.run import part_content, parts_of
 from flexfem.study.sampling import sample
-from flexfem.study_answers import status_facts
 
 FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
 NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'
@@ -41,7 +40,9 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     said = "hinge formula paros-weisbord-short outside its range of t/R"
     assert list(rows.reason) == [said if out else "" for out in beyond]
     parts = parts_of(loaded, studies.folder / "out")
-    write_part(parts, parts.chunk(0), rows)
+    parts.folder.mkdir(parents=True)
+    (chunk,) = parts.chunks()
+    parts.path(chunk).write_bytes(part_content(parts, chunk, rows))
     warnings = [f"{beyond.sum()} of 200 designs with an answer: {said}"]
     facts = status_facts(parts)
     assert facts["warnings"] == warnings and facts["reasons"] == {} and facts["ok"] == 200

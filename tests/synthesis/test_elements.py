@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from concurrent.futures import Future
 
 import numpy as np
 import pytest
 
 from flexfem.refused import ComputationFailed
 from flexfem.study.outputs import Rows
-from flexfem.study.worker import Died
+from flexfem.study.workers import Failure
 from flexfem.synthesis import elements
 from flexfem.synthesis.elements import ProposedElements
 
@@ -115,36 +114,14 @@ def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
 
 
 class Dying:
-    """Two workers; over the mesh of 6 triangles across a neck they die `deaths` times."""
+    """Workers, which die over the mesh of 6 triangles across a neck."""
 
-    width = 2
-
-    def __init__(self, deaths):
-        self.deaths, self.submitted = deaths, []
-
-    def submit(self, solve, study, start, stop, limit):
-        future = Future()
-        self.submitted.append(study.study.resolution)
-        future.set_result(row_of(study, start))
-        return future
-
-    def outcome(self, future):
-        rows = future.result()
-        if rows.values[0, 0] == 6.0 and self.deaths:
-            self.deaths -= 1
-            raise Died("signal 9")
-        return rows
-
-    def check(self):
-        pass
+    def results(self, function, next_task, limit):
+        while (task := next_task()) is not None:
+            died = task[1].study.study.resolution == 6
+            yield task, Failure("crashed", "the worker died") if died else function(*task)
 
 
-def test_a_worker_that_dies_twice_over_a_mesh_is_replaced_and_three_deaths_are_the_fault_of_the_mesh(load, monkeypatch):
-    monkeypatch.setattr(elements, "require_workers", lambda *about: None)
-    loaded = load(NECK, RADIUS, STIFFEST)
-    pool = Dying(2)
-    found = ProposedElements(loaded, Counter(), pool).of(OWN)
-    assert [columns["kxx_n_per_mm"] for columns in found.columns] == [4.0, 6.0, 8.0]
-    assert sorted(pool.submitted) == [4, 6, 6, 6, 8]
-    with pytest.raises(ComputationFailed, match="the worker died"):
-        ProposedElements(loaded, Counter(), Dying(3)).of(OWN)
+def test_a_mesh_that_kills_its_worker_fails_in_one_line(load, asked):
+    with pytest.raises(ComputationFailed, match="finite elements of a proposed design: the worker died"):
+        ProposedElements(load(NECK, RADIUS, STIFFEST), Counter(), Dying()).of(OWN)

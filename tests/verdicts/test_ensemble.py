@@ -11,13 +11,13 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.designs import stage_of
 from flexfem.verdicts.arguments import ACROSS
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.ensemble import drawn_values, metal_of_stage, populate, side_of
 from flexfem.verdicts.evidence import modelled
-from flexfem.verify.errors import error_matrix
 from flexfem.verify.other_stages import joint_command
 from flexfem.verify.protocol import solve_stage
 

@@ -17,12 +17,12 @@ from flexfem.fem.response import plate_of, platform_response
 from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.verify import alternatives as other
 from flexfem.verify import other_elements as meshed
 from flexfem.verify import other_stages as made
 from flexfem.verify import solid_budget as extruded
-from flexfem.verify.errors import error_matrix
 
 ROOT = Path(__file__).parents[2]
 ROUND_OFF = 1e-8  # per cent; 3 x 3 products of matrices whose entries differ by 1e5

@@ -13,6 +13,7 @@ import flexfem
 from flexfem.fem.export import write_solid_vtu
 from flexfem.fem.layers import layered
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import bands, warnings
 from flexfem.verify import solid
 
 from ..validation.vibration import third
@@ -49,12 +50,12 @@ def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fiel
 def test_the_band_of_the_layers_covers_what_they_leave_out(graded: bool, make_stage: Any, monkeypatch: Any) -> None:
     """Also where they are not graded, which the band must see."""
     stage = make_stage()
-    many = solid.solve_solid(stage, 2, 6).compliance
+    many = bands.solve_solid(stage, 2, 6).compliance
     if not graded:
         monkeypatch.setattr(solid, "layers_of", lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2))
         stage = make_stage()
-    left = np.abs(np.diag(many - solid.solve_solid(stage, 2, 3).compliance))
-    band = np.diag(solid.solid_bands(stage, 4, 3).thickness)
+    left = np.abs(np.diag(many - bands.solve_solid(stage, 2, 3).compliance))
+    band = np.diag(bands.solid_bands(bands.solid_levels(stage, 4, 3), 4)[1])
     relative = band / np.diag(many)
     assert np.all(band > left)
     assert np.all((relative < 2e-3) if graded else (relative > 2e-3))
@@ -64,16 +65,16 @@ def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage: Any) -> Non
     held = make_stage({"model": "plane_strain"})
     free = make_stage()
     np.testing.assert_allclose(
-        solid.solve_solid(held, 2, 1).compliance, solid.solve_solid(free, 2, 1).compliance, rtol=1e-9, atol=1e-12
+        bands.solve_solid(held, 2, 1).compliance, bands.solve_solid(free, 2, 1).compliance, rtol=1e-9, atol=1e-12
     )
-    assert solid.held_faces(free) == []
-    (said,) = solid.held_faces(held)
+    assert warnings.held_faces(free) == []
+    (said,) = warnings.held_faces(held)
     assert "they are free" in said
 
 
 def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage: Any) -> None:
     stage: Stage = make_stage({"material.poissons_ratio": 0.0})
-    found = solid.solve_solid(stage, 2, 1)
+    found = bands.solve_solid(stage, 2, 1)
     for each in solid.bounding(stage, found):
         np.testing.assert_allclose(
             np.diag(each), np.diag(found.compliance), rtol=5e-4
@@ -85,7 +86,7 @@ def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage:
 
     monkeypatch.setattr(solid_response, "MOST_UNKNOWNS", 10_000)
     with pytest.raises(flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"):
-        solid.solve_solid(make_stage(), 2, 1)
+        bands.solve_solid(make_stage(), 2, 1)
 
 
 @pytest.mark.slow

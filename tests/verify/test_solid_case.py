@@ -14,13 +14,11 @@ from hypothesis import strategies as st
 from flexfem.fem.layers import layers_of
 from flexfem.fem.solid import sheet_of
 from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
+from flexfem.questions.bands import RelativeError, SolidLevels, pose_bounds, solve_solid
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify import protocol, solid_case
 from flexfem.verify.case import Case, LoadedCase
-from flexfem.verify.energy import RelativeError
-from flexfem.verify.errors import pose_bounds
 from flexfem.verify.protocol import run_case
-from flexfem.verify.solid import SolidLevels, solve_solid
 
 ROOT = Path(__file__).parents[2]
 CASE = """

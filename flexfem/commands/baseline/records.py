@@ -24,13 +24,14 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
 from flexfem.files.keypath import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions.bands import levels
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verdicts.claims import load_claims
 from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
-from flexfem.verify.errors import compare, levels
+from flexfem.verify.errors import compare
 from flexfem.verify.protocol import OnMesh, Solve, Solved, run_case
 from flexfem.verify.stage_report import report_stage
 

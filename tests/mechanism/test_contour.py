@@ -1,0 +1,132 @@
+"""The part to cut: one closed contour, as large as what is meshed, and a wire's path that leaves it every neck."""
+
+from __future__ import annotations
+
+import cmath
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+
+from flexfem.mechanism.bodies import Segment, area, draw_sector, polygon_points
+from flexfem.mechanism.drawing import cut_path, part_of
+from flexfem.mechanism.stage import Stage
+from flexfem.refused import BadInput
+
+from .test_bodies import CHANGES, OVERRIDES, about
+
+CLOSED = 1e-8  # mm; walls shorter than a millionth of a micrometre are left out
+CHORD = 3e-4  # mm, of the polygons
+
+
+def directions(segment: Segment) -> tuple[complex, complex]:
+    """Unit tangents at start and end."""
+    if segment.centre is None:
+        along = (segment.end - segment.start) / abs(segment.end - segment.start)
+        return along, along
+    sense = 1j if segment.turn > 0 else -1j
+    return tuple(sense * (z - segment.centre) / abs(z - segment.centre) for z in (segment.start, segment.end))
+
+
+def bends(loop: list[Segment]) -> list[float]:
+    """Angles turned from each segment to the next, rad."""
+    pairs = zip(loop, [*loop[1:], loop[0]], strict=True)
+    return [cmath.phase(directions(b)[0] / directions(a)[1]) for a, b in pairs]
+
+
+def gap(loop: list[Segment]) -> float:
+    return max(abs(a.end - b.start) for a, b in zip(loop, [*loop[1:], loop[0]], strict=True))
+
+
+def test_the_part_is_closed_and_as_large_as_what_is_meshed(stage) -> None:
+    part = part_of(stage)
+    assert gap(part.outer) < CLOSED
+    assert sum(bends(part.outer)) + sum(s.turn for s in part.outer) == pytest.approx(2 * np.pi, abs=1e-9)
+    meshed = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+    assert part.area == pytest.approx(meshed, rel=1e-12)
+    assert part_of(stage, 4.3).area == pytest.approx(meshed - 3 * np.pi * 4.3**2 / 4, rel=1e-12)
+    whole = [segment for segment in part.outer if segment.centre is None or abs(segment.start - segment.centre) > 0.1]
+    assert part.length == pytest.approx(sum(s.length for s in whole) + 2 * np.pi * 7.7, rel=1e-12)
+
+
+def test_pads_are_rectangles_at_the_clamped_edges_with_holes_in_their_middle(stage) -> None:
+    part = part_of(stage, 3.1)
+    grounds = [
+        segment.turned((chain - 1) * 2 * np.pi / 3)
+        for chain in (1, 2, 3)
+        for face in draw_sector(stage, chain).values()
+        for segment, label in zip(face.loop, face.labels, strict=True)
+        if label == "ground"
+    ]
+    for pad, ground, hole in zip(part.pads, grounds, part.mounting, strict=True):
+        assert gap(pad) < CLOSED and area(pad) == pytest.approx(8.9**2, rel=1e-12)
+        assert abs(pad[0].start - ground.start) + abs(pad[0].end - ground.end) < 1e-12
+        assert [segment.length for segment in pad] == pytest.approx([8.9] * 4)
+        assert abs(hole.centre - np.mean([s.start for s in pad])) < 1e-12 and hole.radius == 1.55
+
+
+USUAL = st.fixed_dictionaries(  # that can be made
+    {
+        "chain.link_lengths_mm": st.tuples(about(31.0, 0.1), about(33.5, 0.03), about(25.0, 0.02)),
+        "chain.link_width_mm": st.floats(8.5, 9.5),
+        "hinges.base.axis_deg": st.floats(165.0, 195.0),
+        "hinges.platform.radius_mm": st.floats(0.3, 2.0),
+        "hinges.platform.neck_mm": st.floats(0.02, 1.5),
+    }
+)
+
+
+@settings(max_examples=3, phases=[Phase.generate])  # what fails is plain as it is
+@given(USUAL, st.floats(0.05, 1.2))
+def test_a_wire_leaves_the_part_and_every_neck(make_stage, changes, kerf) -> None:
+    require_beside(make_stage(changes), kerf)
+
+
+@pytest.mark.slow
+@settings(max_examples=60)
+@given(CHANGES, OVERRIDES, st.floats(0.05, 1.2))
+def test_a_wire_leaves_any_part_or_its_kerf_is_refused(make_stage, changes, override, kerf) -> None:
+    require_beside(make_stage({**changes, "override": override}), kerf)
+
+
+def require_beside(stage: Stage, kerf: float) -> None:
+    """Area beside a closed curve by Steiner: A + L d + pi d^2, less what is trimmed off at sharp inner corners."""
+    try:
+        part = part_of(stage)
+    except BadInput:
+        assume(False)
+    half, sharp = kerf / 2, [bend for bend in bends(part.outer) if bend < -1e-6]
+    try:
+        path = cut_path(part, kerf)
+    except BadInput as refusal:
+        assert "kerf of" in str(refusal) and "\n" not in str(refusal)
+        metal = shapely.Polygon(polygon_points(part.outer, 2e-2))
+        closed = metal.buffer(half, quad_segs=64)
+        hollow = [abs(s.start - s.centre) for s in part.outer if s.turn < 0]
+        assert (
+            min(*hollow, part.hub.radius) <= half
+            or len(closed.interiors)
+            or closed.buffer(-half, quad_segs=64).area > metal.area + CHORD
+        )
+        return
+    assert gap(path.outer) < CLOSED
+    trimmed = sum(np.tan(-bend / 2) + bend / 2 for bend in sharp)
+    length = sum(segment.length for segment in part.outer)
+    expected = area(part.outer) + length * half + (np.pi - trimmed) * half**2
+    assert area(path.outer) == pytest.approx(expected, rel=1e-9)
+    assert path.hub.radius == part.hub.radius - half
+    metal = shapely.Polygon(polygon_points(part.outer, 2e-2))
+    shapely.prepare(metal)
+    assert shapely.distance(shapely.points(polygon_points(path.outer, 0.1)), metal).min() > half - CHORD
+
+
+def test_a_kerf_too_wide_for_the_part_is_refused(make_stage) -> None:
+    """Fillets have a radius of an eighth of the link's width, 8.9 mm; link 2 comes within 2.2 mm of the platform."""
+    part = part_of(make_stage({"chain.link_lengths_mm": [31.0, 33.5, 23.0]}))
+    with pytest.raises(BadInput, match=r"kerf of 2.2251 mm, expected .* notch, fillet or hole, 2.225 mm"):
+        cut_path(part, 2.2251)
+    with pytest.raises(BadInput, match=r"than every gap of the part: the wire would cut metal at -10.6, -13.8"):
+        cut_path(part, 2.2)
+    assert cut_path(part, 0.3).hub.radius == pytest.approx(7.55)

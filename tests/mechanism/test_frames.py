@@ -1,0 +1,98 @@
+"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would see it wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.mechanism.designs import CHAIN_TURN, Frames, direction, frames, stage_frames
+from flexfem.mechanism.stage import HINGE_NAMES
+
+ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings
+LENGTHS = np.array([31.0, 33.5, 25.0])
+ANGLES = np.deg2rad([175.0, -85.0, 92.0])
+SLANTED = np.deg2rad([[13.0, 201.0, 77.0], [-38.0, 164.0, 291.0], [np.nan, 3.0, np.nan]])
+HEADINGS = np.array([ANGLES[0], ANGLES[0] + ANGLES[1], ANGLES[0] + ANGLES[1] + ANGLES[2]])
+ALONG = np.array([[np.cos(a), np.sin(a)] for a in HEADINGS])
+
+
+def rotation(angle: float) -> np.ndarray:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def random_designs(*shape: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(11)
+    axes = rng.uniform(-2 * np.pi, 2 * np.pi, (*shape, 3, 3))
+    axes[rng.random(axes.shape) < 0.3] = np.nan
+    return rng.uniform(20.0, 40.0, (*shape, 3)), rng.uniform(-np.pi, np.pi, (*shape, 3)), axes
+
+
+def test_hinges_of_chain_one_in_closed_form() -> None:
+    expected = [
+        [-sum(LENGTHS * np.cos(HEADINGS)), -sum(LENGTHS * np.sin(HEADINGS))],
+        [-sum((LENGTHS * np.cos(HEADINGS))[1:]), -sum((LENGTHS * np.sin(HEADINGS))[1:])],
+        [-LENGTHS[2] * np.cos(HEADINGS[2]), -LENGTHS[2] * np.sin(HEADINGS[2])],
+    ]
+    np.testing.assert_allclose(frames(LENGTHS, ANGLES).centres[0], expected, rtol=0, atol=ROUND_OFF)
+
+
+def test_bends_between_links_are_the_joint_angles_and_their_sum_the_platform_angle() -> None:
+    centres = np.concatenate([frames(LENGTHS, ANGLES).centres, np.zeros((3, 1, 2))], axis=1)
+    links = np.diff(centres, axis=1)
+    headings = np.arctan2(links[..., 1], links[..., 0])
+    for chain in range(3):
+        bends = np.diff(np.concatenate([[chain * CHAIN_TURN], headings[chain]]))
+        np.testing.assert_allclose(np.exp(1j * bends), np.exp(1j * ANGLES), rtol=0, atol=ROUND_OFF)
+        platform = np.sum(ANGLES) + chain * CHAIN_TURN  # (21)
+        assert abs(np.exp(1j * headings[chain, 2]) - np.exp(1j * platform)) < ROUND_OFF
+
+
+@pytest.mark.parametrize("chain", [1, 2])
+def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
+    given = np.tile(SLANTED[0], (3, 1))  # the file gives an axis once, in the frame of chain 1
+    placed, turn = frames(LENGTHS, ANGLES, given), rotation(chain * 2 * np.pi / 3)
+    np.testing.assert_allclose(placed.centres[chain], placed.centres[0] @ turn.T, rtol=0, atol=ROUND_OFF)
+    np.testing.assert_allclose(
+        direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, rtol=0, atol=ROUND_OFF
+    )
+
+
+def test_a_given_axis_is_the_neck_up_to_its_arrow() -> None:
+    axes = np.where(np.isnan(SLANTED), 0.3, SLANTED)
+    found = frames(LENGTHS, ANGLES, axes).axes - CHAIN_TURN * np.arange(3)[:, None]
+    np.testing.assert_allclose(np.sin(found - axes), 0.0, atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_necks_point_from_the_base_side_to_the_platform_side(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    placed = frames(LENGTHS, ANGLES, rng.uniform(-np.pi, np.pi, (3, 3)))
+    for chain in range(3):
+        e1, e2, e3 = ALONG @ rotation(chain * CHAIN_TURN).T
+        base, elbow, platform = direction(placed.axes[chain])
+        assert base @ e1 > 0
+        assert elbow @ (e1 + e2) > 0
+        assert platform @ (e2 + e3) > 0
+
+
+def test_many_designs_at_once_equal_one_at_a_time() -> None:
+    lengths, angles, axes = random_designs(4, 5)
+    together = frames(lengths, angles, axes)
+    assert together.centres.shape == (4, 5, 3, 3, 2) and together.axes.shape == (4, 5, 3, 3)
+    for k in np.ndindex(4, 5):
+        alone = frames(lengths[k], angles[k], axes[k])
+        np.testing.assert_array_equal(together.centres[k], alone.centres)
+        np.testing.assert_array_equal(together.axes[k], alone.axes)
+
+
+def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage) -> None:
+    stage = make_stage(
+        {"hinges.elbow.axis_deg": 160.0, "override": [{"chain": 3, "hinge": "elbow", "axis_deg": 141.0}]}
+    )
+    axes = np.full((3, 3), np.nan)
+    axes[:, HINGE_NAMES.index("elbow")] = np.deg2rad([160.0, 160.0, 141.0])
+    expected = frames(np.array(stage.chain.link_lengths), np.array(stage.chain.joint_angles), axes)
+    found = stage_frames(stage)
+    assert isinstance(found, Frames)
+    np.testing.assert_array_equal(found.centres, expected.centres)
+    np.testing.assert_array_equal(found.axes, expected.axes)

@@ -1,0 +1,601 @@
+"""Stage files: what is refused and in which words, and what a stage that is accepted means."""
+
+from __future__ import annotations
+
+import os
+import signal
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from flexfem.files.lines import KeyPath
+from flexfem.files.provenance import numeric_key_paths
+from flexfem.files.toml import MAX_BYTES, read_toml
+from flexfem.mechanism.designs import elastic, out_of_plane
+from flexfem.mechanism.stage import (
+    CHAINS,
+    HINGE_NAMES,
+    Stage,
+    load_stage,
+)
+from flexfem.mechanism.stage_file import scopes_of
+from flexfem.refused import BadInput
+
+SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
+PATIENCE = 15.0  # s of processor time for a hostile file of at most 1 MiB; they take 1.5 s, quadratic reading minutes
+
+VALID = """\
+name = "generic stage"
+thickness_mm = 9.7
+
+[material]
+name = "generic metal"
+youngs_modulus_gpa = 68.3
+poissons_ratio = 0.29
+density_kg_m3 = 2739.0
+yield_strength_mpa = 411.0
+
+[chain]
+link_lengths_mm = [31.0, 33.5, 23.0]
+joint_angles_deg = [175.0, -85.0, 92.0]
+link_width_mm = 8.9
+
+[hinges.base]
+radius_mm = 3.9
+neck_mm = 0.53
+prismatic = true
+
+[hinges.elbow]
+radius_mm = 1.6
+neck_mm = 0.47
+
+[hinges.platform]
+radius_mm = 1.7
+neck_mm = 0.51
+
+[platform]
+radius_mm = 16.0
+hub_radius_mm = 7.0
+"""
+
+
+@contextmanager
+def processor_time(seconds: float = PATIENCE) -> Iterator[None]:
+    """Fail what takes more processor time, however busy the machine is; what hangs in a loop is ended."""
+
+    def stop(*_: object) -> None:
+        raise AssertionError(f"not done after {seconds:g} s of processor time")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def edited(old: str, new: str) -> str:
+    assert VALID.count(old) == 1, f"{old!r} must stand once in the valid file"
+    return VALID.replace(old, new)
+
+
+def added(text: str) -> str:
+    return VALID + text
+
+
+class Hostile(NamedTuple):
+    """A file, a piece of the line its message must name (None: no line), and pieces of the message."""
+
+    id: str
+    content: str | bytes
+    line_with: str | None
+    said: tuple[str, ...]
+
+
+ELBOW = '\n[[override]]\nchain = 2\nhinge = "elbow"\n'
+
+HOSTILE = [
+    # numbers
+    Hostile("negative neck", edited("0.53", "-0.1"), "-0.1", ("hinges.base.neck_mm = -0.1, expected > 0",)),
+    Hostile("zero radius", edited("3.9", "0.0"), "= 0.0", ("hinges.base.radius_mm = 0.0, expected > 0",)),
+    Hostile("kilometre link", edited("33.5", "1e6"), "1e6", ("chain.link_lengths_mm[1] = 1000000.0", "<= 10000")),
+    Hostile("nan", edited("9.7", "nan"), "nan", ("thickness_mm = nan, expected a finite number",)),
+    Hostile("angle above a turn", edited("175.0", "360.5"), "360.5", ("joint_angles_deg[0] = 360.5, expected <= 360",)),
+    Hostile("modulus in MPa", edited("68.3", "68300"), "68300", ("youngs_modulus_gpa = 68300, expected <= 2000",)),
+    Hostile("huge integer", edited("9.7", "1" + 400 * "0"), "10000", ("thickness_mm = ", "expected a number below")),
+    Hostile("integer of 5000 digits", edited("9.7", 5000 * "7"), "7777", ("too many digits",)),
+    # types
+    Hostile("text for a number", edited("0.53", '"0.53"'), '"0.53"', ('neck_mm = "0.53", expected a number',)),
+    Hostile("bool for a number", edited("9.7", "true"), "= true", ("thickness_mm = true, expected a number",)),
+    Hostile("table for a number", edited("9.7", "{ mm = 9.7 }"), "9.7", ("thickness_mm = {mm = 9.7}", "a number")),
+    Hostile(
+        "empty name", edited('"generic stage"', '" "'), 'name = " "', ('name = " ", expected one line of 1 to 500',)
+    ),
+    Hostile("two links", edited(", 23.0]", "]"), "33.5", ("link_lengths_mm = [31.0, 33.5], expected 3 values, not 2",)),
+    Hostile("four links", edited("23.0]", "23.0, 1.0]"), "33.5", ("expected at most 3 values, not 4",)),
+    Hostile("number for links", edited("[31.0, 33.5, 23.0]", "31.0"), "mm = 31", ("mm = 31.0, expected an array",)),
+    # keys
+    Hostile("missing neck", edited("neck_mm = 0.47\n", ""), "[hinges.elbow]", ("hinges.elbow.neck_mm is missing",)),
+    Hostile("missing thickness", edited("thickness_mm = 9.7\n", ""), None, ("thickness_mm is missing",)),
+    Hostile(
+        "misspelt key",
+        edited("neck_mm = 0.47", "nekc_mm = 0.47"),
+        "nekc",
+        ("hinges.elbow.nekc_mm is an unknown key, did you mean neck_mm?",),
+    ),
+    Hostile(
+        "strange key",
+        added('"a\\nb" = 1\n'),
+        '"a\\nb"',
+        ('platform."a\\nb" is an unknown key, expected one of radius_mm, hub_radius_mm',),
+    ),
+    Hostile(
+        "mistakes in file order",
+        edited("radius_mm = 3.9\nneck_mm = 0.53", "neck_mm = -1\nradius_mm = -2"),
+        "-1",
+        ("hinges.base.neck_mm = -1, expected > 0 (and 1 more)",),
+    ),
+    Hostile(
+        "inline table",
+        edited(
+            "[hinges.elbow]\nradius_mm = 1.6\nneck_mm = 0.47\n",
+            "[hinges]\nelbow = { neck_mm = -4, radius_mm = -1.6 }\n",
+        ),
+        "-4",
+        ("hinges.elbow.neck_mm = -4, expected > 0 (and 1 more)",),
+    ),
+    Hostile(
+        "array over lines",
+        edited("[31.0, 33.5, 23.0]", "[\n  31.0, # l1\n\n  -33.5,\n  23.0,\n]"),
+        "-33.5",
+        ("chain.link_lengths_mm[1] = -33.5",),
+    ),
+    # overrides
+    Hostile(
+        "chain four",
+        added(ELBOW.replace("2", "4") + "neck_mm = 0.5\n"),
+        "chain = 4",
+        ("override[0].chain = 4, expected <= 3",),
+    ),
+    Hostile(
+        "no such hinge",
+        added(ELBOW.replace("elbow", "knee") + "neck_mm = 0.5\n"),
+        "knee",
+        ("override[0].hinge = \"knee\", expected 'base', 'elbow' or 'platform'",),
+    ),
+    Hostile(
+        "override changes nothing",
+        added(ELBOW),
+        "[[override]]",
+        ("override.2.elbow = {chain = 2", "expected at least one of radius_mm, neck_mm"),
+    ),
+    Hostile(
+        "same hinge twice",
+        added(ELBOW + "neck_mm = 0.5\n" + ELBOW.replace("[[override]]", "[[override]] # again") + "radius_mm = 1.0\n"),
+        "again",
+        ("override.2.elbow = {", "expected each hinge overridden once"),
+    ),
+    Hostile(
+        "unknown key in an override",
+        added(ELBOW + "neck = 0.5\n"),
+        "neck = 0.5",
+        ("override.2.elbow.neck is an unknown key, did you mean neck_mm?",),
+    ),
+    Hostile(
+        "override in single brackets",
+        added(ELBOW.replace("[[override]]", "[override]") + "neck_mm = 0.5\n"),
+        "[override]",
+        ("expected an array of tables, [[override]]",),
+    ),
+    # provenance
+    Hostile(
+        "provenance of nothing",
+        added('[provenance]\n"chain.link_length_mm" = "x"\n'),
+        'length_mm"',
+        (
+            'provenance."chain.link_length_mm" = "x", expected a key path of this file, ',
+            "did you mean chain.link_lengths_mm?",
+        ),
+    ),
+    Hostile(
+        "provenance of no override",
+        added('[provenance]\n"override.2.elbow.neck_mm" = "x"\n'),
+        "override.2",
+        ("expected a key path of this file",),
+    ),
+    Hostile(
+        "provenance without quotes",
+        added('[provenance]\nchain.link_width_mm = "x"\n'),
+        'width_mm = "x',
+        ("provenance.chain = {link_width_mm", "write the whole key path in quotes"),
+    ),
+    # not TOML, not text
+    Hostile(
+        "empty",
+        "",
+        None,
+        (
+            ": name, thickness_mm, material.name, material.youngs_modulus_gpa, material.poissons_ratio, ",
+            ", chain.link_lengths_mm, chain.joint_angles_deg, chain.link_width_mm, hinges.base.radius_mm, ",
+            ", hinges.platform.neck_mm, platform.radius_mm and platform.hub_radius_mm are missing",
+        ),
+    ),
+    Hostile("prose", 40 * "dear reader " + "\n", "dear", ("not TOML",)),
+    Hostile("unclosed string", edited('"generic metal"', '"generic metal'), "metal", ("not TOML",)),
+    Hostile("same key twice", edited("neck_mm = 0.47", "neck_mm = 0.47\nneck_mm = 0.48"), "0.48", ("not TOML",)),
+    Hostile(
+        "latin-1",
+        edited("generic metal", "acier inoxyd\u00e9").encode("latin-1"),
+        b"inoxyd\xe9".decode("latin-1"),
+        ("byte 0xe9 is not UTF-8",),
+    ),
+    Hostile("byte order mark", b"\xef\xbb\xbf" + VALID.encode(), "generic stage", ("byte order mark",)),
+    Hostile("NUL", edited("generic metal", "a\0b"), "\0", ("a NUL byte",)),
+    Hostile("too large", VALID + MAX_BYTES * "#", None, ("expected at most 1 MiB",)),
+    # built to break the reader
+    Hostile("deep arrays", "x = " + 100_000 * "[", "x", ("nested deeper than 32 levels",)),
+    Hostile("deep header", "[" + 100_000 * "a." + "a]\n", "a", ("nested deeper than 32 levels",)),
+    Hostile("strings that never close", '"""' + 200_000 * '\\"""' + "\\", '"""', ("not TOML",)),
+    Hostile(
+        "many unknown keys",
+        "".join(f"k{n} = 1\n" for n in range(5_000)),
+        "k0 = 1",
+        ("k0 is an unknown key", "(and 4999 more); name, thickness_mm, "),
+    ),
+    Hostile(
+        "very many links",
+        edited("23.0]", 50_000 * "1," + "1]"),
+        "33.5",
+        ("link_lengths_mm = [31.0", "..., expected at most 3 values, not 50003"),
+    ),
+]
+
+
+def refused(path: Path | str) -> str:
+    with pytest.raises(BadInput) as caught:
+        load_stage(path)
+    message = str(caught.value)
+    assert message.isprintable(), "one line, nothing a terminal would obey"
+    return message
+
+
+@pytest.mark.parametrize("hostile", HOSTILE, ids=lambda hostile: hostile.id)
+def test_a_hostile_file_is_refused_in_one_line_naming_file_line_key_value_and_expectation(
+    hostile: Hostile, tmp_path: Path
+) -> None:
+    path = tmp_path / "hostile.toml"
+    path.write_bytes(hostile.content if isinstance(hostile.content, bytes) else hostile.content.encode())
+    with processor_time():
+        message = refused(path)
+    text = hostile.content.decode("latin-1") if isinstance(hostile.content, bytes) else hostile.content
+    line = "" if hostile.line_with is None else f", line {text[: text.index(hostile.line_with)].count(chr(10)) + 1}"
+    assert message.startswith(f"{path}{line}: ")
+    for said in hostile.said:
+        assert said in message
+    assert len(message) < len(str(path)) + 600
+
+
+def test_the_whole_message_is_the_one_promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.toml").write_text(edited("0.53", "-0.1"))
+    assert refused("x.toml") == "x.toml, line 18: hinges.base.neck_mm = -0.1, expected > 0"
+
+
+# --- files that are not files --------------------------------------------------------------------------------------
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    assert refused(tmp_path / "none.toml") == f"{tmp_path}/none.toml: no such file"
+
+
+def test_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert "a pipe, socket or device" in refused(tmp_path / "pipe.toml")
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/null"])
+def test_a_device_is_refused(device: str) -> None:
+    assert "a pipe, socket or device" in refused(device)
+
+
+def test_a_file_of_exactly_the_largest_size_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "largest.toml"
+    path.write_text(VALID + (MAX_BYTES - len(VALID)) * "#")
+    assert load_stage(path).thickness == 9.7
+
+
+@pytest.mark.parametrize("name", ["", "nul\0name", 5000 * "n", "loop.toml", "file/x.toml", "new\nline\x1b[2J"])
+def test_a_name_that_cannot_be_opened_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop.toml").symlink_to("loop.toml")
+    Path("file").touch()
+    refused(name)
+
+
+# --- any file ------------------------------------------------------------------------------------------------------
+
+SOUP = [
+    *(
+        "a",
+        "b",
+        "chain",
+        '"c d"',
+        "'e'",
+        '"\\u0061"',
+        '"""',
+        "'''",
+        '"',
+        "'",
+        "\\",
+        "#c = [",
+        "1",
+        "-1.5e3",
+        "true",
+        "é",
+    ),
+    *('"""x\n[y]\nz = 1"""', "'''\nq=1'''", '""""q"""""', "1979-05-27 07:32:00", "nan", "\x00", "\r\n", "\r"),
+    *(".", "=", " = ", "[", "]", "[[", "]]", "{", "}", ",", "\n", "\n", " ", "\n[a]\n", "\n[[a.b]]\n", "\na.b = 1\n"),
+]
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("any") / "any.toml"
+
+
+def accept_or_refuse(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    try:
+        load_stage(path)
+    except BadInput as refusal:
+        assert str(refusal).startswith(str(path))
+        assert str(refusal).isprintable()
+
+
+@given(content=st.binary(max_size=300))
+def test_any_bytes_are_refused_cleanly(scratch: Path, content: bytes) -> None:
+    accept_or_refuse(scratch, content)
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_a_stage_file_damaged_anywhere_is_accepted_or_refused_cleanly(scratch: Path, data: st.DataObject) -> None:
+    text = VALID + ELBOW + 'neck_mm = 0.5\n[provenance]\n"chain" = "assumed"\n'
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(text)))
+        end = data.draw(st.integers(start, min(len(text), start + 20)))
+        text = text[:start] + data.draw(st.sampled_from(["", *SOUP])) + text[end:]
+    accept_or_refuse(scratch, text.encode())
+
+
+PADDING = [
+    "",
+    "",
+    "# a.b = [\n",
+    "\n\n",
+    "zz{n} = '''\n[chain]\nx = 1'''\n",
+    'zz{n} = """\\\n  q"""\n',
+    "zz{n} = [\n1,\n]\n",
+]
+
+
+@st.composite
+def documents(draw: st.DrawFn) -> tuple[str, dict[KeyPath, int]]:
+    """Draw a TOML text of numbered keys between misleading lines, with the true line of every key."""
+    text, truth, count, table = "", dict[KeyPath, int](), 0, KeyPath()
+    for n in range(draw(st.integers(1, 8))):
+        text += draw(st.sampled_from(PADDING)).format(n=n)
+        here = text.count("\n") + 1
+        form = draw(st.sampled_from(["plain", "dotted", "inline", "array", "header", "tables"]))
+        if form == "plain":
+            text, truth[*table, f"k{n}"] = text + f"  'k{n}' = 1 # k{n} = 2\n", here
+        elif form == "dotted":
+            text, truth[*table, f"k{n}", "x.y"] = text + f'k{n} . "x.y" = "k{n} = 1"\n', here
+        elif form == "inline":
+            text, truth[*table, f"k{n}", "z"] = text + f"k{n} = {{ y = [\n1,\n2], z = 3 }}\n", here + 2
+        elif form == "array":
+            text, truth[*table, f"k{n}", 1, "x"] = text + f"k{n} = [ {{ x = 0 }},\n\n{{ x = 1 }} ]\n", here + 2
+        elif form == "header":
+            text, table = text + f'[ "k{n}" .sub]\n', (f"k{n}", "sub")
+            truth[table] = here
+        else:
+            text, table = text + "[[many]]\n", ("many", count)
+            truth[table], count = here, count + 1
+    return text, truth
+
+
+@given(document=documents())
+def test_the_line_of_a_key_is_where_it_stands(scratch: Path, document: tuple[str, dict[KeyPath, int]]) -> None:
+    text, truth = document
+    scratch.write_text(text)
+    lines = read_toml(scratch).lines
+    assert {path: lines.line(path) for path in truth} == truth
+
+
+def test_line_endings_of_windows_count_once(scratch: Path) -> None:
+    scratch.write_bytes(edited("0.53", "-0.1").replace("\n", "\r\n").encode())
+    assert ", line 18: hinges.base.neck_mm" in refused(scratch)
+
+
+# --- what a stage means --------------------------------------------------------------------------------------------
+
+
+def stage(text: str, path: Path) -> Stage:
+    path.write_text(text)
+    return load_stage(path)
+
+
+def test_units_end_at_the_file_border(tmp_path: Path) -> None:
+    read = stage(VALID, tmp_path / "x.toml")
+    assert read.material.youngs_modulus == pytest.approx(68300.0)
+    assert read.chain.joint_angles == pytest.approx((175 * np.pi / 180, -85 * np.pi / 180, 92 * np.pi / 180))
+    assert (read.material.density, read.material.yield_strength, read.thickness) == (2739.0, 411.0, 9.7)
+
+
+def test_a_stage_is_frozen_hashable_and_changed_by_copy(tmp_path: Path) -> None:
+    read = stage(VALID, tmp_path / "x.toml")
+    with pytest.raises(ValidationError, match="frozen"):
+        read.thickness = 3.0
+    thinner = read.model_copy(update={"thickness": 3.0})
+    assert {read: 1, thinner: 2}[stage(VALID, tmp_path / "x.toml")] == 1
+    assert thinner.hash != read.hash
+
+
+def test_an_override_changes_its_hinge_and_no_other(tmp_path: Path) -> None:
+    plain = stage(VALID, tmp_path / "x.toml")
+    changed = stage(VALID + ELBOW + "neck_mm = 0.52\naxis_deg = 30\n", tmp_path / "x.toml")
+    for chain in CHAINS:
+        for name in HINGE_NAMES:
+            if (chain, name) != (2, "elbow"):
+                assert changed.hinge(chain, name) == plain.hinge(chain, name)
+    elbow = changed.hinge(2, "elbow")
+    assert (elbow.radius, elbow.neck, elbow.prismatic) == (1.6, 0.52, False)
+    assert elbow.axis == pytest.approx(np.pi / 6)
+    assert changed.array("neck").tolist() == [[0.53, 0.47, 0.51], [0.53, 0.52, 0.51], [0.53, 0.47, 0.51]]
+    assert plain.chains_alike
+    assert not changed.chains_alike
+
+
+def test_an_override_can_free_and_lock_the_axial_motion(tmp_path: Path) -> None:
+    free = stage(VALID + ELBOW + "prismatic = true\n", tmp_path / "x.toml")
+    locked = stage(VALID + ELBOW.replace("elbow", "base") + "prismatic = false\n", tmp_path / "x.toml")
+    assert (stage(VALID, tmp_path / "x.toml").mobility, free.mobility, locked.mobility) == (6, 7, 5)
+    assert free.array("prismatic").tolist() == [[True, False, False], [True, True, False], [True, False, False]]
+    assert locked.array("prismatic").dtype == np.bool_
+
+
+SAME = {
+    "another name": edited("generic stage", "the same stage"),
+    "another name of the material": edited("generic metal", "the same metal"),
+    "provenance": added('[provenance]\n"chain" = "assumed"\n'),
+    "override equal to nothing": added(ELBOW + "neck_mm = 0.47\n"),
+    "default written out": edited("neck_mm = 0.47", "neck_mm = 0.47\nprismatic = false"),
+    "integer": edited("31.0", "31"),
+    "another order": edited("radius_mm = 16.0\nhub_radius_mm = 7.0", "hub_radius_mm = 7.0\nradius_mm = 16.0"),
+    "exponent": edited("9.7", "97e-1"),
+}
+DIFFERENT = {
+    "last digit": edited("9.7", repr(np.nextafter(9.7, 10).item())),
+    "modulus": edited("68.3", "68.4"),
+    "poisson": edited("0.29", "0.28"),
+    "density": edited("2739.0", "2732.0"),
+    "strength": edited("411.0", "412.0"),
+    "link": edited("33.5", "33.6"),
+    "links exchanged": edited("31.0, 33.5", "33.5, 31.0"),
+    "angle": edited("-85.0", "-86.0"),
+    "width": edited("8.9", "8.8"),
+    "neck": edited("0.47", "0.48"),
+    "prismatic": edited("true", "false"),
+    "axis": edited("0.47", "0.47\naxis_deg = 0.0"),
+    "hub": edited("= 7.0", "= 7.1"),
+    "override": added(ELBOW + "neck_mm = 0.52\n"),
+    "the same override elsewhere": added(ELBOW.replace("2", "3") + "neck_mm = 0.52\n"),
+}
+
+
+@pytest.mark.parametrize("text", SAME.values(), ids=SAME.keys())
+def test_what_is_not_physical_does_not_change_the_hash(text: str, tmp_path: Path) -> None:
+    assert stage(text, tmp_path / "x.toml").hash == stage(VALID, tmp_path / "y.toml").hash
+
+
+def test_what_is_physical_changes_the_hash(tmp_path: Path) -> None:
+    hashes = {stage(text, tmp_path / "x.toml").hash for text in (VALID, *DIFFERENT.values())}
+    assert len(hashes) == 1 + len(DIFFERENT)
+
+
+# --- provenance ----------------------------------------------------------------------------------------------------
+
+SOURCES = """
+[provenance]
+"material" = "handbook"
+"material.density_kg_m3" = "Assumed: weighed by hand"
+"chain.link_lengths_mm" = "assumed: Table I"
+"hinges" = "  ASSUMED"
+"hinges.elbow" = "measured"
+"override.2.elbow.neck_mm" = "assumed to be worn"
+"""
+
+
+def test_the_provenance_of_a_table_covers_its_keys(tmp_path: Path) -> None:
+    read = stage(VALID + ELBOW + "neck_mm = 0.5\nradius_mm = 1.5\n" + SOURCES, tmp_path / "x.toml")
+    assert read.sources["material.poissons_ratio"] == "handbook"
+    assert read.sources["material.density_kg_m3"] == "Assumed: weighed by hand"
+    assert read.sources["hinges.elbow.neck_mm"] == "measured"
+    assert read.sources["override.2.elbow.neck_mm"] == "assumed to be worn"
+    assert read.sources["override.2.elbow.radius_mm"] is None
+    assert read.sources["thickness_mm"] is None
+    with pytest.raises(KeyError):
+        read.sources["chain.link_length_mm"]
+
+
+def test_assumed_lists_every_value_with_an_assumed_source(tmp_path: Path) -> None:
+    read = stage(VALID + ELBOW + "neck_mm = 0.5\nradius_mm = 1.5\n" + SOURCES, tmp_path / "x.toml")
+    base = tuple(f"hinges.base.{key}" for key in ("radius_mm", "neck_mm", "prismatic"))
+    platform = tuple(f"hinges.platform.{key}" for key in ("radius_mm", "neck_mm"))
+    expected = ("material.density_kg_m3", "chain.link_lengths_mm", *base, *platform, "override.2.elbow.neck_mm")
+    assert read.assumed == expected
+    assert stage(VALID, tmp_path / "x.toml").assumed == ()
+
+
+def numbers_in(data: Any, path: str = "") -> Iterator[str]:
+    """List the numbers of a parsed file without flexfem: the chain of an override is none."""
+    for key, value in data.items() if isinstance(data, dict) else ():
+        here = f"{path}.{key}".removeprefix(".")
+        if isinstance(value, dict):
+            yield from numbers_in(value, here)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            for item in value:
+                about = item["name"] if key == "actuator" else f"{item['chain']}.{item['hinge']}"
+                yield from numbers_in(item, f"{here}.{about}")
+        elif not isinstance(value, str | bool) and key not in ("chain", "between"):
+            yield here
+
+
+@pytest.mark.parametrize("text", [VALID, added(ELBOW + "neck_mm = 0.5\naxis_deg = 1\n")], ids=["plain", "override"])
+def test_numeric_key_paths_are_the_numbers_of_the_file(text: str, tmp_path: Path) -> None:
+    assert set(numeric_key_paths(stage(text, tmp_path / "x.toml"))) == set(numbers_in(tomllib.loads(text)))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_a_shipped_stage_says_where_every_number_comes_from(path: Path) -> None:
+    shipped = load_stage(path)
+    numbers = set(numbers_in(tomllib.loads(path.read_text())))
+    assert numbers == set(numeric_key_paths(shipped))
+    assert [key for key in numbers if not shipped.sources[key]] == []
+
+
+def test_the_two_reference_stages_differ_in_the_base_hinge_alone() -> None:
+    six, three = (load_stage(SHIPPED[0].parent / f"mobility{n}.toml") for n in (6, 3))
+    assert (six.mobility, three.mobility) == (6, 3)
+    assert six.chains_alike
+    assert three.chains_alike
+    assert set(three.array("radius").flat) == {1.5}
+    base = six.hinges.model_copy(update={"base": three.hinges.base})
+    assert six.model_copy(update={"hinges": base}).hash == three.hash
+
+
+def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
+    """nu = 1/4: E / (1 - nu^2) = 16/15 E, nu / (1 - nu) = 1/3; the stress across is nu times the sum of those in it."""
+    found = elastic("plane_strain", 60.0, 0.25)
+    np.testing.assert_allclose([found.youngs_modulus, found.poissons_ratio], [64.0, 1 / 3], rtol=1e-15)
+    for model in ("plane_stress", "corrected"):
+        assert elastic(model, 60.0, 0.25) == (60.0, 0.25) and out_of_plane(model, 0.25) == 0.0
+    assert out_of_plane("plane_strain", 0.25) == 0.25
+
+
+def test_numbers_in_doubt_are_counted_by_what_they_are_of():
+    keys = ["stage: thickness_mm", "hinges.base.neck_mm", "override.2.actuator.base.preload_n", "actuator.base.arm_mm"]
+    keys += ["frame.expansion_um_per_m_k", "material.expansion_um_per_m_k", "case: points", "measured: pole.height_mm"]
+    assert scopes_of(keys) == (
+        "2 of geometry and material, 2 of the drive, 2 of expansion, 1 of the case, 1 of the measurements"
+    )
+    assert scopes_of([]) == ""
