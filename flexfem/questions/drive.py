@@ -243,11 +243,11 @@ def drive(
         "share": np.where(np.isfinite(share), 100 * share, np.nan),
         "energy": [each.stage for each in motions.values()],
         "stack_energy": [each.stacks for each in motions.values()],
-        "rotation": np.moveaxis(np.array([_rotations(first, each, F) for each in motions.values()]), 0, -1),
+        "rotation": np.moveaxis(np.array([rotations(first, each, F) for each in motions.values()]), 0, -1),
         "stress": np.moveaxis(np.array(stress), 1, -1),
     }
     if of.rubbing:
-        open_poses = [[_left_open(*each[:2], of, force) for force in each[2]] for each in models_found.values()]
+        open_poses = [[left_open(*each[:2], of, force) for force in each[2]] for each in models_found.values()]
         values["friction"] = np.swapaxes(open_poses, 0, 1)
     values |= _stiffness(first, of, dict(zip(commands, forces, strict=True)), F, axes, warnings)
     warnings += [text for name, each in commands.items() for text in limit_warnings(first.of, of, each, F, name)]
@@ -323,7 +323,7 @@ def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Ar
     return neck_maxima(stage, elements.mesh, stress)
 
 
-def _rotations(of: Commanding, motion: Motion, load: Array) -> Array:
+def rotations(of: Commanding, motion: Motion, load: Array) -> Array:
     """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
     wrenches = of.model.necks @ np.concatenate([load, motion.force])
     return np.asarray(
@@ -344,7 +344,7 @@ def across(of: Commanding, own: StageDrive) -> Array:
     return driven_model(of.stage, of.result, _with_friction(own)).compliance[:known, known:]
 
 
-def _left_open(of: Driven, along: Array, own: StageDrive, force: Array) -> Array:
+def left_open(of: Driven, along: Array, own: StageDrive, force: Array) -> Array:
     """Half-widths (3,) of the poses that friction leaves open, mm, mm, rad, with forces (n,) of all stacks, N.
 
     Contacts that would have to pull are open and hold nothing.

@@ -119,8 +119,8 @@ class Polytope(NamedTuple):
 class PoseEdge(NamedTuple):
     """An edge of the section at theta = 0, from (x, y) to (x, y), mm, and the limits that bound it."""
 
-    start: Array
-    end: Array
+    start: tuple[float, float]
+    end: tuple[float, float]
     by: tuple[str, ...]
 
 
@@ -316,8 +316,8 @@ class PoseSet:
         corners, edges = found.vertices * size + self.rest[:2], []
         for face, normal, by in zip(found.faces, found.normals, found.by, strict=True):
             start, *_, end = sorted(face, key=lambda k: float(corners[k] @ [-normal[1], normal[0]]))
-            edges.append(PoseEdge(corners[start], corners[end], by))
-        return sorted(edges, key=lambda edge: float(np.arctan2(*(edge.end - edge.start)[::-1])))
+            edges.append(PoseEdge(tuple(corners[start].tolist()), tuple(corners[end].tolist()), by))
+        return sorted(edges, key=lambda edge: float(np.arctan2(*np.subtract(edge.end, edge.start)[::-1])))
 
 
 class Programs:

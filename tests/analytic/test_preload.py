@@ -16,8 +16,8 @@ from flexfem.mechanism.contacts import FOLLOWS, placed_stack
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.drive import commanding
 from flexfem.refused import ComputationFailed
-from flexfem.verify.driven_models import commanding
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 BODIES = ("frame", "link 1", "link 2", "platform")

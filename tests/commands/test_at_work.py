@@ -5,14 +5,11 @@ from __future__ import annotations
 import io
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from flexfem import terminal as at_work
-from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
-from flexfem.reports import drive
 from flexfem.terminal import working
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -63,24 +60,3 @@ def test_on_a_terminal_there_is_a_bar_with_the_step_as_plain_text(monkeypatch, s
     assert "workspace: along [red]x[/red]" in shown and "0:00:0" in shown
     assert ("\N{BOX DRAWINGS HEAVY HORIZONTAL}" in shown) == bool(steps)
     assert shown.endswith(("\x1b[2K", "\x1b[?25h\r\x1b[1A\x1b[2K"))  # gone, and the cursor is back
-
-
-def test_the_workspace_tells_of_the_mesh_its_directions_and_its_drive(monkeypatch):
-    def travelled(stage, amplitude, resolution, solve, done):
-        solve(stage, resolution)
-        for axis in ("x", "y", "theta"):
-            done(axis)
-        return SimpleNamespace(model_copy=lambda update: update)
-
-    solved = SimpleNamespace(response=SimpleNamespace(unknowns=1234))
-    monkeypatch.setattr("flexfem.models.solved", lambda stage, resolution: solved)
-    monkeypatch.setattr(drive.verify_workspace, "workspace", travelled)
-    monkeypatch.setattr(drive, "reach", lambda *given, **others: "polytope")
-    told, stage = list[str](), load_stage(STAGE)
-    assert drive.workspace(stage, progress=told.append) == {"reach": "polytope"}
-    assert told == ["1234 unknowns", "along x", "along y", "along theta", "limits of the drive"]
-    assert len(told) == drive.steps_of(stage)
-    alone = stage.replace(actuator=())
-    told.clear()
-    drive.workspace(alone, progress=told.append)
-    assert told[1:] == ["along x", "along y", "along theta"] and len(told) == drive.steps_of(alone)

@@ -54,7 +54,7 @@ WRITTEN: list[tuple[str, str, list[Any], tuple[str, ...], tuple[str, ...]]] = [
     ("report", "output", ["design.json"], ("x.html",), ("design.json", *OWN)),
     ("report", "output", ["study.toml", "--folder", "done"], ("x.html",), ("study.toml", "designs.csv", *STAGE)),
     ("view", "output", ["s.toml"], ("s-drawing.png", "s-drawing.pdf"), STAGE),
-    ("command", "output", ["s.toml", "--pose", *POSE, "--analytic"], ("s-command.json", "s-command.pdf"), STAGE),
+    ("drive", "output", ["s.toml", "--pose", *POSE, "--models", "analytic"], ("s-drive.json", "s-drive.pdf"), STAGE),
     ("drift", "output", ["s.toml"], ("s-drift.json", "s-drift.png"), STAGE),
     ("drift", "output", ["s.toml", "--three-dimensional"], ("s-drift-solid.json", "s-drift-solid.vtu"), STAGE),
     (
@@ -77,7 +77,8 @@ WRITTEN: list[tuple[str, str, list[Any], tuple[str, ...], tuple[str, ...]]] = [
     ("verify", "output", ["c.toml"], ("c.json", "c.npz"), ("c.toml", "mobility6.toml", *STAGE)),
     ("verify", "output", ["c.toml", "--check", "--baselines", "."], ("c.npz", "c.json"), ("c.json", "c.toml")),
     ("budget", "output", ["s.toml"], ("s-budget.json",), STAGE),
-    ("workspace", "output", ["s.toml"], ("s-workspace.pdf", "s-reach.json"), STAGE),
+    ("large", "output", ["s.toml"], ("s-large.pdf", "s-large.json"), STAGE),
+    ("reach", "output", ["s.toml"], ("s-reach.json",), STAGE),
     ("converge", "output", ["s.toml"], ("s-convergence.png",), STAGE),
     ("claims", "output", ["claims.toml"], ("claims.json", "claims.md"), ("claims.toml", *OWN)),
     ("plot", "output", ["design.json"], ("design.png", "design-front.pdf"), ("design.json", *OWN)),

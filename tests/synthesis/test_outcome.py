@@ -14,6 +14,7 @@ import pytest
 import flexfem
 from flexfem.commands.design import print_design
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import driven_elements
 from flexfem.refused import BadInput
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
@@ -21,7 +22,6 @@ from flexfem.synthesis.mapping import proof
 from flexfem.synthesis.model import Correction, Model, correction_of
 from flexfem.synthesis.requirements import load_requirements
 from flexfem.synthesis.store import Store
-from flexfem.verify.driven_models import driven_metal
 
 from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
 
@@ -297,7 +297,7 @@ def test_what_a_drive_does_is_proven_by_finite_elements(load, tmp_path):
     (engaged,) = found.requirements
     made = tmp_path / "made.toml"
     made.write_text(found.stage)
-    metal = driven_metal(flexfem.load(made), 8).of.engaged
+    metal = driven_elements(flexfem.load(made), 8).of.engaged
     assert engaged.value == pytest.approx(np.linalg.inv(metal)[0, 0], rel=1e-6) and engaged.verdict == "met"
     assert engaged.uncorrected > 1.4 * engaged.value and found.agreed
     assert engaged.checked_by == found.objectives[0].checked_by == "finite elements"

@@ -15,9 +15,9 @@ from flexfem.fem.drive import driven_response
 from flexfem.fem.modes import modes
 from flexfem.fem.response import plate_of
 from flexfem.mechanism.drives import drive_of
+from flexfem.questions.driven import driven
 from flexfem.refused import BadInput
 from flexfem.reports.modes import reduced
-from flexfem.verify.driven import driven
 
 from ..conftest import ROOT
 

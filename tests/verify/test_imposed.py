@@ -21,9 +21,9 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.driven import held
 from flexfem.refused import BadInput
 from flexfem.verify.case import LoadedCase
-from flexfem.verify.driven import held
 from flexfem.verify.imposed import _bands, answer_to_joints, elements, imposed, turned_hinges
 from flexfem.verify.protocol import run_case
 
