@@ -59,6 +59,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
+    "ignore_pattern": r"claims\.py$",  # two minutes, see `make claims`
     "abort_on_example_error": True,
     "plot_gallery": True,
     "download_all_examples": False,

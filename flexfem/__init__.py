@@ -43,8 +43,11 @@ if TYPE_CHECKING:
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
+    from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.drive import drive as drive
+    from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.heat import drift as drift
+    from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
     from flexfem.questions.reach import reach as reach
@@ -53,18 +56,14 @@ if TYPE_CHECKING:
     from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports.experiment import experiment as experiment
-    from flexfem.reports.experiment import identify as identify
     from flexfem.reports.modes import dynamic_model as dynamic_model
     from flexfem.reports.modes import modes as modes
     from flexfem.reports.modes import modes_solid as modes_solid
     from flexfem.reports.modes import vibration as vibration
     from flexfem.reports.modes import vibration_solid as vibration_solid
-    from flexfem.reports.stage import as_built as as_built
     from flexfem.reports.stage import check as check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
-    from flexfem.reports.verification import claims as claims
     from flexfem.reports.verification import converge as converge
     from flexfem.reports.verification import verification as verification
     from flexfem.studies import clean_study as clean_study
@@ -98,10 +97,12 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
     "hinges.strength": ("Basquin", "fit_basquin"),
     "hinges.formulas": ("formulas", "register_formula"),
+    "questions.as_built": ("as_built",),
     "questions.drive": ("drive",),
+    "questions.experiment": ("experiment",),
+    "questions.identify": ("identify",),
     "questions.large": ("large",),
     "questions.reach": ("reach",),
-    "reports.experiment": ("experiment", "identify"),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
@@ -109,8 +110,8 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.life": ("life",),
     "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
-    "reports.stage": ("as_built", "check"),
-    "reports.verification": ("Verification", "budget", "claims", "converge", "verification"),
+    "reports.stage": ("check",),
+    "reports.verification": ("Verification", "budget", "converge", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
     "commands.baseline.regression": ("baseline", "regression"),

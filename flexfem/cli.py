@@ -26,33 +26,26 @@ from flexfem.terminal import people, working
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
-    "Compare with finite elements": ("verify", "plot", "budget", "converge", "claims"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat and life": ("modes", "drift", "life"),
-    "Measure": ("experiment", "identify"),
+    "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
+ONE_NAME = (
+    *("check", "view", "summary", "stiffness"),
+    *("drive", "reach", "large"),
+    *("drift", "life"),
+    *("experiment", "identify"),
+    *("export", "mesh"),
+)
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
-    **{
-        name: name
-        for name in (
-            "check",
-            "view",
-            "summary",
-            "stiffness",
-            "drive",
-            "reach",
-            "large",
-            "drift",
-            "life",
-            "export",
-            "mesh",
-        )
-    },
+    "as-built": "as_built",
+    **dict(zip(ONE_NAME, ONE_NAME, strict=True)),
 }
 RENAMED = {  # old names of commands, and what they are called now
     "solve": "stiffness --models elements",

@@ -72,7 +72,7 @@ class AnalyticModel(PlatformModel):
 
         Notes
         -----
-        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `chains.concentration`, which states how far it is from finite
+        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`, which states how far it is from finite
         elements.
         """
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))

@@ -441,7 +441,8 @@ class Result:
 
     def _with_unit(self, quantity: Quantity) -> bool:
         """Whether cells have their unit: where numbers have prefixes of their own, or units differ by row."""
-        return quantity.prefixed or (isinstance(quantity.unit, tuple) and not self._spread(quantity))
+        by_direction = isinstance(quantity.unit, tuple) and "direction" in quantity.over
+        return quantity.prefixed or (by_direction and self._spread(quantity) not in ("direction", "component"))
 
     def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
         """Rows of quantities with the same axes; behind the last model how the first differs from it."""
@@ -486,7 +487,7 @@ class Result:
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
-        text = f"{text} {_name(unit, plain)}".rstrip() if with_unit and text else text
+        text = f"{text} {_name(unit, plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
         return f"{text} ({', '.join(where)})" if where and value and text else text
@@ -592,14 +593,16 @@ def _name(unit: Unit, plain: bool) -> str:
 def _nested(values: Array) -> Any:
     """An array as nested lists, None where a number is not finite."""
     plain = np.where(np.isnan(values), None, values)  # type: ignore[call-overload]
-    return np.where(np.isinf(values), "unlimited", plain).tolist()
+    plain = np.where(np.isposinf(values), "unlimited", plain)
+    return np.where(np.isneginf(values), "-unlimited", plain).tolist()
 
 
 def _numbers(value: Any) -> Any:
     """Nested lists of a document with nan for null and inf for "unlimited"."""
     if isinstance(value, list):
         return [_numbers(each) for each in value]
-    return np.nan if value is None else np.inf if value == "unlimited" else value
+    words = {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}
+    return words.get(value, value)
 
 
 def _lists(value: Any) -> Any:

@@ -187,7 +187,7 @@ def schema_of(name: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    name : "stage", "case", "study", "requirements", "claims", "fixture", "measured", "material", "stack" or "necks".
+    name : "stage", "case", "study", "requirements", "fixture", "measured", "material", "stack" or "necks".
 
     Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
     there is no such kind.

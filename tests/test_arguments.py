@@ -41,9 +41,9 @@ BAD = [
     (lambda s, f: flexfem.converge(s, [2, 3.5, 5]), "resolution 3.5"),
     (lambda s, f: flexfem.converge(s, []), "expected three or more"),
     (lambda s, f: flexfem.converge(s, 8), "resolutions 8"),
-    (lambda s, f: flexfem.command(s, [1e300, 0, 0]), "pose: expected numbers within ±100"),
-    (lambda s, f: flexfem.command(s, [0, 0, 0], load=[0, 0, 2e6]), r"load: expected numbers within ±1e\+06"),
-    (lambda s, f: flexfem.command(s, [0, 0, 0], resolution=1), "resolution 1"),
+    (lambda s, f: flexfem.drive(s, pose=[1e300, 0, 0]), "pose: expected numbers within ±100"),
+    (lambda s, f: flexfem.drive(s, pose=[0, 0, 0], load=[0, 0, 2e6]), r"load: expected numbers within ±1e\+06"),
+    (lambda s, f: flexfem.drive(s, pose=[0, 0, 0], resolution=1), "resolution 1"),
     (lambda s, f: flexfem.drift(s, resolution=3), "resolution 3, expected an integer from 4"),
     (lambda s, f: flexfem.drift(s, resolution=5, layers=3), "resolution 5, expected an integer from 6"),
     (lambda s, f: flexfem.drift(s, layers=2), "layers 2, expected an integer from 3 to 16"),
@@ -103,7 +103,6 @@ BAD = [
     (lambda s, f: flexfem.thickness_review(0.46), "poissons_ratio 0.46"),
     (lambda s, f: flexfem.load(b"a.toml"), "expected the path"),
     (lambda s, f: flexfem.verification(3), "3, expected the path"),
-    (lambda s, f: flexfem.claims(None), "None, expected the path"),
     (lambda s, f: flexfem.run_study(None), "None, expected the path"),
     *(
         (lambda s, f, n=n: flexfem.run_study(STUDY, f.parent, n), f"workers {n!r}, expected an integer from 1 to 1024")

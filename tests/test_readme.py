@@ -95,64 +95,6 @@ def test_the_table_of_shares_is_what_budget_printed():
     require_shown(prose("they are N, N, N, N, N in X"), [part["points"]["x"] for part in other])
 
 
-def test_the_table_of_claims_is_what_claims_printed():
-    record = accepted("claims")["claims"]
-    verdicts = {each["id"]: each for each in record["verdicts"]}
-    value = {name: each["values"] for name, each in verdicts.items()}
-    rows = table("| claim, in our words | verdict | holds in | found on the reference stages |")
-    names = (
-        "six-commanded", "six-across", "three-along", "three-across", "six-better", "axial-cause", "larger-radius",
-        "rotation-more", "diagonal", "second-order", "second-order-error", "minimum-energy", "temperature-gradient",
-        "measured-stiffness", "stiffer-simulated",
-    )  # fmt: skip
-    found, said = {}, {}
-    for name, (_, verdict, share, text) in zip(names, rows, strict=True):
-        assert verdict == verdicts[name]["verdict"]
-        shares = verdicts[name]["shares"]
-        require_shown(re.findall(NUMBER, share), [100 * each["share"] for each in shares[:1]])
-        said[name] = text
-        found[name] = re.findall(rf"{NUMBER}(?:e-\d+)?", re.split("[:;]", text)[0])
-    require_shown(found["six-commanded"] * 3, value["six-commanded"])
-    require_shown(found["three-along"], value["three-along"])
-    require_shown(found["six-better"], (min(value["six-better"]), max(value["six-better"])))
-    require_shown(found["second-order-error"], value["second-order-error"])
-    require_shown(found["rotation-more"], value["rotation-more"])
-    require_shown(found["larger-radius"][:1], value["larger-radius"])
-    of_gradients = value["temperature-gradient"]
-    require_shown(found["temperature-gradient"][:2], (min(of_gradients), max(of_gradients)))
-    assert f"-{found['temperature-gradient'][2]}" in verdicts["temperature-gradient"]["found"]
-    assert f"it {re.findall(NUMBER, said['larger-radius'])[-1]} times as large" in verdicts["larger-radius"]["found"]
-    x = {
-        (each["name"].partition(",")[0].partition(":")[0], each["mobility"]): each["along"]["x"]
-        for each in record["alternatives"]
-    }
-    require_shown(found["axial-cause"], (x["axial freedom left out", 3] - x["none", 6], x["none", 6]))
-    box = accepted("mobility6")["workspace"]
-    require_shown(
-        [found["second-order"][0], found["second-order"][3]], (box["small"]["position"], box["box"]["position"])
-    )
-    for name in ("six-across", "three-across", "diagonal"):
-        assert max(value[name]) < float(*found[name])
-    bend = verdicts["second-order"]["depends"]
-    assert bend["name"] == "chain.joint_angles_deg[1]"
-    require_shown(re.findall(NUMBER, said["second-order"])[-2:], [-each for each in reversed(bend["holding"])])
-    assert verdicts["axial-cause"]["depends"]["holding"][0] > -2
-    ratio, along = (verdicts[name]["depends"] for name in ("six-commanded", "three-along"))
-    assert ratio["name"] == along["name"] == "t/R of the elbow hinges"
-    require_shown(re.findall(NUMBER, said["six-commanded"])[-2:], ratio["holding"])
-    require_shown(re.findall(NUMBER, said["three-along"])[-1:], along["holding"][:1])
-
-
-def test_what_the_page_says_of_the_ensemble_is_what_claims_printed():
-    record = accepted("claims")["claims"]
-    ensemble, (six, *_) = record["ensemble"], [each for each in record["verdicts"] if each["id"] == "six-commanded"]
-    require_shown(prose("share of N plausible pairs of stages"), [ensemble["judged"]])
-    require_shown(prose("of N drawn pairs, N cannot be made"), [ensemble["drawn"], ensemble["infeasible"]])
-    (short,) = [each for each in six["shares"] if each["formula"] == "paros-weisbord-short"]
-    assert not short["reference_in_range"] and short["reference_holds"]
-    require_shown(prose("short form of (2) errs N % on the reference stage"), short["reference"][:1])
-
-
 def test_the_claim_of_5_to_10_percent_holds_between_the_necks_that_the_page_states():
     stage = load_stage(ROOT / "geometry/mobility6.toml")
     low, high = map(float, prose("5 to 10 % holds for necks of N to N mm"))
@@ -164,52 +106,6 @@ def test_the_claim_of_5_to_10_percent_holds_between_the_necks_that_the_page_stat
         return bool(np.all((error >= 5) & (error <= 10)))
 
     assert [holds(neck) for neck in (low - 0.01, low, high, high + 0.01)] == [False, True, True, False]
-
-
-NONE = "none: curved quadratic triangles, as verified"
-
-
-def test_what_the_page_says_of_alternatives_is_what_claims_printed():
-    rows = accepted("claims")["claims"]["alternatives"]
-    found = {(row["name"], row["mobility"]): row for row in rows if not row["name"].startswith(("R/t", "axial"))}
-    across = {name for name, model in found if model == 3 and found[name, 3]["across"]["x"] > 0.01}  # per cent
-    less = {
-        name
-        for name in across
-        if all(
-            abs(found[name, 6][part][axis]) < 0.95 * abs(found[name, 3][part][axis])
-            for part in ("along", "across")
-            for axis in ("x", "y")
-        )
-    }
-    wide = [found[key]["across"][axis] for key in found for axis in AXES if "scatter" in key[0] or "linear" in key[0]]
-    require_shown(prose("Cross errors of N to N % come"), [f(w for w in wide if w > 0.1) for f in (min, max)])
-    off = [found[key]["across"][axis] for key in found for axis in AXES if "off the centre" in key[0]]
-    require_shown(prose("linear triangles, of N to N % from a"), [f(w for w in off if w > 0.1) for f in (min, max)])
-    joints, strokes = (f"{what} commanded instead of the platform" for what in ("joints", "strokes"))
-    assert less == {joints} and f"({len(rows) - len(rows) % 10} rows of" in PAGES
-    six, three = (found[joints, mobility] for mobility in (6, 3))
-    shown = prose("platform (N for N % along in X and Y, N for N % in theta; across N for N %)")
-    both = [(part, axis) for part, axis in (("along", "x"), ("along", "theta"), ("across", "x"))]
-    require_shown(shown, [abs(row[part][axis]) for part, axis in both for row in (six, three)])
-    assert all(row["along"]["y"] == pytest.approx(row["along"]["x"], abs=5e-3) for row in (six, three))
-    shown = prose("strokes of stacks it is the other way round (N for N %)")
-    require_shown(shown, [abs(found[strokes, mobility]["along"]["x"]) for mobility in (6, 3)])
-    require_shown(
-        prose("short form of formula (2) (N %), and with necks 10 um thicker than drawn (N %)"),
-        [
-            found[name, 6]["along"]["x"]
-            for name in ("hinge formula paros-weisbord-short", "necks of the metal 10 um thicker than drawn")
-        ],
-    )
-    (crossed,) = [row["along"]["x"] for row in rows if row["name"].endswith("on the metal of the mobility-six stage")]
-    require_shown(prose("other stage misses by N %"), [crossed])
-    bare, pressed = (
-        100 + found[name, 6]["along"]["x"]
-        for name in (NONE, "base necks pressed with 10 N, which the model leaves out")
-    )
-    require_shown(prose("base necks is worth N % of it"), [100 * (100 / bare - 100 / pressed)])
-    require_shown(prose("eight across a neck (N %)"), [found["linear triangles, 8 across every neck", 6]["along"]["x"]])
 
 
 def test_what_large_displacements_change_is_what_workspace_printed():

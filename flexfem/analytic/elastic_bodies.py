@@ -1,9 +1,9 @@
 """Compliances of the bodies between the hinges: bars, and boundary elements for platform and pads.
 
-Plane elasticity by boundary elements: straight, with quadratic displacements and tractions, integrated exactly.
-
-Points, displacements `u + iv` and tractions are complex numbers. With Kolosov's `kappa = (3 - nu) / (1 + nu)`, shear
-modulus and thickness one, the displacement at a point z of a body is
+Pads and links are straight and curved bars along the path they are drawn on. The platform and the edge that a pad is
+clamped along are plane elastic bodies, by straight boundary elements with quadratic displacements and tractions,
+integrated exactly. Points, displacements `u + iv` and tractions are complex numbers. With Kolosov's `kappa = (3 - nu) /
+(1 + nu)`, shear modulus and thickness one, the displacement at a point z of a body is
 
     U(z) = int [-2 kappa ln|z - s| t + (z - s)/(z - s)* t*] |ds| / (4 pi (1 + kappa))
          + int [u (kappa d ln(s - z) - d ln(s - z)*) + u* d((s - z)/(s - z)*)] / (2 pi i (1 + kappa))
@@ -13,22 +13,15 @@ line and dislocations in the second, from 2 U = kappa phi - z phi'* - psi* (N. I
 the Mathematical Theory of Elasticity, Noordhoff 1953, sections 32 and 56). Asked at the boundary's own points, it is
 the linear system that is solved here.
 
-The platform as a plane elastic body with three lugs around its rigid hub, by boundary elements.
+A lug is as short as it is wide and loaded over a neck alone: it is no beam. What it does to the hinge is a difference:
+the compliance of the drawn platform, each lug with its half of the notch, less that of the same half notch on a
+straight block, which the calibrated hinge already has; the block as a beam was never part of the hinge and is left out.
+Both are cut in the neck and bear the stresses of a beam there. What these miss, and what the notch's elements miss, is
+in both: the difference depends little on it.
 
-A lug is as short as it is wide and loaded over a neck alone: it is no beam. What it does to the hinge is a
-difference: the compliance of the drawn platform, each lug with its half of the notch, less that of the same half notch
-on a straight block, which the calibrated hinge already has; the block as a beam was never part of the hinge and is left
-out. Both are cut in the neck and bear the stresses of a beam there. What these miss, and what the notch's elements
-miss, is in both: the difference depends little on it.
-
-Pads and links as straight and curved bars along the path they are drawn on: what a rigid-link model leaves out.
-
-The platform, which is no bar, is in `platform`.
-
-Pads whose clamped edges are strained along themselves and bowed, as a frame of another expansion does.
-
-The edge is as long as the pad is wide, so one place and one direction do not tell how it is held. The neck at the end
-of the pad bears nothing and goes along as a rigid body: by boundary elements on the drawn pad with half of its notch.
+A frame of another expansion strains and bows the clamped edges of the pads. The edge is as long as the pad is wide, so
+one place and one direction do not tell how it is held. The neck at the end of the pad bears nothing and goes along as a
+rigid body: by boundary elements on the drawn pad with half of its notch.
 """
 
 from __future__ import annotations

@@ -1,30 +1,27 @@
-"""Finite displacements: equilibrium under load, and stacks under preload.
+"""Finite displacements: equilibrium under a load or at a pose, and the stage with its stacks pushing.
 
-Exact equilibrium under a load or at a pose, with closed loops at finite joint displacements.
+Equilibrium is exact, with closed loops. What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth
+away from rest follows from it.
 
-What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth away from rest follows from it.
-
-Stiffness of the driven stage with its stacks pushing: what internal forces, those of preloads too, add to (16).
-
-A stack that pushes with N against its opening g has the potential `-N g`. To the tangent stiffness it adds `-N g''`,
-beside the `k g' g'` of its own stiffness: in the terms of (16) the antagonistic load times the second-order influence
-coefficients of its contact.
+Internal forces, those of preloads too, add to (16). A stack that pushes with N against its opening g has the potential
+`-N g`. To the tangent stiffness it adds `-N g''`, beside the `k g' g'` of its own stiffness: in the terms of (16) the
+antagonistic load times the second-order influence coefficients of its contact.
 
 Two stacks on one line that push a body from both sides with equal forces leave no force in any neck. Their own terms
 remain: when the body turns by phi about a hinge of a still carrier, a push with a fixed direction through a point of
 the body that is h before the hinge, measured along the push, has the moment `N h phi` with the turn; a push that turns
 with the body, through a fixed point, has it against the turn. The partner has the same. Which of the two is meant, and
 which point, is `Stack.pivot`: normal to a smooth flat of the pushed body, through the centre of a ball on the carrier
-("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends
-is neither.
+("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends is
+neither.
 
 Single stacks, unequal preloads and commands load the necks. Chains that carry a wrench w then add `-w x''` of their
 pose x, as in (16), and the stage is no longer where it was: the joints are taken to exact equilibrium first. An axial
 force of 10 N in the base hinges of the reference stage alone changes K_xx by 1.2 %.
 
 Here a chain is elastic joints in series, base to platform: hinges by rotation, axial and shear, in this order, as in
-`kinematics`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force
-along a notch does to the stiffness of the notch itself is not in.
+`paper`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force along a
+notch does to the stiffness of the notch itself is not in.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
-"""The paper's equations (1) to (33): kinematics, loops, stiffness.
+"""The paper's equations (1) to (33), as the paper has them: at any configuration and load of the platform.
 
-Mobility (1), the freedoms of the nine hinges, and chains at finite joint displacements.
-
-The pose of a chain comes with its first- and second-order influence coefficients.
-
-The two loops the three chains close: dependent joints, and the stage's influence coefficients over the others.
-
-Stiffness of the platform from the joint springs at any configuration and load, (10)-(18), (28)-(31).
+Mobility (1) and the freedoms of the hinges; chains at finite joint displacements with their influence coefficients
+(4), (19) to (27); the two loops that the three chains close, dependent joints (5) to (9); stiffness of the platform
+from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest `network` gives the same stiffness.
 """
 
 from __future__ import annotations
@@ -117,7 +113,7 @@ class Joints(NamedTuple):
 
 
 def joints_of(freedoms: Freedoms) -> Joints:
-    """The joints of a table of freedoms; raises BadInput as `mobility.checked` does."""
+    """The joints of a table of freedoms; raises BadInput as `checked` does."""
     rows = [
         (i, j, KINDS.index(kind))
         for i, chain in enumerate(checked(freedoms))
@@ -383,7 +379,7 @@ class JointMotion(NamedTuple):
 def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
     """Put springs on the joints that `freedoms` allows, each the inverse of its compliance (..., 3, 3).
 
-    `choice` None takes `loops.choose`. Raises BadInput as `mobility.checked` does.
+    `choice` None takes `choose`. Raises BadInput as `checked` does.
     """
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
@@ -395,7 +391,7 @@ def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | N
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
-    displacements must close the loops (`equilibrium.close_loops`); at equilibrium K_uu is the tangent stiffness.
+    displacements must close the loops (`large.close_loops`); at equilibrium K_uu is the tangent stiffness.
     """
     at = np.zeros(len(of.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load

@@ -248,7 +248,7 @@ def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Ar
 
     Parameters
     ----------
-    bodies : (..., 3 chains, 4 bodies, 4) of `inertia.body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
+    bodies : (..., 3 chains, 4 bodies, 4) of `body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
     """
     platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal).matrix + payload_matrix(payload)
     links = inertia_of(bodies, np.asarray(areal)[..., None, None]).matrix

@@ -1,4 +1,4 @@
-"""What commands that compare print for people: error percentages, shares, meshes, other solvers, verdicts."""
+"""What commands that compare print for people: error percentages, shares and meshes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from flexfem.units import COMPLIANCES, STRESSES, Unit
 
 if TYPE_CHECKING:
     from flexfem.commands.baseline.store import Checked
-    from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.budget import Budget, ThreeDimensional
     from flexfem.verify.converge import MeshStudy
     from flexfem.verify.result import NeckPeak, Result
@@ -112,26 +111,6 @@ def _in_three_dimensions(of: Budget, solid: ThreeDimensional) -> list[tuple[str,
         ("outside it: three dimensions", *(f"{points:+z.3f} ± {band:.3f}" for points, band, _ in changed)),
         ("total in three dimensions", *(f"{total:.3f} ± {band:.3f}" for total, band in both)),
     ]
-
-
-def print_claims(of: ClaimsReport) -> None:
-    """Print the verdicts, and the alternatives with their magnitudes."""
-    from flexfem.verdicts.page import said_of_ensemble
-
-    out, rows = people(), []
-    for verdict in of.verdicts:
-        out.print(f"{verdict.verdict}: {verdict.statement} ({verdict.where})")
-        for text in (verdict.found, verdict.ensemble, verdict.argument):
-            if text:
-                out.print(f"    {text}")
-    if of.ensemble is not None:
-        out.print(f"\n{said_of_ensemble(of.ensemble)}")
-    out.print("\nwhat else could have produced the paper's curves, per cent along the command and largest across")
-    for row in of.alternatives:
-        pairs = (f"{getattr(row.along, axis):z.3f}, {getattr(row.across, axis):z.3f}" for axis in DIRECTIONS)
-        rows.append((row.name, f"mobility {row.mobility}", *pairs))
-    out.print(table(("alternative", "model", "X", "Y", "theta"), rows))
-    print_ending(out, of)
 
 
 def print_regression(of: Mapping[str, Any]) -> None:

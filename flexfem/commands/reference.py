@@ -19,7 +19,7 @@ def schema(
     format_name: Annotated[
         str | None,
         typer.Argument(
-            help="stage, case, study, requirements, claims, fixture, measured, material, stack or necks.",
+            help="stage, case, study, requirements, fixture, measured, material, stack or necks.",
             metavar="[FORMAT]",
         ),
     ] = None,

@@ -17,7 +17,7 @@ app = typer.Typer()
 
 @app.command()
 def baseline(
-    files: Annotated[list[Path], typer.Argument(help="Stages, cases, claims, studies.", metavar="FILE...")],
+    files: Annotated[list[Path], typer.Argument(help="Stages, cases, studies.", metavar="FILE...")],
     reason: Annotated[str, typer.Option(help="Why the numbers may move; kept in the baseline's history.")],
     baselines: Baselines = None,
     json: Json = False,

@@ -1,4 +1,4 @@
-"""Commands that compare both models: verify, budget, converge, claims; and the figures of results."""
+"""Commands that compare both models: verify, budget, converge; and the figures of results."""
 
 from __future__ import annotations
 
@@ -106,26 +106,6 @@ def converge(
 
         console.keep(found, path, convergence_figure)
     console.show(found, json, comparisons.print_convergence)
-
-
-@app.command()
-def claims(
-    path: Annotated[Path, typer.Argument(help="Claims file, see flexfem schema claims.", metavar="CLAIMS")],
-    output: Wanted = None,
-    json: Json = False,
-) -> None:
-    """Measure what the paper claims: holds, does not hold, depends on the dimensions, or cannot be decided."""
-    from flexfem.reports import verification as reports
-
-    report = reports.claims(path, console.now_and_then("stages of the ensemble"))
-    if (target := console.target(output, "claims", [".md"])) is not None:
-        from flexfem.files.writing import write_atomically
-        from flexfem.verdicts.page import claims_page
-        from flexfem.verify.result import write_record
-
-        write_record(report, target)
-        write_atomically(target.with_suffix(".md"), lambda file: file.write(claims_page(report).encode()))
-    console.show(report, json, comparisons.print_claims)
 
 
 @app.command()

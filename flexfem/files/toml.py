@@ -61,7 +61,6 @@ Label: TypeAlias = Annotated[
 KINDS = {  # by the keys that only files of that kind have
     "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
     "case file": ("direction", "curve", "points"),
-    "claims file": ("claim", "stages"),
     "study file": ("sampling", "factor", "figure", "model"),
     "requirements file": ("free", "require", "objective"),
     "fixture file": ("pole", "bar", "lvdt", "sensor", "run"),

@@ -1,9 +1,4 @@
-"""Compliance formulas of hinges, with source and range.
-
-The circular hinge as three springs, after a named formula.
-
-The hinge formulas by name: the published ones, the calibrated one, and those of the user.
-"""
+"""The circular hinge as three springs, by the published formulas, the calibrated one, and those of the user."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Strength of the hinges: stress at the necks, yield, fatigue.
-
-Stress at the necks of hinges: concentration, yield.
-
-Fatigue by stress: Basquin's law, mean stress by Walker, and the fit of a material's own S-N points.
-"""
+"""Strength of the hinges: stress at the necks, yield, and fatigue by Basquin's law with mean stress by Walker."""
 
 from __future__ import annotations
 

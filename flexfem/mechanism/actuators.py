@@ -1,9 +1,4 @@
-"""Piezo stacks with their catalogue, and the actuators of a stage file.
-
-Piezo stacks: their numbers, their stiffness in series with a contact, and the shipped catalogue.
-
-Actuators as a stage file says them: a piezo stack, or an antagonistic pair, between two bodies of every chain.
-"""
+"""Actuators of a stage file: piezo stacks, alone or in antagonistic pairs, with the shipped catalogue."""
 
 from __future__ import annotations
 

@@ -1,10 +1,6 @@
-"""The bodies of a stage: outlines of lines and arcs, mass and inertia.
+"""The bodies of a stage, pads, links, platform and the notches between them: outlines of lines and arcs, and masses.
 
-Outlines of lines and circular arcs: exact area, polygons, strips along a path. Points are complex numbers, in mm.
-
-The drawn stage: pads, links, platform and the notches between them, as loops of lines and arcs.
-
-All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
+Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
 
 Drawing rules (the stage file gives lines between hinges, these the bodies about them; `geometry/README.md` shows them):
 
@@ -14,8 +10,6 @@ Drawing rules (the stage file gives lines between hinges, these the bodies about
 - A notch is two quarter arcs on each side of the neck, cut through to the edge of the link.
 - The platform is a disc with a lug at each platform hinge. A side of a lug follows the hinge's own face where that
   face meets the disc, else runs on along the neck into the disc, else goes tangentially to it.
-
-Mass and inertia of the drawn bodies, from their outlines: exact for lines and arcs.
 
 The hub is a disc of the stage's metal: it is left out of the meshed sectors because it is rigid, not because it is a
 hole. Masses are in tonne, so that N, mm and s go together: `1 kg/m^3 = 1e-12 tonne/mm^3`.

@@ -1,13 +1,9 @@
-"""Where forces act on the bodies: contacts of stacks, and couples at the hinges.
-
-Where stacks push on the bodies of a chain, and over which length of a link a push is spread.
+"""Where stacks push on the bodies of a chain, over which length of a link, and where couples turn the hinges.
 
 A ball dents the metal under it in three dimensions: that is the stiffness of its contact, which the plane stage must
 not hold a second time. Both models therefore load a link, and read its motion, on the cross-sections of one length of
 its strip about the contact, `Station`, with the moment of the true line of action. On the platform they load and read
 the hub, which is rigid; the frame does not move.
-
-Rotations of hinges, as they are read and imposed: between the bodies on either side of a notch.
 
 A hinge turns by the mean rotation of the cross-sections directly beyond its notch, less that of those directly before
 it: on a short station of pad and links, weighted as the stresses of a beam in bending are. A unit couple on the same

@@ -48,7 +48,7 @@ class Designs:
     fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives alone.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
-    actuator : (n, 3 chains, actuators, numbers), of `stacks.Numbers`, asked for by answers on the drive alone.
+    actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
     """
 
     plane: Plane

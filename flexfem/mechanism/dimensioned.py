@@ -1,11 +1,7 @@
-"""Tables with units, validated at every construction, and results that are kept with them.
-
-Tables built in Python: by attribute names, in mm, N, MPa and rad, validated at every construction and every copy.
+"""Tables with units, validated at every construction and every copy, and results that are kept with them.
 
 `Dimensioned.model_validate` reads a table of a file: keys that end in their unit. Calling the class reads what Python
-says: names without a unit. Both hold the numbers to the same limits and give the same object.
-
-What was computed of a stage is kept with it: one design is drawn several times on its way from check to mesh.
+says: names without a unit, in mm, N, MPa and rad. Both hold the numbers to the same limits and give the same object.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""The outline of a stage as one part, its cutting path and its dimensions.
-
-The stage as one part to cut: its contours with holes for mounting, and the path of a wire about them.
-
-What a drawing of a stage states of its size, and where it does: lengths of chain 1, notches, platform and hub.
-"""
+"""The stage as one part to cut: its contours with holes for mounting, the path of a wire, and its dimensions."""
 
 from __future__ import annotations
 

@@ -1,12 +1,8 @@
-"""The drive of one stage, and of many designs of it.
+"""The drive of one stage or of many designs of it: every stack in its place, what it can do and how it is commanded.
 
-The drive of a stage: every stack of every chain in its place, with what it can do and how it is commanded.
-
-The drives of many designs of one stage: contacts, ratings and limits as arrays.
-
-Contacts on a straight link, and their partners opposite, are placed in closed form, as `drives.drive_of` places them.
-What else there is, a contact on a bent link, at the end of one or anywhere by its point, is placed and looked at on the
-drawn outlines, once for every geometry among the designs.
+Contacts of one stage are placed on its drawn outlines. Those of many designs are placed in closed form on straight
+links; a contact on a bent link, at the end of one or anywhere by its point is placed and checked on the drawn outlines,
+once for every geometry among the designs.
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ from flexfem.mechanism.actuators import (
 )
 from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector, turn
 from flexfem.mechanism.contacts import Push, Stack, middle_at, placed_stack, tangent_at
-from flexfem.mechanism.designs import CHAIN_TURN, Designs, chain_rotation
+from flexfem.mechanism.designs import CHAIN_TURN, Designs, chain_rotation, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
 from flexfem.refused import BadInput
@@ -82,35 +78,21 @@ def check_drive(stage: StageContent) -> None:
 
 
 def _drive(stage: StageContent) -> StageDrive:
-    placed = [(chain, index) for chain in CHAINS for index in range(len(stage.actuator))]
-    actuators = [actuators_of(stage)[chain - 1][index] for chain, index in placed]
-    stacks, owners, signs = list[Stack](), list[int](), list[float]()
-    for command, (chain, index) in enumerate(placed):
-        for side, contact in enumerate(contacts(stage, chain, index)):
-            of = actuators[command]
-            stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
-            owners.append(command)
-            signs.append(1.0 - 2.0 * side)
-    differential = np.zeros((len(stacks), len(placed)))
-    differential[np.arange(len(stacks)), owners] = signs
-    limits = np.array([_limits(actuator) for actuator in actuators])
-    return StageDrive(
-        stacks=tuple(stacks),
-        names=tuple(f"{stage.actuator[index].name}, chain {chain}" for chain, index in placed),
-        stiffness=np.array([actuators[k].stiffness_with(stage.material) for k in owners]),
-        preload=np.array([actuators[k].preload for k in owners]),
-        blocking_force=np.array([actuators[k].rating.blocking_force for k in owners]),
-        differential=differential,
-        lowest=limits[:, 0],
-        highest=limits[:, 1],
-        friction=np.array([np.nan if actuators[k].friction is None else actuators[k].friction for k in owners]),
+    chains, stacks = actuators_of(stage), list[Stack]()
+    for chain, row in zip(CHAINS, chains, strict=True):
+        for index, of in enumerate(row):
+            for contact in contacts(stage, chain, index):
+                stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
+    many = _of_stacks(lower(stage), chains, stacks)
+    friction = [one.friction for row in chains for one in row for _ in range(1 + one.pair)]
+    return many._replace(
+        stiffness=many.stiffness[0],
+        preload=many.preload[0],
+        blocking_force=many.blocking_force[0],
+        lowest=many.lowest[0],
+        highest=many.highest[0],
+        friction=np.array([np.nan if each is None else each for each in friction]),
     )
-
-
-def _limits(actuator: Actuator) -> tuple[float, float]:
-    """Least and largest command, mm: that of a pair is about the middle of its strokes."""
-    stroke = actuator.rating.stroke
-    return (-stroke / 2, stroke / 2) if actuator.pair else (0.0, stroke)
 
 
 class Contact(NamedTuple):
@@ -281,7 +263,7 @@ def drives_of(
     wrenches = np.array([[each.wrench for each in row] for row in placed])  # (3, actuators, n, 3)
     unsure = np.any([~each.sure for row in placed for each in row], axis=0) & (reason == "")
     _draw(designs, np.flatnonzero(unsure), wrenches, reason, stage_at)
-    return _of_placed(designs, chains, numbers, wrenches)
+    return _of_placed(designs, chains, wrenches)
 
 
 def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], numbers: Numbers, reason: AnyArray) -> None:
@@ -356,37 +338,42 @@ def _draw(
         wrenches[:, :, mine] = found.reshape(*wrenches.shape[:2], 1, 3)
 
 
-def _commands(stroke: Array, pair: bool) -> tuple[Array, Array]:
-    """Least and largest commands (n,), mm, as of one stage."""
-    return (-stroke / 2, stroke / 2) if pair else (0 * stroke, stroke)
-
-
-def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], of: Numbers, wrenches: Array) -> StageDrive:
-    """The drive of designs whose contacts are placed."""
-    blocking = _blocking(of)
-    rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
-    metal = designs.youngs_modulus[:, None, None], designs.poissons_ratio[:, None, None]
-    loose = np.array([[bool(one.ball_loose) for one in row] for row in chains])
-    series = series_stiffness(of, rate, *metal, loose)
-    stacks, owners, signs, names = list[Stack](), list[tuple[int, int, int]](), list[float](), list[str]()
-    lowest, highest = list[Array](), list[Array]()
+def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], wrenches: Array) -> StageDrive:
+    """The drive of designs whose contacts are placed: wrenches (3, actuators, n, 3)."""
+    stacks = list[Stack]()
     for chain, row in enumerate(chains):
         for index, one in enumerate(row):
-            stroke = of.stroke[:, chain, index]
             carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
             for sign in (1.0, -1.0) if one.pair else (1.0,):
                 q = sign * wrenches[chain, index]
                 stacks.append(Stack(chain, (Push(pushed, q, None), Push(carrier, -q, None))))
-                owners.append((chain, index, len(names)))
-                signs.append(sign)
-            names.append(f"{one.name}, chain {chain + 1}")
-            low, high = _commands(stroke, one.pair)
-            lowest.append(low)
-            highest.append(high)
-    where = np.array(owners)
-    differential = np.zeros((len(stacks), len(names)))
-    differential[np.arange(len(stacks)), where[:, 2]] = signs
-    chain_of, index_of = where[:, 0], where[:, 1]
-    series, preload, blocking = (each[:, chain_of, index_of] for each in (series, of.preload, blocking))
-    ends = np.stack(lowest, axis=-1), np.stack(highest, axis=-1)
-    return StageDrive(tuple(stacks), tuple(names), series, preload, blocking, differential, *ends)
+    return _of_stacks(designs, chains, stacks)
+
+
+def _of_stacks(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], stacks: list[Stack]) -> StageDrive:
+    """The drive of n designs with their stacks in place, by chain and actuator, the partners of a pair side by side."""
+    of = Numbers(*np.moveaxis(designs.actuator, -1, 0))  # (n, 3, actuators) each
+    blocking = _blocking(of)
+    rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
+    metal = designs.youngs_modulus[:, None, None], designs.poissons_ratio[:, None, None]
+    loose = np.array([[bool(one.ball_loose) for one in row] for row in chains])
+    pair = np.array([one.pair for row in chains for one in row])
+    owner = np.repeat(np.arange(len(pair)), 1 + pair)
+    second = np.append(False, owner[1:] == owner[:-1])
+    differential = np.zeros((len(stacks), len(pair)))
+    differential[np.arange(len(stacks)), owner] = np.where(second, -1.0, 1.0)
+    stroke = of.stroke.reshape(-1, len(pair))
+    stiffness, preload, blocking = (
+        each.reshape(-1, len(pair))[:, owner]
+        for each in (series_stiffness(of, rate, *metal, loose), of.preload, blocking)
+    )
+    return StageDrive(
+        stacks=tuple(stacks),
+        names=tuple(f"{one.name}, chain {chain + 1}" for chain, row in enumerate(chains) for one in row),
+        stiffness=stiffness,
+        preload=preload,
+        blocking_force=blocking,
+        differential=differential,
+        lowest=np.where(pair, -stroke / 2, 0.0 * stroke),
+        highest=np.where(pair, stroke / 2, stroke),
+    )

@@ -1,10 +1,7 @@
-"""Materials, those of the registry and those of a user's file.
+"""The material of a stage, and those that are known by name: shipped ones and the user's own, each with its source.
 
-The material of a stage, and those that are known by name: shipped ones and the user's own, each with its source.
-
-A table `[material]` with the name of a registered material alone has the numbers of that one.
-
-Materials of a user's own TOML file, which a stage file names beside the material: `[material] name, file`.
+A table `[material]` with the name of a registered material alone has the numbers of that one; beside `file`, those of
+the material of that name in a TOML file of the user's own.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The stage: what a stage file says, validated, in N-mm-MPa-rad; and changed stages, validated again.
-
-A stage file that is not finished: what it says, and what it does not say yet.
-"""
+"""The stage: what a stage file says, validated; changed stages, validated again; files that are not finished."""
 
 from __future__ import annotations
 

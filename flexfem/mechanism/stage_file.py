@@ -1,14 +1,6 @@
-"""What a stage file says, validated: its tables, overrides, and where they come from.
-
-The tables of a stage: chain, hinges, platform and frame, in N-mm-MPa-rad.
+"""What a stage file says, validated, in N-mm-MPa-rad: its tables, overrides, and where they come from.
 
 File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
-
-What differs at one of the nine hinges, or at an actuator of one chain.
-
-What a stage file says, validated, and what is read of it before anything is computed: overrides applied, keys.
-
-Where a stage comes from, and refusals that say so.
 """
 
 from __future__ import annotations

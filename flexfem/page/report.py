@@ -1,4 +1,4 @@
-"""One page of a stage, of stored results or claims: what is asked is computed, put together and written as one file."""
+"""One page of a stage or of stored results: what is asked is computed, put together and written as one file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import doubts_said
 from flexfem.page.assemble import Page, html_of
 from flexfem.page.section import PageSection
-from flexfem.page.stored_claims import is_claims, read_claims
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexfem.synthesis.result import Designed
-    from flexfem.verdicts.records import ClaimsReport
     from flexfem.verify.result import Result
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
@@ -76,12 +74,12 @@ def report(
     through: Through = iter,
     folder: PathLike = REPORTS,
 ) -> PageReport:
-    """Write one self-contained page, which opens offline, of a stage, of a study or of stored results and claims.
+    """Write one self-contained page, which opens offline, of a stage, of a study or of stored results.
 
     Parameters
     ----------
-    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify`, claims of
-        `flexfem claims` and records of `flexfem design`, all JSON.
+    paths : a stage file, a study file whose designs are done, or any number of results of `flexfem verify` and
+        records of `flexfem design`, all JSON.
     output : the file to write, .html.
     sections : of a stage, of `STANDARD` and `MORE`; the drawing and the sources of its numbers are always there.
     amplitude : (3,), mm, mm, rad, of the platform, fully reversed, for the section `life`.
@@ -214,10 +212,8 @@ def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_result
 
-    claims = [path for path in files if is_claims(path)]
-    drawn = [path for path in files if path not in claims and is_design(path)]
-    results = [read_result(path) for path in files if path not in (*claims, *drawn)]
-    reports = [read_claims(path) for path in claims]
+    drawn = [path for path in files if is_design(path)]
+    results = [read_result(path) for path in files if path not in drawn]
     designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
@@ -226,15 +222,13 @@ def _stored(files: Sequence[Path]) -> Subject:
         parts += [("errors", lambda: of_results.errors_section(results))]
         for number, result in enumerate(results, start=1):
             parts.append((result.name, lambda one=result, k=number: of_results.curves_section(one, k)))  # type: ignore[misc]
-    for number, each in enumerate(reports, start=1):
-        parts.append(("verdicts", lambda one=each, k=number: _numbered(of_results.claims_section(one), k)))  # type: ignore[misc]
     if results:
         parts += [("models", lambda: of_results.models_section(results))]
-    every: list[Result | ClaimsReport | Designed] = [*results, *reports, *designs]
-    parts += [("sources", lambda: of_results.doubts_section(results, [*reports, *designs]))]
+    every: list[Result | Designed] = [*results, *designs]
+    parts += [("sources", lambda: of_results.doubts_section(results, designs))]
     found = ([key for each in every for key in getattr(each, kind)] for kind in ("assumed", "not_stated"))
     assumed, not_stated = (list(dict.fromkeys(keys)) for keys in found)
-    title = every[0].name if len(every) == 1 else "Verification" if results or reports else "Designs"
+    title = every[0].name if len(every) == 1 else "Verification" if results else "Designs"
     return Subject(title, "Stored results", assumed, not_stated, parts)
 
 

@@ -1,23 +1,20 @@
-"""What a page says of stored verifications and of claims: curves with bands, percentages, verdicts, provenance."""
+"""What a page says of stored verifications: curves with bands, percentages, provenance."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from flexfem.mechanism.stage_file import counted
-from flexfem.page.drawn import sentence, shown_figure
+from flexfem.page.drawn import shown_figure
 from flexfem.page.section import Content, PageSection, notes, table
 from flexfem.plot.curves import driven_by, error_figure
 from flexfem.plot.text import banded, significant
 from flexfem.plot.told import error_spots
 from flexfem.synthesis.result import Designed
 from flexfem.units import LENGTH, STRESS, unit_for
-from flexfem.verdicts.page import said_of_ensemble
-from flexfem.verdicts.records import ClaimsReport
 from flexfem.verify.case import DIRECTIONS
 
 if TYPE_CHECKING:
@@ -107,9 +104,9 @@ def models_section(results: Sequence[Result]) -> PageSection:
     return PageSection("models", "Models and meshes", table(head, rows, numbers=4))
 
 
-def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | Designed] = ()) -> PageSection:
+def doubts_section(results: Sequence[Result], others: Sequence[Designed] = ()) -> PageSection:
     """Numbers that are assumed or have no source, and versions of what computed the results."""
-    named: list[tuple[str, Result | ClaimsReport | Designed]] = [
+    named: list[tuple[str, Result | Designed]] = [
         *((each.case, each) for each in results),
         *((each.name, each) for each in others),
     ]
@@ -131,25 +128,10 @@ def doubts_section(results: Sequence[Result], others: Sequence[ClaimsReport | De
     return PageSection("provenance", "Where the numbers come from", parts)
 
 
-def _computed(of: Result | ClaimsReport | Designed) -> tuple[str, str]:
-    """When a result was computed and how long that took; of claims and designs neither is stored."""
-    return ("", "") if isinstance(of, ClaimsReport | Designed) else (of.written, f"{of.seconds:g} s")
+def _computed(of: Result | Designed) -> tuple[str, str]:
+    """When a result was computed and how long that took; of designs neither is stored."""
+    return ("", "") if isinstance(of, Designed) else (of.written, f"{of.seconds:g} s")
 
 
 def _versions(of: dict[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in of.items())
-
-
-def claims_section(report: ClaimsReport) -> PageSection:
-    """The verdicts on the claims of a file."""
-    rows: list[list[Content]] = []
-    for each in report.verdicts:
-        claim = each.statement + (f" Read as: {each.reading}." if each.reading else "")
-        found = " ".join(sentence(text) for text in (each.found, each.ensemble, each.argument, each.missing) if text)
-        rows.append([claim, each.where, Markup("<strong>{}</strong>").format(each.verdict), found])
-    counts = Counter(each.verdict for each in report.verdicts)
-    said = Markup("<p>{}.</p>").format("; ".join(f"{ruling}: {count}" for ruling, count in counts.items()))
-    if report.ensemble is not None:
-        said += Markup("<p>{}</p>").format(said_of_ensemble(report.ensemble))
-    parts = said + table(["claim", "where in the paper", "verdict", "found"], rows, caption="Verdicts")
-    return PageSection("claims", "Verdicts", parts + notes(report.warnings))

@@ -9,18 +9,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from flexfem.arrays import Array
 from flexfem.plot.curves import COLOURS, MARKERS, NAMES
 from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import significant
+from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
+from flexfem.questions.identify import Identification
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, Unit, unit_for
-from flexfem.verify.experiment import NOT_THE_PAPERS, Experiment, Pushed
-from flexfem.verify.identified import Identification
 
 WIDTH, HEIGHT = 11.69, 6.4  # in
 REGION = (8.27, 5.2)  # in
 FIT: Any = {"color": INK, "linewidth": 1.3}
 MODEL: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
-METAL: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
+STAGE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
 ENDS: Any = {"color": GREY, "linewidth": 1.1, "dashes": (7, 2, 1.5, 2)}
 SHADES = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 
@@ -28,13 +29,13 @@ SHADES = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 @in_house_style
 def experiment_figure(found: Experiment) -> Figure:
     """Draw load over displacement for the three pushes, and below what its line leaves."""
-    title = f"{found.name}: stiffness as read"
+    of, asked = found.about, found.settings
+    title = f"{of.name}: stiffness as read"
     lines = [
-        f"Simulated readings, {found.fixture}; the metal is by {found.metal}. Slopes by regression of both readings on "
-        f"the commanded stroke, intervals of {found.confidence:g} % by Fieller's theorem. {NOT_THE_PAPERS}"
+        f"Simulated readings, {asked['fixture']}; the stage is by {asked['stage']}. Slopes by regression of both "
+        f"readings on the commanded stroke, intervals of {asked['confidence']} by Fieller's theorem. {NOT_THE_PAPERS}"
     ]
-    size, doubts = (WIDTH, HEIGHT), (found.assumed, found.not_stated)
-    figure, every = panels(size, title, lines, 2, 3, doubts, height_ratios=(1.7, 1.0))
+    figure, every = panels((WIDTH, HEIGHT), title, lines, 2, 3, (of.assumed, of.not_stated), height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
         plot_push(every[k], found, direction)
         every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
@@ -49,72 +50,71 @@ def _legend(*axes: Axes) -> tuple[list[Any], list[str]]:
 
 
 def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
-    """Draw the readings of one push, their line, and those of model and metal; returns `ax`."""
-    push, row = found.pushed[direction], found.table[direction]
-    unit, load = _frame(ax, push, direction, "force" if direction != "theta" else "moment")
-    _readings(ax, push, unit, np.array(push.load))
-    far = np.array([0.0, float(np.max(push.displacement))])
-    for slope, start, label, style in (
-        (row.model, 0.0, f"model: {found.model}", MODEL),
-        (row.metal, 0.0, found.metal, METAL),
-        (push.slope, push.intercept, "line through the readings", FIT),
+    """Draw the readings of one push, their line, and those of the model and of the stage; returns `ax`."""
+    k = DIRECTIONS.index(direction)
+    model, stage, slope, _ = found.slope[k]
+    load, moved = found.load[k], found.displacement[k]
+    unit, of_load = _frame(ax, moved, direction, "force" if direction != "theta" else "moment")
+    _readings(ax, moved, unit, load)
+    far = np.array([0.0, float(np.max(moved))])
+    for value, start, label, style in (
+        (model, 0.0, f"model: {found.settings['model']}", MODEL),
+        (stage, 0.0, found.settings["stage"], STAGE),
+        (slope, found.intercept[k], "line through the readings", FIT),
     ):
-        ax.plot(unit.factor * far, start + slope * far, label=label, **style)
-    own = STIFFNESSES[DIRECTIONS.index(direction)]
-    ends = "no interval" if push.low is None or push.high is None else f"{_ends(push.low, push.high)}"
-    said = f"{significant(push.slope)} {own}\n{found.confidence:g} %: {ends}"
+        ax.plot(unit.factor * far, start + value * far, label=label, **style)
+    ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
+    said = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
     ax.text(0.04, 0.95, said, transform=ax.transAxes, va="top", size=9.0)
-    ax.set_ylim(top=1.12 * max(row.model * far[1], float(np.max(push.load))))
-    ax.set_ylabel(f"{ax.get_ylabel()} ({load})")
+    ax.set_ylim(top=1.12 * max(model * far[1], float(np.max(load))))
+    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
     return ax
-
-
-def _ends(low: float, high: float) -> str:
-    return f"{significant(low, 5)} to {significant(high, 5)}"
 
 
 def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings of one push less their line, and the ends of the slope's interval; returns `ax`."""
-    push = found.pushed[direction]
-    unit, load = _frame(ax, push, direction, "load less the line")
-    q = np.array(push.displacement)
-    _readings(ax, push, unit, np.array(push.load) - push.intercept - push.slope * q)
+    k = DIRECTIONS.index(direction)
+    moved, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
+    unit, of_load = _frame(ax, moved, direction, "load less the line")
+    _readings(ax, moved, unit, found.load[k] - found.intercept[k] - slope * moved)
     ax.axhline(0.0, **FIT)
-    middle, far = float(np.mean(q)), np.array([0.0, float(np.max(q))])
-    for slope in (push.low, push.high):
-        if slope is not None:
+    middle, far = float(np.mean(moved)), np.array([0.0, float(np.max(moved))])
+    for end in (found.low[k], found.high[k]):
+        if np.isfinite(end):
             label = "ends of the interval of the slope"
-            ax.plot(unit.factor * far, (slope - push.slope) * (far - middle), label=label, **ENDS)
-    ax.set_ylabel(f"{ax.get_ylabel()} ({load})")
+            ax.plot(unit.factor * far, (end - slope) * (far - middle), label=label, **ENDS)
+    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
     return ax
 
 
-def _frame(ax: Axes, push: Pushed, direction: Direction, what: str) -> tuple[Unit, Unit]:
-    unit, load = unit_for(direction, float(np.max(push.displacement))), FORCES[DIRECTIONS.index(direction)]
-    moved = "rotation" if direction == "theta" else "displacement in"
-    ax.set(xlabel=f"{moved} {NAMES[direction]} ({unit.name})", ylabel=what)
+def _frame(ax: Axes, moved: Array, direction: Direction, what: str) -> tuple[Unit, Unit]:
+    unit, load = unit_for(direction, float(np.max(moved))), FORCES[DIRECTIONS.index(direction)]
+    name = "rotation" if direction == "theta" else "displacement in"
+    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=what)
     ax.grid()
     return unit, load
 
 
-def _readings(ax: Axes, push: Pushed, unit: Unit, values: Any) -> None:
+def _readings(ax: Axes, moved: Array, unit: Unit, values: Array) -> None:
     """Readings, each repeat by its own mark up to the fourth."""
-    for k, (at, value) in enumerate(zip(push.displacement, values, strict=True)):
+    for k, (at, value) in enumerate(zip(moved, values, strict=True)):
         look: Any = {"marker": MARKERS[k % 4], "color": SHADES[k % 4], "markersize": 4.5, "linestyle": "none"}
         named = f"readings, run {k + 1}" if k < 4 else None
-        ax.plot(unit.factor * np.array(at), value, markerfacecolor="none", label=named, **look)
+        ax.plot(unit.factor * at, value, markerfacecolor="none", label=named, **look)
 
 
 @in_house_style
 def identification_figure(found: Identification) -> Figure:
     """Draw which neck offsets and fixtures fit the measured slopes."""
-    title = f"{found.name}: what fits the slopes"
+    of = found.about
+    title = f"{of.name}: what fits the slopes"
     stated = ", ".join(
-        f"{NAMES[axis]} {significant(value)} ± {significant(found.sd[axis], 2)} {STIFFNESSES[DIRECTIONS.index(axis)]}"
-        for axis, value in found.measured.items()
+        f"{NAMES[axis]} {significant(found.slope[k, 0])} ± {significant(found.sd[k], 2)} {STIFFNESSES[k]}"
+        for k, axis in enumerate(DIRECTIONS)
+        if np.isfinite(found.sd[k])
     )
-    lines = [f"{found.source}: {stated}. Model: {found.model}. {found.finding}"]
-    figure, (ax,) = panels(REGION, title, lines, 1, 1, (found.assumed, found.not_stated))
+    lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
+    figure, (ax,) = panels(REGION, title, lines, 1, 1, (of.assumed, of.not_stated))
     plot_region(ax, found)
     figure.legend(*_legend(ax), loc="outside lower center", ncols=2, frameon=False)
     return figure
@@ -122,24 +122,18 @@ def identification_figure(found: Identification) -> Figure:
 
 def plot_region(ax: Axes, found: Identification) -> Axes:
     """Draw the joint confidence region of neck offset and fixture, the best fit and the causes alone; returns `ax`."""
-    region, (name, first) = found.region, next(iter(found.fixture.items()))
-    x, y, above = MICROMETRE.factor * np.array(region.offset), np.array(region.fixture), np.array(region.above).T
-    ax.contourf(x, y, above, levels=[min(float(np.min(above)), 0.0) - 1.0, region.limit], colors=[PALE])
-    ax.contour(x, y, above, levels=[region.limit], colors=[INK], linewidths=1.3)
-    ax.plot([], [], color=INK, linewidth=1.3, label=f"joint region of {found.confidence:g} %")
-    causes = ((found.necks_alone, "necks alone", MARKERS[1], 1), (found.fixture_alone, "fixture alone", MARKERS[2], 2))
-    places = [
-        (
-            found.offset.value,
-            first.value,
-            "best fit" if found.correlation is not None else "one of the best fits",
-            MARKERS[0],
-            0,
-        )
-    ]
-    places += [(one.numbers[0], one.numbers[1], _allowed(label, one.allowed), m, c) for one, label, m, c in causes]
-    for offset, number, label, marker, colour in places:
-        ax.plot(MICROMETRE.factor * offset, number, marker, color=COLOURS[colour], markersize=8, label=label, zorder=4)
+    name, um, limit = found.axes["number"][0], MICROMETRE.factor, float(found.region_limit)
+    x, y, above = um * found.region_offset, found.region_fixture, found.region_above.T
+    ax.contourf(x, y, above, levels=[min(float(np.min(above)), 0.0) - 1.0, limit], colors=[PALE])
+    ax.contour(x, y, above, levels=[limit], colors=[INK], linewidths=1.3)
+    ax.plot([], [], color=INK, linewidth=1.3, label=f"joint region of {found.settings['confidence']}")
+    best = "best fit" if np.isfinite(found.correlation) else "one of the best fits"
+    marks = [(float(found.offset), found.fixture[0], best)]
+    for k, label in enumerate(found.axes["cause"][1:], start=1):
+        said = f"{label}: {'allowed' if found.allowed[k] else 'excluded'}"
+        marks.append((found.cause_offset[k], found.cause_fixture[k, 0], said))
+    for k, (offset, number, label) in enumerate(marks):
+        ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **ENDS)
     if name == "pole":
         ax.axhline(1.0, **ENDS)
@@ -150,7 +144,3 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
     ax.set(xlim=(x[0], x[-1]), ylim=(y[0] - 0.02 * np.ptp(y), y[-1]))
     ax.grid()
     return ax
-
-
-def _allowed(label: str, allowed: bool) -> str:
-    return f"{label}: allowed" if allowed else f"{label}: excluded"

@@ -29,7 +29,7 @@ from flexfem.questions.setup import about, mesh_of, meshed, solved
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
-AMPLITUDE = 0.5  # mm: ten times the assumed workspace of cases/claims.toml
+AMPLITUDE = 0.5  # mm: ten times the assumed workspace of examples/claims.py
 TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
 RESOLUTION = 4  # with 8, compliances move by up to 0.09 % and the percentages here by 2.2e-4 points
 STEPS = 20  # commands on either side of rest

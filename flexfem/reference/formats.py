@@ -12,13 +12,12 @@ from flexfem.files.refusals import SHOWN, one_line
 from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.as_built import Necks
+from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.study.plan import Study
 from flexfem.synthesis.requirements import Requirements
-from flexfem.verdicts.claims import Claims
-from flexfem.verify.as_built import Necks
 from flexfem.verify.case import Case
-from flexfem.verify.fixture import Fixture, Measurement
 
 
 class Format(NamedTuple):
@@ -60,12 +59,6 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
             "Requirements file",
             "One TOML file a design: a base stage, what of it is free, what is required of it and what is to be best. "
             "`flexfem design` finds the stage.",
-        ),
-        "claims": Format(
-            Claims,
-            "Claims file",
-            "What a text claims, with the numbers that would bear it out and the measurement that decides. `flexfem "
-            "claims` judges it.",
         ),
         "fixture": Format(
             Fixture,

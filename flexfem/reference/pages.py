@@ -196,6 +196,5 @@ PAGES: Mapping[str, ReferencePage] = MappingProxyType(
             (FormatTables("fixture"), FormatTables("measured", without=("measured",)), FormatTables("necks")),
         ),
         "requirements": ReferencePage("Requirements files", (FormatTables("requirements"),), _quantities),
-        "claims": ReferencePage("Claims files", (FormatTables("claims"),)),
     }
 )

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from flexfem.files.refusals import checked_path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.reports.given import PathLike
-from flexfem.verify.as_built import AsBuilt
 from flexfem.verify.stage_report import StageReport, report_stage
 
 
@@ -32,31 +29,3 @@ def check(stage: Stage) -> StageReport:
     """
     check_feasible(stage)
     return report_stage(stage)
-
-
-def as_built(
-    stage: Stage,
-    necks: PathLike,
-    mobility: int | None = None,
-    formula: str | None = None,
-    links: bool = False,
-) -> AsBuilt:
-    """The stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
-
-    Parameters
-    ----------
-    necks : CSV file with columns chain, hinge, neck_um and, if known, sd_um; or TOML with these in [[neck]].
-    mobility, formula, links : of the model, see `analyse`.
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `flexfem.analyse`; the file cannot be used, or the stage not made with these necks.
-    """
-    from flexfem.analytic.model import choose, model_of
-    from flexfem.verify import as_built as verify
-
-    check_feasible(stage)
-    asked, warnings = model_of(mobility, formula, links), list[str]()
-    measured = verify.read_necks(checked_path(necks), stage)
-    return verify.as_built(choose(stage, asked, warnings), measured, warnings)

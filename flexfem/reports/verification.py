@@ -1,8 +1,8 @@
-"""Analytic model against finite elements: cases, shares of the error, bands, claims."""
+"""Analytic model against finite elements: cases, shares of the error, bands."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from flexfem import arguments
@@ -10,8 +10,6 @@ from flexfem.files.refusals import checked_path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.reports.given import LARGEST_AMPLITUDE, RESOLUTION, PathLike, Progress, solver
-from flexfem.verdicts.records import ClaimsReport
-from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import budget as verify_budget
 from flexfem.verify import converge as verify_converge
 from flexfem.verify.budget import Budget
@@ -95,19 +93,3 @@ def converge(stage: Stage, resolutions: Sequence[int] | None = None, progress: P
     check_feasible(stage)
     levels = arguments.resolutions(verify_converge.RESOLUTIONS if resolutions is None else resolutions)
     return verify_converge.converge(stage, verify_converge.checked_resolutions(levels), solver(progress))
-
-
-def claims(path: PathLike, progress: Callable[[int, int], object] | None = None) -> ClaimsReport:
-    """Measure what a file of claims says of the paper's stages, with verdicts and alternatives.
-
-    Parameters
-    ----------
-    path : the file, see cases/README.md, which quotes each claim with its place in the paper.
-    progress : is told how many of how many pairs of an ensemble are seen to.
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `flexfem.solve`; the file cannot be used, or no pair of its ensemble can be made.
-    """
-    return report_claims(checked_path(path), watch=progress or (lambda done, of: None))

@@ -93,15 +93,6 @@ def test_designs_broadcast(generic):
         np.testing.assert_allclose(many.necks[k], one.necks, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("mobility", [3, 21])
-def test_without_forces_of_stacks_the_stage_is_the_passive_one(error, mobility):
-    stage = load_stage(GEOMETRY / "mobility6.toml")
-    passive = analyse(stage, mobility)
-    assert error(driven_model(stage, passive).compliance[:3, :3], passive.compliance) < 1e-13
-    soft = analyse(stage, None, "calibrated", links=True)
-    assert error(driven_model(stage, soft).compliance[:3, :3], soft.compliance) < 1e-13
-
-
 def test_a_chain_carries_what_is_pushed_beyond_each_of_its_necks():
     """Cut at the base necks: the three wrenches and the pushes from the frame hold the load."""
     stage = load_stage(GEOMETRY / "mobility3.toml")

@@ -88,12 +88,6 @@ def test_one_other_hinge_changes_its_own_lug_and_what_the_others_do_to_it():
     np.testing.assert_allclose(changed.reshape(9, 9), changed.reshape(9, 9).T, rtol=1e-6)
 
 
-def test_finer_elements_change_little(monkeypatch):
-    C = added(stage())
-    finer(monkeypatch, 2)
-    np.testing.assert_allclose(np.diag(added(stage())), np.diag(C), rtol=ELEMENTS)
-
-
 def test_lugs_without_room_between_them_are_refused():
     with pytest.raises(BadInput, match=r"platform\.radius_mm"):
         added(stage(platform__radius_mm=6.0, chain__joint_angles_deg=[180.0, -90.0, 60.0]))

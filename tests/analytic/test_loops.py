@@ -17,7 +17,6 @@ from flexfem.analytic.paper import (
     mechanism,
     stiffness,
 )
-from flexfem.arrays import inverse
 from flexfem.mechanism.designs import Frames
 
 H = 1e-4  # step of the five-point differences, rad and mm
@@ -103,14 +102,3 @@ def test_singular_loops_give_nan_in_their_design_alone(generic) -> None:
     of = mechanism(stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3])
     K = stiffness(of).K_uu
     assert np.isnan(K[1]).all() and np.isfinite(K[[0, 2]]).all()
-
-
-def test_inverse_refuses_what_it_cannot_resolve() -> None:
-    good = np.array([[2.0, 1.0], [1.0, 3.0]])
-    units = np.diag([1e9, 1e-9])
-    nearly = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-12]])
-    batch = np.stack([good, np.ones((2, 2)), nearly, np.zeros((2, 2)), np.full((2, 2), np.nan), units @ good @ units])
-    found = inverse(batch)
-    assert np.isnan(found[1:5]).all()
-    np.testing.assert_allclose(found[0] @ good, np.eye(2), atol=1e-15)
-    np.testing.assert_allclose(units @ found[5] @ units @ good, np.eye(2), atol=1e-15)

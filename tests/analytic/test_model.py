@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.paper import mechanism, stiffness
-from flexfem.hinges.formulas import FORMULAS, formula
-from flexfem.mechanism.designs import stage_frames
+from flexfem.analytic.paper import stiffness
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -60,19 +58,6 @@ def test_the_stages_own_hinges_decide_without_a_given_mobility(stage) -> None:
     found = analyse(stage)
     assert found.mobility == stage.mobility == 6 and found.freedoms == analyse(stage, 6).freedoms
     np.testing.assert_array_equal(found.stiffness, analyse(stage, 6).stiffness)
-
-
-@pytest.mark.parametrize("name", FORMULAS)
-@pytest.mark.parametrize("mobility", [3, 6, 12, 21])
-def test_stiffness_at_rest_is_that_of_the_loops(stage, mobility, name, error) -> None:
-    """(18) from (16) with dependent joints, beside hinges in series and chains in parallel."""
-    found = analyse(stage, mobility, name)
-    hinges = formula(name).compliance(stage.array("radius"), stage.array("neck"), 9.3, 68.9e3, 0.29, block_height=9.0)
-    expected = stiffness(mechanism(stage_frames(stage), hinges, found.freedoms)).K_uu
-    assert found.mobility == mobility and found.formula == name
-    assert error(found.stiffness, expected) < 1e-10  # rounding, as in test_stiffness
-    np.testing.assert_allclose(found.compliance @ found.stiffness, np.eye(3), atol=1e-9)
-    np.testing.assert_allclose(found.hinges.rotation, hinges.rotation, rtol=1e-14)
 
 
 def test_hinges_outside_the_range_of_the_formula_are_flagged_not_refused(stage) -> None:

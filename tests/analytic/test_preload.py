@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -184,27 +183,3 @@ def test_forces_beyond_buckling_are_refused_or_called_unstable(stage):
     assert not loaded(serially, 2000 + 0 * drive.preload, np.zeros(3)).stable(0 * drive.stiffness)
     with pytest.raises(ComputationFailed, match="buckling"):
         loaded(serially, drive.preload, np.array([2e3, 0.0, 0.0]))
-
-
-def test_120_stacks_take_little_memory_and_their_tangent_is_the_slope_of_the_load(stage):
-    """20 pairs a chain on elastic links: matrices of all joints of a chain would take gigabytes.
-
-    The stations of the two stacks of a pair begin at the same place but for round-off: no piece of a link is between.
-    """
-    of = analyse(stage, 21, "calibrated", links=True)
-    arms = 11.0 + 0.35 * np.arange(20)
-    stacks = tuple(
-        placed_stack(stage, chain, ("frame", "link 1"), 54.0 - arm - (32.0 + 4.5 * side) * 1j, side * np.pi / 2, 1.0)
-        for chain in range(3)
-        for arm in arms
-        for side in (1, -1)
-    )
-    force, step = np.tile(0.4 * np.sin(np.arange(40)), 3), np.array([0.02, 0.01, 0.3])
-    tracemalloc.start()
-    one = serial(stage, of, stacks, "pushed")
-    found = loaded(one, force, LOAD)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 100e6
-    moved = loaded(one, force, LOAD + step).pose - loaded(one, force, LOAD - step).pose
-    np.testing.assert_allclose(found.stiffness(np.zeros(120)) @ moved, 2 * step, rtol=1e-6)

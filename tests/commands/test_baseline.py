@@ -26,7 +26,6 @@ ACCEPTED = sorted((ROOT / "tests/baselines").glob("*.json"))
 INPUTS = [
     *sorted((ROOT / "cases").glob("fig*.toml")),
     *sorted((ROOT / "cases").glob("joints-*.toml")),
-    ROOT / "cases/claims.toml",
     *sorted((ROOT / "geometry").glob("*.toml")),
     *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
     *sorted((ROOT / "flexfem/data").glob("*.json")),
@@ -87,7 +86,7 @@ def spoilt(record):
 
 NEVER_COMPARED = {"result.written", "result.seconds"} | {
     f"{section}.versions.{package}"
-    for section in ("result", "budget", "workspace", "converge", "claims")
+    for section in ("result", "budget", "workspace", "converge")
     for package in ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 }
 
@@ -130,7 +129,6 @@ LARGEST = {  # part of the number that each kind may move by
     ("mobility6", "converge.compliance[2][0][0]"): 1e-3,
     ("mobility6", "workspace.box.position"): 1e-6,
     ("mobility6", "workspace.travel.theta.load[7][2]"): 1e-8,
-    ("claims", "claims.alternatives[4].along.theta"): 5e-5,
     ("analytic-study", "analytic.table.kxx_n_per_mm[3]"): 1e-11,
     ("element-study", "verify.table.error_x_percent[2]"): 1e-2,
 }
@@ -312,20 +310,20 @@ def test_a_deleted_or_added_value_is_new_or_gone():
 
 
 def test_a_line_says_was_is_moved_allowed_and_the_unit():
-    accepted = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.0}}]}}
-    now = {"claims": {"alternatives": [{"name": "none", "along": {"x": 14.25}}]}}
-    (line,) = map(str, gates.moves("claims", accepted, now, rule_of=rule_of))
+    accepted = {"budget": {"split": {"y": {"shares": [{"name": "none", "points": {"y": 14.0}}]}}}}
+    now = {"budget": {"split": {"y": {"shares": [{"name": "none", "points": {"y": 14.25}}]}}}}
+    (line,) = map(str, gates.moves("s", accepted, now, rule_of=rule_of))
     start, _, end = line.partition(", allowed ")
-    assert start == "claims: claims.alternatives[0].along.x was 14, is 14.25, moved +0.25"
-    assert end.endswith(" %") and 1e-4 < float(end.split()[0]) < 1e-2
-    now["claims"]["alternatives"][0]["name"] = "other"
-    assert "alternatives[0].name was none, is other" in str(gates.moves("claims", accepted, now, rule_of=rule_of)[0])
+    assert start == "s: budget.split.y.shares[0].points.y was 14, is 14.25, moved +0.25"
+    assert end.endswith(" percentage points") and float(end.split()[0]) < 1.0
+    now["budget"]["split"]["y"]["shares"][0]["name"] = "other"
+    assert "shares[0].name was none, is other" in str(gates.moves("s", accepted, now, rule_of=rule_of)[0])
 
 
 def test_sentences_may_differ_in_last_places_only():
     def moved(was, now):
-        wrap = [{"claims": {"verdicts": [{"found": text}]}} for text in (was, now)]
-        return bool(gates.moves("claims", *wrap, rule_of=rule_of))
+        wrap = [{"budget": {"warnings": [text]}} for text in (was, now)]
+        return bool(gates.moves("s", *wrap, rule_of=rule_of))
 
     assert not moved("errors of x 12.536 %, at most 4e-12 % across", "errors of x 12.537 %, at most 9e-13 % across")
     assert moved("errors of x 12.536 %", "errors of x 12.546 %")

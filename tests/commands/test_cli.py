@@ -129,7 +129,6 @@ def test_a_summary_for_people_is_in_the_units_it_names(flexfem, project):
 KINDS = {
     "geometry/mobility6.toml": ("stage file", ["check"]),
     "cases/fig5.toml": ("case file", ["verify"]),
-    "cases/claims.toml": ("claims file", ["claims"]),
     "cases/study-reach.toml": ("study file", ["study", "status"]),
     "fig5.json": ("result of flexfem verify", ["plot"]),
 }
@@ -384,16 +383,6 @@ def test_formulas_name_their_sources(flexfem):
     facts = machine(flexfem, "formulas")
     assert {"paros-weisbord", "calibrated", "koster"} <= set(facts)
     assert all(fact["source"] and fact["freedoms"] for fact in facts.values())
-
-
-@pytest.mark.slow
-def test_claims_are_judged_and_stored(flexfem, tmp_path):
-    facts = machine(flexfem, "claims", ROOT / "cases/claims.toml", "--output", tmp_path)
-    verdicts = {verdict["verdict"] for verdict in facts["verdicts"]}
-    assert verdicts == {"holds", "does not hold", "depends on the dimensions", "cannot be decided"}
-    assert "does not hold" in (tmp_path / "claims.md").read_text()
-    code, out, _ = flexfem("claims", ROOT / "cases/claims.toml")
-    assert code == 0 and "assumed" in out
 
 
 def test_names_with_markup_are_printed_as_they_are(flexfem, project):

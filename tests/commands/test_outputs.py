@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import re
 import shutil
@@ -15,7 +14,6 @@ import pytest
 from flexfem import own
 from flexfem.commands import cli
 from flexfem.study import given
-from flexfem.verdicts.records import ClaimsReport
 from flexfem.verify.result import write_record
 
 from ..conftest import COMMAND_OF, ROOT
@@ -32,7 +30,6 @@ key = "thickness_mm"
 """
 FILES = {
     "c.toml": (ROOT / "cases/fig5.toml").read_text().replace("../geometry/mobility3", "s").replace("../geometry/", ""),
-    "claims.toml": (ROOT / "cases/claims.toml").read_text().replace("../geometry/mobility3", "s"),
     "fixture.toml": (ROOT / "cases/fixture.toml").read_text(),
     "slopes.toml": 'name = "slopes"\n[measured]\nkxx_n_per_mm = 35.4\nkxx_sd_n_per_mm = 0.18\n',
     "points.csv": "stress_mpa, cycles\n300, 1e5\n200, 1e6\n150, 1e7\n",
@@ -80,7 +77,6 @@ WRITTEN: list[tuple[str, str, list[Any], tuple[str, ...], tuple[str, ...]]] = [
     ("large", "output", ["s.toml"], ("s-large.pdf", "s-large.json"), STAGE),
     ("reach", "output", ["s.toml"], ("s-reach.json",), STAGE),
     ("converge", "output", ["s.toml"], ("s-convergence.png",), STAGE),
-    ("claims", "output", ["claims.toml"], ("claims.json", "claims.md"), ("claims.toml", *OWN)),
     ("plot", "output", ["design.json"], ("design.png", "design-front.pdf"), ("design.json", *OWN)),
     ("design", "output", ["w.toml"], ("w-stage.toml", "w-design.json", "w-design.pdf"), ("w.toml", *STAGE)),
     ("formulas", "output", [], ("hinge-chart.png", "hinge-thickness.pdf"), OWN),
@@ -144,7 +140,6 @@ def test_no_command_writes_over_a_file_that_it_has_read(
         for step in (["run", "--workers", 1], ["collect"]):
             assert flexfem("study", *step, "study.toml", "-o", "done")[0] == 0
         shutil.copytree("done", "out")
-    monkeypatch.setattr("flexfem.reports.verification.claims", claims)
     for number, source in enumerate(read):
         name = names[number % len(names)]
         target = Path("out", name)
@@ -173,13 +168,6 @@ def test_a_file_is_not_replaced_under_its_own_name_and_an_output_is(name, inputs
     assert err == f"flexfem: {name}: is read for what is to be written, expected another file\n"
     for _ in range(2):  # its own output it may replace
         assert flexfem(word, "s.toml", *others, Path(f"other{name[1:]}").absolute())[0] == 0
-
-
-def claims(path, say):
-    """Those that are accepted, which take minutes."""
-    assert Path(path).read_text()
-    accepted = json.loads((ROOT / "tests/baselines/claims.json").read_text())["record"]["claims"]
-    return ClaimsReport.model_validate(accepted)
 
 
 def contents(folder):

@@ -77,23 +77,6 @@ def test_blocks_of_any_height_are_on_the_chart() -> None:
     np.testing.assert_allclose(grown, 4 / np.pi * np.log(1e6), rtol=2e-3)  # two half-planes under a force
 
 
-def test_the_chart_is_one_curve_where_its_parts_meet() -> None:
-    ratios = np.geomspace(*RATIOS, 40)
-    low, high = (np.array(hinge_chart().factors(ratios, height)) for height in (3.0, 3.0 + 1e-7))
-    np.testing.assert_allclose(high, low, rtol=3e-6)
-    for height in (2.1, 3.0):  # up to there numbers are what they were before the second part was made
-        own = hinge_chart().low.at(ratios, np.full(40, height))
-        assert np.array_equal(np.array(hinge_chart().factors(ratios, height)), own)
-    assert not np.array_equal(high, low)
-
-
-def test_poissons_ratio_acts_on_shear_by_the_height_of_the_blocks() -> None:
-    t, high = 0.41, 7.3
-    stiff, soft = (CALIBRATED.compliance(R, t, B, E, nu, high) for nu in (0.0, NU))
-    assert (stiff.rotation, stiff.axial) == (soft.rotation, soft.axial)
-    assert soft.shear - stiff.shear == pytest.approx(2 * 1.2 * NU * 2 * R / (E * B * high), rel=1e-12)
-
-
 @pytest.mark.parametrize(("tau", "height"), [(0.0199, 1.5), (1.21, 50), (0.3, 0.99), (0.3, np.inf), (np.nan, 1.5)])
 def test_beyond_the_chart_there_is_nothing(tau: float, height: float) -> None:
     t = np.array([0.3, tau]) * R

@@ -36,17 +36,6 @@ def test_hinges_of_chain_one_in_closed_form() -> None:
     np.testing.assert_allclose(frames(LENGTHS, ANGLES).centres[0], expected, rtol=0, atol=ROUND_OFF)
 
 
-def test_bends_between_links_are_the_joint_angles_and_their_sum_the_platform_angle() -> None:
-    centres = np.concatenate([frames(LENGTHS, ANGLES).centres, np.zeros((3, 1, 2))], axis=1)
-    links = np.diff(centres, axis=1)
-    headings = np.arctan2(links[..., 1], links[..., 0])
-    for chain in range(3):
-        bends = np.diff(np.concatenate([[chain * CHAIN_TURN], headings[chain]]))
-        np.testing.assert_allclose(np.exp(1j * bends), np.exp(1j * ANGLES), rtol=0, atol=ROUND_OFF)
-        platform = np.sum(ANGLES) + chain * CHAIN_TURN  # (21)
-        assert abs(np.exp(1j * headings[chain, 2]) - np.exp(1j * platform)) < ROUND_OFF
-
-
 @pytest.mark.parametrize("chain", [1, 2])
 def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
     given = np.tile(SLANTED[0], (3, 1))  # the file gives an axis once, in the frame of chain 1
@@ -55,12 +44,6 @@ def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
     np.testing.assert_allclose(
         direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, rtol=0, atol=ROUND_OFF
     )
-
-
-def test_a_given_axis_is_the_neck_up_to_its_arrow() -> None:
-    axes = np.where(np.isnan(SLANTED), 0.3, SLANTED)
-    found = frames(LENGTHS, ANGLES, axes).axes - CHAIN_TURN * np.arange(3)[:, None]
-    np.testing.assert_allclose(np.sin(found - axes), 0.0, atol=ROUND_OFF)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flexfem.mechanism.bodies import Segment, area, polyline, reverse
+from flexfem.mechanism.bodies import Segment, area, polyline
 
 ROUND_OFF = 1e-12  # relative; sums of a dozen products of numbers near one
 PLACE = 3.7 - 11.3j  # shapes away from the origin, so that no term of Green's theorem vanishes by luck
@@ -72,10 +72,3 @@ def test_area_and_perimeter_of_known_shapes(name: str) -> None:
     loop, expected_area, expected_length = SHAPES[name]
     assert area(loop) == pytest.approx(expected_area, rel=1e-11)  # of |PLACE| length products cancel: ten times worse
     assert sum(segment.length for segment in loop) == pytest.approx(expected_length, rel=ROUND_OFF)
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_area_keeps_when_turned_and_changes_sign_when_walked_back(name: str) -> None:
-    loop, expected, _ = SHAPES[name]
-    assert area([segment.turned(0.71) for segment in loop]) == pytest.approx(expected, rel=1e-11)
-    assert area(reverse(loop)) == pytest.approx(-expected, rel=1e-11)

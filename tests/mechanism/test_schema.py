@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import tomllib
 from collections.abc import Iterator
@@ -26,7 +25,6 @@ from flexfem.mechanism.stage import (
     Stage,
     load_stage,
 )
-from flexfem.mechanism.stage_file import scopes_of
 from flexfem.refused import BadInput
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
@@ -297,11 +295,6 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     assert refused(tmp_path / "none.toml") == f"{tmp_path}/none.toml: no such file"
 
 
-def test_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.toml")
-    assert "a pipe, socket or device" in refused(tmp_path / "pipe.toml")
-
-
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null"])
 def test_a_device_is_refused(device: str) -> None:
     assert "a pipe, socket or device" in refused(device)
@@ -421,11 +414,6 @@ def test_the_line_of_a_key_is_where_it_stands(scratch: Path, document: tuple[str
     assert {path: lines.line(path) for path in truth} == truth
 
 
-def test_line_endings_of_windows_count_once(scratch: Path) -> None:
-    scratch.write_bytes(edited("0.53", "-0.1").replace("\n", "\r\n").encode())
-    assert ", line 18: hinges.base.neck_mm" in refused(scratch)
-
-
 # --- what a stage means --------------------------------------------------------------------------------------------
 
 
@@ -463,14 +451,6 @@ def test_an_override_changes_its_hinge_and_no_other(tmp_path: Path) -> None:
     assert changed.array("neck").tolist() == [[0.53, 0.47, 0.51], [0.53, 0.52, 0.51], [0.53, 0.47, 0.51]]
     assert plain.chains_alike
     assert not changed.chains_alike
-
-
-def test_an_override_can_free_and_lock_the_axial_motion(tmp_path: Path) -> None:
-    free = stage(VALID + ELBOW + "prismatic = true\n", tmp_path / "x.toml")
-    locked = stage(VALID + ELBOW.replace("elbow", "base") + "prismatic = false\n", tmp_path / "x.toml")
-    assert (stage(VALID, tmp_path / "x.toml").mobility, free.mobility, locked.mobility) == (6, 7, 5)
-    assert free.array("prismatic").tolist() == [[True, False, False], [True, True, False], [True, False, False]]
-    assert locked.array("prismatic").dtype == np.bool_
 
 
 SAME = {
@@ -573,16 +553,6 @@ def test_a_shipped_stage_says_where_every_number_comes_from(path: Path) -> None:
     assert [key for key in numbers if not shipped.sources[key]] == []
 
 
-def test_the_two_reference_stages_differ_in_the_base_hinge_alone() -> None:
-    six, three = (load_stage(SHIPPED[0].parent / f"mobility{n}.toml") for n in (6, 3))
-    assert (six.mobility, three.mobility) == (6, 3)
-    assert six.chains_alike
-    assert three.chains_alike
-    assert set(three.array("radius").flat) == {1.5}
-    base = six.hinges.model_copy(update={"base": three.hinges.base})
-    assert six.model_copy(update={"hinges": base}).hash == three.hash
-
-
 def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
     """nu = 1/4: E / (1 - nu^2) = 16/15 E, nu / (1 - nu) = 1/3; the stress across is nu times the sum of those in it."""
     found = elastic("plane_strain", 60.0, 0.25)
@@ -590,12 +560,3 @@ def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
     for model in ("plane_stress", "corrected"):
         assert elastic(model, 60.0, 0.25) == (60.0, 0.25) and out_of_plane(model, 0.25) == 0.0
     assert out_of_plane("plane_strain", 0.25) == 0.25
-
-
-def test_numbers_in_doubt_are_counted_by_what_they_are_of():
-    keys = ["stage: thickness_mm", "hinges.base.neck_mm", "override.2.actuator.base.preload_n", "actuator.base.arm_mm"]
-    keys += ["frame.expansion_um_per_m_k", "material.expansion_um_per_m_k", "case: points", "measured: pole.height_mm"]
-    assert scopes_of(keys) == (
-        "2 of geometry and material, 2 of the drive, 2 of expansion, 1 of the case, 1 of the measurements"
-    )
-    assert scopes_of([]) == ""

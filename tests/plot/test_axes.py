@@ -18,12 +18,11 @@ from flexfem.plot.study_labels import Caption, Quantity
 from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
+from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.reports.modes import reduced
 from flexfem.study.statistics import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
-from flexfem.verify.fixture import Measurement
 from flexfem.verify.hinges import hinge_review, thickness_review
-from flexfem.verify.measured import MeasuredSlopes
 
 from ..conftest import annular_vibration
 
@@ -50,7 +49,7 @@ def front() -> ParetoFront:
 
 @cache
 def pushed() -> Any:
-    return flexfem.experiment(flexfem.load(STAGE), FIXTURE, resolution=None)
+    return flexfem.experiment(flexfem.load(STAGE), FIXTURE, models="analytic")
 
 
 @cache

@@ -9,29 +9,24 @@ import shutil
 import numpy as np
 import pytest
 
-from flexfem.page.stored_claims import read_claims
 from flexfem.refused import BadInput
 from flexfem.synthesis.stored import read_design
-from flexfem.verdicts.records import ClaimsReport
 from flexfem.verify.result import write_record
 from flexfem.verify.result_files import read_fields, read_result, write_result
 
-from ..conftest import ROOT
 from ..synthesis.recorded import recorded
 from .conftest import fields, result
 
 ERRORS = {"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}
-READ = {"verification": read_result, "design": read_design, "claims": read_claims}
+READ = {"verification": read_result, "design": read_design}
 
 
 @pytest.fixture
 def stored(tmp_path):
     """A file of every kind of answer that is read again."""
-    accepted = json.loads((ROOT / "tests/baselines/claims.json").read_text())["record"]["claims"]
     return {
         "verification": write_result(result(ERRORS), {label: fields() for label in ERRORS}, tmp_path),
         "design": write_record(recorded(), tmp_path / "design.json"),
-        "claims": write_record(ClaimsReport.model_validate(accepted), tmp_path / "claims.json"),
     }
 
 
@@ -67,7 +62,7 @@ def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem
         path.write_text(json.dumps(data))
         with pytest.raises(BadInput, match=r"json: changed since it was stored, .* flexfem \w+ makes it again$"):
             READ[kind](path)
-    for command in (["report", path, "-o", page], *([["plot", path, "-o", tmp_path / "none"]] * (kind != "claims"))):
+    for command in (["report", path, "-o", page], ["plot", path, "-o", tmp_path / "none"]):
         code, out, err = flexfem(*command)
         assert (code, out, err.count("\n")) == (2, "", 1) and f"{path.name}: changed since it was stored" in err
     assert not page.exists() and not (tmp_path / "none").exists()

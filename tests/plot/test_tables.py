@@ -9,11 +9,6 @@ import numpy as np
 import pytest
 
 from flexfem.commands import comparisons, tables
-from flexfem.commands.study import print_status
-from flexfem.plot.text import markdown_report
-from flexfem.verdicts.page import markdown_claims
-from flexfem.verdicts.records import ClaimsReport, Verdict
-from flexfem.verify.alternatives import Alternative, markdown_alternatives
 from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.result import Triple
 from flexfem.verify.solid_report import SolidReport
@@ -190,96 +185,3 @@ def test_the_budget_has_what_three_dimensions_change_along_each_command(cells, m
     at = rows.index(["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"])
     assert rows[at + 1] == ["outside it: three dimensions", "-10.673 ± 0.121", "+5.217 ± 0.234", "-7.461 ± 0.345"]
     assert rows[at + 2] == ["total in three dimensions", "1.418 ± 0.134", "14.405 ± 0.361", "2.016 ± 0.590"]
-
-
-def test_verdicts_and_alternatives_are_printed_along_and_across(cells):
-    verdict = Verdict(
-        id="a",
-        statement="it is",
-        where="p. 3",
-        reading=None,
-        verdict="does not hold",
-        found="12 %",
-        values=[],
-        missing=None,
-    )
-    other = Alternative(name="another mesh", mobility=3, along=ALONG, across=ACROSS)
-    report = ClaimsReport(name="", file="", verdicts=[verdict], alternatives=[other], versions={}, **DOUBTS)
-    rows = cells(comparisons.print_claims, report)
-    assert rows[:2] == [["does not hold: it is (p. 3)"], ["12 %"]]
-    at = rows.index(["alternative", "model", "X", "Y", "theta"])
-    assert rows[at + 1] == ["another mesh", "mobility 3", "14.071, 0.125", "13.500, 0.375", "-12.250, 0.875"]
-    page = markdown_alternatives([other]).splitlines()
-    assert page[0] == "| alternative | model | X along | across | Y along | across | theta along | across |"
-    assert page[2] == "| another mesh | 3 | 14.071 | 0.125 | 13.500 | 0.375 | -12.250 | 0.875 |"
-    page = markdown_claims([verdict.model_copy(update={"reading": "so"})]).splitlines()
-    assert page[0] == "| claim | where | verdict | found |"
-    assert page[2] == "| it is *Read as: so.* | p. 3 | **does not hold** | 12 % |"
-
-
-def test_the_counts_of_a_study_are_in_their_places(cells):
-    facts = {"name": "S", "designs": 12_345, "open": 11, "done": 12_334, "ok": 12_311, "refused": 7, "failed": 16}
-    facts |= {"reasons": {"refused": {"too near": 4, "no room": 3}}, "parts": 97, "folder": "there", "damaged": []}
-    facts |= {"under_way": 5}
-    facts |= {"foreign": [], "stale": [], "assumed": [], "not_stated": [], "warnings": [], "stress_accuracy": "off"}
-    rows = cells(print_status, facts)
-    assert rows[0] == ["S: 12,345 designs, 11 open"]
-    assert rows[1] == ["done 12,334: 12,311 ok, 7 refused, 16 failed"]
-    assert ["4 refused: too near"] in rows and ["97 parts in there"] in rows and ["stress: off"] in rows
-
-
-def test_every_cell_of_the_page_is_its_own_number(made):
-    other = made.model(
-        stage="b",
-        hash="fedcba9876543210" * 4,
-        plane="plane_strain",
-        mobility=3,
-        formula="koster",
-        formula_in_range=False,
-        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
-        resolution=7,
-        triangles=777,
-        unknowns=888,
-    )
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    models = {"one": made.model(), "two": other}
-    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
-    bands = found.uncertainty["two"]
-    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
-    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
-    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
-    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
-
-    def below(head):
-        at = page.index(head)
-        return page[at + 2 : page.index("", at)]
-
-    assert below("| case | command | curve | X | Y | θ |") == [
-        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
-        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
-    ]
-    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
-        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
-        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
-    ]
-    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
-    assert below(head) == [
-        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
-        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
-    ]
-    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
-    rows = below(head)
-    assert rows[:3] == [
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
-    ]
-    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
-    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
-    assert below(head) == [
-        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
-        "| b | fedcba987654 | 7 | 777 | 888 |",
-    ]
-    text = "\n".join(page)
-    assert "first multiplied by l₃ (21 mm)" in text and "- `thickness_mm`: assumed (fig)" in text
-    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text

@@ -112,11 +112,6 @@ def test_units_are_spelled_in_one_place() -> None:
         "commands/tables",
         "commands/comparisons",
         "questions/warnings",
-        "verdicts/measures",
-        "verdicts/second_order",
-        "verdicts/shares",
-        "verify/alternatives",
-        "verify/other_stages",
         "commands/baseline/rules",
         "study/findings",
     )

@@ -17,7 +17,6 @@ from flexfem.reference.formats import FORMATS
 from flexfem.reference.schemas import schema_of
 from flexfem.refused import BadInput
 from flexfem.synthesis.requirements import load_requirements
-from flexfem.verdicts.claims import load_claims
 from flexfem.verify.case import LoadedCase
 
 ROOT = Path(__file__).parents[2]
@@ -109,9 +108,6 @@ def contents_of(name):
         curve["stage"] = STAGE
     turning = {key: value for key, value in case.items() if key != "amplitude_um"}
     solid = {"model": "three_dimensional", "layers": 3, "resolution": 4}
-    claims = read("cases/claims.toml")
-    claims["stages"] = {"three": str(ROOT / "geometry/mobility3.toml"), "six": STAGE}
-    claims["ensemble"]["factor"] = whole_studies()[0]["factor"]
     wanted = read("cases/design-range.toml") | {
         "stage": STAGE, "accuracy_percent": 0.1, "resolution": 8, "front": 5, "mobility": 21,
         "drive": {"actuators": True, "stroke_um": 17.0, "lever_arm_mm": 10.0},
@@ -141,7 +137,6 @@ def contents_of(name):
         "case": [case, turning | {"direction": "theta", "amplitude_mrad": 1.0}, case | solid],
         "study": whole_studies(),
         "requirements": [wanted, lasting],
-        "claims": [claims],
         "fixture": [fixture, springs],
         "measured": [{"name": "day 1", "measured": measured}],
         "material": [{"mine": metal}],
@@ -194,7 +189,7 @@ def asks(name, path, folder, flexfem):
         yield code, err
     else:
         reader = {
-            "case": LoadedCase, "requirements": load_requirements, "claims": load_claims,
+            "case": LoadedCase, "requirements": load_requirements,
             "stack": lambda path: validate(Catalogue, path),
         }[name]  # fmt: skip
         try:
@@ -236,4 +231,4 @@ def test_no_number_of_any_file_ends_in_a_traceback_or_in_what_a_library_says(nam
                         if not abs(extreme) <= 1e300 and key_of(place) not in COMPARED:
                             assert code == 2 and key_of(place) in err, said
     unseen = numeric_keys(schema_of(name)) - {kind[-1] for kind in seen}
-    assert unseen == ({"points"} if name == "claims" else set())  # which no factor of an ensemble may have
+    assert unseen == set()

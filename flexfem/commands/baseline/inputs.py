@@ -18,15 +18,13 @@ from flexfem.files.toml import read_toml, validate
 from flexfem.mechanism.stage import load_stage
 from flexfem.mechanism.stage_file import of_drive, of_heat
 from flexfem.refused import BadInput
-from flexfem.verdicts.claims import Claims
 from flexfem.verify.case import Case
 
-Kind: TypeAlias = Literal["case", "claims", "study", "stage", "chart"]
+Kind: TypeAlias = Literal["case", "study", "stage", "chart"]
 Keys: TypeAlias = dict[str, Leaf]
-TELLTALE: dict[str, Kind] = {"curve": "case", "claim": "claims", "sampling": "study", "chain": "stage"}
+TELLTALE: dict[str, Kind] = {"curve": "case", "sampling": "study", "chain": "stage"}
 MODELS: dict[Kind, Callable[[Path], BaseModel]] = {
     "case": lambda path: validate(Case, path),
-    "claims": lambda path: validate(Claims, path),
     "stage": load_stage,
 }
 DATA = Path(__file__).parents[2] / "data"  # the charts that the analytic model reads
@@ -53,7 +51,7 @@ def kind_of(path: Path) -> Kind:
     for key, kind in TELLTALE.items():
         if key in data:
             return kind
-    raise BadInput(f"{path}: expected a stage, a case, a file of claims, a study, or a chart of flexfem itself")
+    raise BadInput(f"{path}: expected a stage, a case, a study, or a chart of flexfem itself")
 
 
 def keys_of(path: Path) -> Keys:

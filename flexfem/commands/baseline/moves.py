@@ -21,8 +21,6 @@ JOINTS = 1e-11  # least `Gate.zero` with joints commanded: their zeros were 1e-1
 NOT_COMPARED = (("*", "versions", "**"), ("*", "written"), ("*", "seconds"))  # what made a record, and when
 UNORDERED = ("assumed", "not_stated")  # lists of keys
 SENTENCES = (  # their numbers are rounded
-    ("claims", "verdicts", "#", "found"),
-    ("claims", "verdicts", "#", "ensemble"),
     ("*", "warnings", "#"),
     ("*", "*", "warnings", "#"),
 )

@@ -26,8 +26,6 @@ from flexfem.files.keypath import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import levels
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verdicts.claims import load_claims
-from flexfem.verdicts.verdict import report_claims
 from flexfem.verify import answers, budget, hinges, imposed
 from flexfem.verify.case import Curve, LoadedCase
 from flexfem.verify.converge import converge
@@ -65,7 +63,7 @@ def settings(kind: Kind) -> dict[str, Leaf]:
         "budget": {"amplitudes": budget.AMPLITUDES, "resolution": RESOLUTION},
     }
     of_case = {"committed": {"resolution": COARSE}}
-    found = {"stage": of_stage, "case": of_case, "claims": {"resolution": RESOLUTION}}.get(kind, {})
+    found = {"stage": of_stage, "case": of_case}.get(kind, {})
     return {key_path(path): value for path, value in leaves(found).items()}
 
 
@@ -153,11 +151,6 @@ def _imposed(loaded: LoadedCase, curve: Curve, folder: Path) -> dict[str, Any]:
     return {"model": {"given": given.given.tolist()}, "percent": percent.tolist()}
 
 
-def _of_claims(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
-    load_claims(path)
-    return {"claims": lambda: report_claims(path, solve).model_copy(update={"file": path.name})}
-
-
 def _of_chart(path: Path, folder: Path, solve: Solve) -> dict[str, Section]:
     """What the analytic model reads from a chart of flexfem itself."""
     if path.stem == "thickness_chart":
@@ -228,7 +221,6 @@ def _or_refused(make: Section) -> Any:
 _SECTIONS: dict[Kind, Callable[[Path, Path, Solve], dict[str, Section]]] = {
     "stage": _of_stage,
     "case": _of_case,
-    "claims": _of_claims,
     "study": _of_study,
     "chart": _of_chart,
 }

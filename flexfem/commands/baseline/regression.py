@@ -69,7 +69,7 @@ def baseline(
 
     Parameters
     ----------
-    files : stages, cases, claims, studies.   reason : why numbers may move; kept in the history of each.
+    files : stages, cases, studies.   reason : why numbers may move; kept in the history of each.
     baselines : folder of the baselines, by default `baselines` beside each file.
     each : goes through the files with their folders, for progress.
 

@@ -174,13 +174,6 @@ RULES = _rules(
     ("converge unknowns #", MESH_SIZE, NUMBER),
     ("converge compliance # # #", COARSER, COMPLIANCE),
     *_uncertainty("converge uncertainty *", NUMBER),
-    # claims
-    ("claims verdicts # values #", FRESH, PERCENT),
-    ("claims verdicts # shares # *", SOLVED, NUMBER),
-    ("claims verdicts # shares # reference #", FRESH, PERCENT),
-    ("claims ensemble metal_off", FRESH, PERCENT),
-    ("claims alternatives # along *", UNLIKE, PERCENT),
-    ("claims alternatives # across *", UNLIKE, PERCENT),
     # studies: the collected table and what the figures show
     *((f"analytic table k{axes}_* #", EXACT, COUPLED) for axes in ("xy", "xt", "yt")),
     *((f"* table k{axes}_* #", COARSER, COUPLED) for axes in ("xy", "xt", "yt")),

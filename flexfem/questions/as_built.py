@@ -1,10 +1,9 @@
-"""`flexfem stiffness --necks`: the stiffness of a stage as it was made, from its nine measured necks."""
+"""The stiffness of a stage as it was made, from its nine measured necks."""
 
 from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
@@ -12,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse, at_rest, hinge_compliances
+from flexfem.analytic.model import AnalyticResult, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced, doubts
@@ -20,12 +19,15 @@ from flexfem.files.refusals import checked_path, one_line, place_of, problem_of,
 from flexfem.files.toml import Table, read_text, read_toml, validate
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.dimensioned import converted
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
 from flexfem.questions import warnings as warning
+from flexfem.questions.setup import DEFAULT, Analytic, about
+from flexfem.questions.stiffness import OWN_STIFFNESS, STIFFNESSES
 from flexfem.refused import BadInput
+from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
-from flexfem.verify.result import Matrix, OfStage, about
 
 DRAWS, SEED = 4000, 2003
 QUANTILES = (0.025, 0.975)
@@ -82,26 +84,20 @@ class Necks(Sourced):
         return np.array([[found[chain, name] for name in HINGE_NAMES] for chain in CHAINS])
 
 
-class AsBuilt(OfStage):
-    """Stiffness (3, 3) of a stage as drawn and with its measured necks, N, mm, rad.
+class AsBuilt(Result):
+    """Stiffness of a stage with its nine measured necks, and its scatter by that of the measurement."""
 
-    necks, sd : (3 chains, 3 hinges), mm.   spread, low, high : (3,), standard deviation and 95 % interval of the
-    diagonal over `draws` stages whose necks are scattered by `sd`.   deviation : (3,), of the diagonal from the drawn
-    stage's, per cent.   unanswered : draws without an answer, which are left out.
-    """
-
-    name: str
-    model: str
-    necks: Matrix
-    sd: Matrix
-    drawn: Matrix
-    stiffness: Matrix
-    deviation: list[float]
-    spread: list[float]
-    low: list[float]
-    high: list[float]
-    draws: int
-    unanswered: int
+    title = "stage as built"
+    columns = ("component",)
+    stiffness = Quantity("stiffness as built", STIFFNESSES, ("direction", "component"), EXACT, "matrix")
+    drawn = Quantity("stiffness as drawn", STIFFNESSES, ("direction", "component"), EXACT, "matrix", shown=False)
+    deviation = Quantity("deviation from the drawing", "percent", ("direction",))
+    spread = Quantity("standard deviation", OWN_STIFFNESS, ("direction",), SOLVED)
+    low = Quantity("95 % of stages from", OWN_STIFFNESS, ("direction",), SOLVED)
+    high = Quantity("to", OWN_STIFFNESS, ("direction",), SOLVED)
+    necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
+    sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
+    unanswered = Quantity("draws without an answer", shown=False)
 
 
 class _Rows(NamedTuple):
@@ -176,37 +172,62 @@ def _of_rows(path: Path, rows: _Rows) -> Necks:
         raise BadInput(one_line(f"{place}: {said}")) from None
 
 
-def as_built(chosen: ModelChoice, necks: Necks, warnings: Sequence[str] = ()) -> AsBuilt:
-    """The stiffness that measured necks give, with its scatter, by an analytic model; `warnings` on its choice.
+def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
+    """Stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
 
-    Raises BadInput, also when a stage with these necks cannot be made, ComputationFailed.
+    Parameters
+    ----------
+    stage : Stage
+        The stage as drawn.
+    necks : path
+        CSV file with columns chain, hinge, neck_um and, if known, sd_um; or TOML with these in [[neck]].
+    analytic : Analytic
+        The analytic model.
+
+    Returns
+    -------
+    AsBuilt
+
+    Raises
+    ------
+    BadInput
+        The file cannot be used, or a stage with these necks cannot be made.
+    ComputationFailed
+        The stage is at a singular configuration.
     """
-    stage = chosen.stage
-    measured, sd = necks.array("neck"), necks.array("sd")
+    check_feasible(stage)
+    warnings = list[str]()
+    given = read_necks(necks, stage)
+    chosen = analytic.chosen(stage, warnings)
+    measured, sd = given.array("neck"), given.array("sd")
     changes = {
         (chain, name): {"neck": measured[chain - 1, k]} for chain in CHAINS for k, name in enumerate(HINGE_NAMES)
     }
-    made = stage.replace(override=changes)
-    drawn, found = (analyse(*chosen._replace(stage=each)) for each in (stage, made))
+    made = chosen.stage.replace(override=changes)
+    drawn, found = (analyse(*chosen._replace(stage=each)) for each in (chosen.stage, made))
     scattered = _scattered(made, found, sd)
     answered = scattered[np.all(np.isfinite(scattered), axis=1)]
     low, high = np.quantile(answered, QUANTILES, axis=0)
-    before, after = np.diag(drawn.stiffness), np.diag(found.stiffness)
+    said = doubts([("", stage), ("necks: ", given)])
+    known = f"each known to {MICROMETRE.factor * np.max(sd):.3g} um (standard deviation) or better; {DRAWS} draws"
+    left_out = DRAWS - len(answered)
+    notes = [known if np.any(sd) else "no standard deviation is given: no scatter is known"]
     return AsBuilt(
-        **about(stage) | doubts([("", stage), ("necks: ", necks)])._asdict(),
-        name=stage.name,
-        model=found.name,
-        necks=measured.tolist(),
-        sd=sd.tolist(),
-        drawn=drawn.stiffness.tolist(),
-        stiffness=found.stiffness.tolist(),
-        deviation=(100 * (after / before - 1)).tolist(),
-        spread=np.std(answered, axis=0, ddof=1).tolist(),
-        low=low.tolist(),
-        high=high.tolist(),
-        draws=DRAWS,
-        unanswered=DRAWS - len(answered),
+        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        {
+            "stiffness": found.stiffness,
+            "drawn": drawn.stiffness,
+            "deviation": 100 * (np.diag(found.stiffness) / np.diag(drawn.stiffness) - 1),
+            "spread": np.std(answered, axis=0, ddof=1),
+            "low": low,
+            "high": high,
+            "necks": measured,
+            "sd": sd,
+            "unanswered": left_out,
+        },
+        settings={"analytic model": found.name},
         warnings=[*warnings, *warning.of_result(made, found)],
+        notes=notes + ([f"{left_out} draws have no answer and are left out"] if left_out else []),
     )
 
 

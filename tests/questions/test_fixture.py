@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.files.provenance import numeric_key_paths
+from flexfem.questions.fixture import Fixture, Measurement, read_fixture, read_measured
 from flexfem.refused import BadInput
-from flexfem.verify.fixture import Fixture, Measurement, read_fixture, read_measured
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "cases" / "fixture.toml"

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.questions import identify as module
+from flexfem.questions.fixture import (
+    MeasuredSlopes,
+    Measurement,
+    pole_share,
+    pushes_of,
+    read_compliance,
+    read_fixture,
+)
+from flexfem.questions.identify import fit, identify, interval
 from flexfem.refused import BadInput
-from flexfem.verify import identify as module
-from flexfem.verify.fixture import Measurement, read_fixture
-from flexfem.verify.identify import identify
-from flexfem.verify.measured import MeasuredSlopes
-from flexfem.verify.pushes import pole_share, pushes_of, read_compliance
-from flexfem.verify.slope_fit import fit, interval
 
 ROOT = Path(__file__).parents[2]
 FIXTURE = read_fixture(ROOT / "cases" / "fixture.toml")
@@ -57,13 +61,13 @@ def measured(slopes, share=0.005, axes=(0, 1, 2)):
 def test_exact_slopes_give_the_offset_and_the_pole_they_were_made_with(stage):
     """Necks 10 um too thin and a pole four times as soft; of other chains too, where X and Y differ."""
     found = identify(stage(), measured(made(stage(), -0.010, 4.0)))
-    assert found.offset.value == pytest.approx(-0.010, abs=2e-6)
-    assert found.fixture["pole"].value == pytest.approx(4.0, rel=1e-4)
-    assert found.offset.low < -0.010 < found.offset.high and found.fixture["pole"].low < 4 < found.fixture["pole"].high
-    assert found.chi_square < 1e-6 and found.dof == 1 and found.told_apart
-    assert found.stiffness["theta"] == pytest.approx(796514.57 / 4, rel=1e-3)
+    assert found.offset == pytest.approx(-0.010, abs=2e-6)
+    assert found.fixture[0] == pytest.approx(4.0, rel=1e-4)
+    assert found.offset_low < -0.010 < found.offset_high and found.fixture_low[0] < 4 < found.fixture_high[0]
+    assert found.chi_square < 1e-6 and found.dof == 1 and found.distinct
+    assert found.stiffness[2] == pytest.approx(796514.57 / 4, rel=1e-3)
     assert "Both are needed" in found.finding
-    assert found.nominal["x"] > found.fitted["x"] == pytest.approx(found.measured["x"])
+    assert found.slope[0, 1] > found.slope[0, 2] == pytest.approx(found.slope[0, 0])
 
 
 def held(seeds):
@@ -97,29 +101,28 @@ def test_the_width_of_an_interval_is_that_of_the_normal_distribution_where_it_is
     steps = np.array([[made(reference(), -0.010 + d, 4.0 + e) for d, e in ((1e-5, 0), (0, 1e-3))]])[0]
     J = ((steps - slopes) / [[1e-5], [1e-3]]).T / (1e-5 * slopes[:, None])
     sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
-    assert found.offset.high - found.offset.low == pytest.approx(2 * 1.96 * sd[0], rel=0.01)
-    pole = found.fixture["pole"]
-    assert pole.high - pole.low == pytest.approx(2 * 1.96 * sd[1], rel=0.01)
+    assert found.offset_high - found.offset_low == pytest.approx(2 * 1.96 * sd[0], rel=0.01)
+    assert found.fixture_high[0] - found.fixture_low[0] == pytest.approx(2 * 1.96 * sd[1], rel=0.01)
 
 
 @pytest.mark.parametrize("axes", [(0,), (2,), (0, 1)])
 def test_one_direction_alone_cannot_tell_necks_from_fixture(axes):
     """Nor can two that are alike by symmetry."""
     found = identify(reference(), measured(made(reference(), -0.010, 4.0), axes=axes))
-    assert not found.told_apart and found.finding.startswith("These data cannot tell them apart.")
-    assert found.condition is found.correlation is None
-    assert found.necks_alone.allowed and found.fixture_alone.allowed and not found.neither.allowed
-    assert found.offset.high is None and found.offset.low < -0.010
-    assert found.fixture["pole"].low == 0.0 and found.fixture["pole"].high is None
+    assert not found.distinct and found.finding.startswith("These data cannot tell them apart.")
+    assert np.isnan(found.condition) and np.isnan(found.correlation)
+    assert found.allowed[1] and found.allowed[2] and not found.allowed[0]
+    assert np.isinf(found.offset_high) and found.offset_low < -0.010
+    assert found.fixture_low[0] == 0.0 and np.isinf(found.fixture_high[0])
     assert found.dof == len(axes) - 1
 
 
 def test_x_and_theta_together_tell_them_apart():
     found = identify(reference(), measured(made(reference(), -0.010, 4.0), axes=(0, 2)))
-    assert found.told_apart and found.dof == 0 and found.offset.value == pytest.approx(-0.010, abs=1e-6)
-    assert not found.necks_alone.allowed and not found.fixture_alone.allowed
+    assert found.distinct and found.dof == 0 and found.offset == pytest.approx(-0.010, abs=1e-6)
+    assert not found.allowed[1] and not found.allowed[2]
     wide = identify(reference(), measured(made(reference(), -0.010, 4.0), 0.2, axes=(0, 2)))
-    assert not wide.told_apart and wide.neither.allowed and "The data need neither" in wide.finding
+    assert not wide.distinct and wide.allowed[0] and "The data need neither" in wide.finding
 
 
 @pytest.mark.parametrize(
@@ -128,20 +131,20 @@ def test_x_and_theta_together_tell_them_apart():
 )
 def test_one_cause_alone_is_named(offset, softer, said):
     found = identify(reference(), measured(made(reference(), offset, softer), 0.001))
-    assert said in found.finding and found.told_apart
-    assert found.necks_alone.allowed != found.fixture_alone.allowed
+    assert said in found.finding and found.distinct
+    assert found.allowed[1] != found.allowed[2]
 
 
 def test_two_springs_of_their_own_take_all_that_slopes_can_say():
     """Three unknowns, two of them in theta alone or in X and Y alone."""
     slopes = made(reference(), -0.010, 4.0)
     alone = Measurement(name="slopes", measured=measured(slopes).measured)
-    for found in (identify(reference(), alone), identify(reference(), measured(slopes), "springs")):
-        assert list(found.fixture) == ["translation", "rotation"] and found.unknown == "springs"
-        assert not found.told_apart and found.fixture_alone.allowed and not found.necks_alone.allowed
+    for found in (identify(reference(), alone), identify(reference(), measured(slopes), unknown="springs")):
+        assert found.axes["number"] == ("translation", "rotation")
+        assert not found.distinct and found.allowed[2] and not found.allowed[1]
         assert "A soft fixture alone agrees" in found.finding
-        x, rotation = found.fixture_alone.numbers[1:]
-        bare = 1 / np.array([found.nominal["x"], found.nominal["theta"]])
+        x, rotation = found.cause_fixture[2]
+        bare = 1 / np.array([found.slope[0, 1], found.slope[2, 1]])
         assert 1 / (x + bare[0]) == pytest.approx(slopes[0], rel=1e-4)
         assert 1 / (rotation + bare[1]) == pytest.approx(slopes[2], rel=1e-6)
 
@@ -151,12 +154,12 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
     slopes = made(reference(), 0.0, 1.0) * [1.05, 0.95, 1.0]
     found = identify(reference(), measured(slopes))
     assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 100
-    assert not found.told_apart
+    assert not found.distinct
 
 
 def test_a_difference_between_alike_directions_is_no_ground_to_stand_on():
     """X and Y of unlike chains differ in how they depend on necks, a little; two springs take all else."""
-    found = identify(unlike(), measured(made(unlike(), -0.010, 4.0)), "springs")
+    found = identify(unlike(), measured(made(unlike(), -0.010, 4.0)), unknown="springs")
     assert abs(found.correlation) > 0.98 and any(
         "small differences between the directions" in w for w in found.warnings
     )
@@ -173,14 +176,14 @@ def test_what_has_no_interval_is_refused():
         update={"lvdt": FIXTURE.lvdt.model_copy(update={"at": "platform"})}
     )
     with pytest.raises(BadInput, match="no pole is in these readings"):
-        identify(reference(), ground, "pole")
-    assert identify(reference(), ground).unknown == "springs"
+        identify(reference(), ground, unknown="pole")
+    assert identify(reference(), ground).axes["number"][0] == "translation"
 
 
 def test_necks_that_are_on_no_chart_are_fitted_by_another_formula():
     thin = reference().replace(neck={"base": 0.05})
     found = identify(thin, measured(made(reference(), 0.0, 1.0)))
-    assert found.model == "paros-weisbord, elastic links, plane stress"
+    assert found.settings["analytic model"] == "paros-weisbord, elastic links, plane stress"
     assert any("not on the hinge chart" in text for text in found.warnings)
 
 
@@ -189,9 +192,9 @@ def test_confidence_and_dropped_numbers_set_what_a_cause_alone_is_allowed():
     slopes, factor = made(reference(), 0.0, 0.0), 1 - 0.0113  # rigid pole; 2.3 standard deviations of theta
     one = measured(slopes * np.array([1.0, 1.0, factor]), axes=(0, 2))
     wide, narrow = identify(reference(), one), identify(reference(), one, confidence=90.0)
-    assert 4.605 < wide.neither.chi_square - wide.chi_square < 5.991
-    assert wide.neither.allowed and not narrow.neither.allowed
-    assert (wide.region.limit, narrow.region.limit) == (
+    assert 4.605 < wide.cause_chi_square[0] - wide.chi_square < 5.991
+    assert wide.allowed[0] and not narrow.allowed[0]
+    assert (wide.region_limit, narrow.region_limit) == (
         pytest.approx(5.9915, rel=1e-4),
         pytest.approx(4.6052, rel=1e-4),
     )

@@ -7,8 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.verify.fixture import Bar, Fixture, ForceSensor, Lvdt, Pole, Pusher, Run
-from flexfem.verify.pushes import (
+from flexfem.questions.fixture import (
+    Bar,
+    Fixture,
+    ForceSensor,
+    Lvdt,
+    Pole,
+    Pusher,
+    Run,
     bar_deflection,
     bar_share,
     force_of,

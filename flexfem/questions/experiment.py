@@ -1,0 +1,339 @@
+"""The stiffness experiment of Section VI as it would go on a stage: readings, slopes with intervals, and Table II."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
+from flexfem.arrays import Array, inverse
+from flexfem.fem.cyclic import CyclicResponse
+from flexfem.files.provenance import doubts
+from flexfem.files.refusals import checked_path
+from flexfem.hinges import formulas
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.fixture import (
+    Fixture,
+    Measurement,
+    Pushes,
+    Slopes,
+    bar_share,
+    force_of,
+    pole_share,
+    pushes_of,
+    read,
+    read_compliance,
+    read_fixture,
+    read_measured,
+    seen,
+    stage_share,
+)
+from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, solved
+from flexfem.refused import ComputationFailed
+from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS, PLANES
+
+PAPER = Analytic(formula=DEFAULT_FORMULA)
+SOFTER = (2.6, 2.6, 31.0)  # per cent, in x, y, theta: what Section VI says of its experiment against its own model
+COUPLED = 1e-3  # of a stiffness: what a push that leaves the other directions free misses of K_ii
+STIFFNESS = ("n_per_mm", "n_per_mm", "n_mm_per_rad")
+NOT_THE_PAPERS = (
+    "The numbers of the paper's Table II are not available: no number here is one of them, and no claim holds by it."
+)
+
+
+class Experiment(Result):
+    """Slopes of load over displacement as pushed: by the model, by the stage itself, as simulated and as measured."""
+
+    title = "stiffness experiment"
+    columns = ("source", "against", "part")
+    labels: ClassVar = {
+        "source": ("model", "stage", "simulated", "measured"),
+        "against": ("stage", "simulated", "measured", "measured from stage"),
+        "part": ("stage", "pole", "bar"),
+    }
+    figure = "experiment.experiment_figure"
+    slope = Quantity("stiffness as pushed", STIFFNESS, ("direction", "source"), COARSER)
+    deviation = Quantity("deviation from the model", "percent", ("direction", "against"), COARSER)
+    share = Quantity("share of the displacement that is read", "percent", ("direction", "part"), COARSER)
+    low = Quantity("interval of the simulated slope, from", STIFFNESS, ("direction",), COARSER)
+    high = Quantity("to", STIFFNESS, ("direction",), COARSER)
+    softer = Quantity("softer than the stage by", "percent", ("direction",), COARSER)
+    spring = Quantity("spring in series that alone explains it", STIFFNESS, ("direction",), COARSER)
+    ratio = Quantity("times the stiffness of the stage", "", ("direction",), COARSER)
+    pole = Quantity("pole as it is read", STIFFNESS, ("direction",), SOLVED)
+    noiseless = Quantity("slope without noise and steps", STIFFNESS, ("direction",), COARSER, shown=False)
+    intercept = Quantity("load at no displacement", ("n", "n", "n_mm"), ("direction",), COARSER, "all", shown=False)
+    explained = Quantity("stage that is to look softer", STIFFNESS, ("direction",), COARSER, shown=False)
+    measured_sd = Quantity("standard deviation of the measured slope", STIFFNESS, ("direction",), shown=False)
+    stroke = Quantity("commanded stroke", "mm", ("increment",), shown=False)
+    load = Quantity("load read", ("n", "n", "n_mm"), ("direction", "repeat", "increment"), COARSER, "all", shown=False)
+    displacement = Quantity(
+        "displacement read", ("mm", "mm", "rad"), ("direction", "repeat", "increment"), COARSER, "all", shown=False
+    )
+
+
+class Readings(NamedTuple):
+    """Readings (3, repeats, n) of load and displacement, N and mm, the third push N mm and rad."""
+
+    load: Array
+    displacement: Array
+
+
+class Slope(NamedTuple):
+    """A slope with its confidence interval, nan where the readings bound none.
+
+    intercept : of the force at no displacement.   dof : degrees of freedom of the interval.
+    """
+
+    slope: float
+    low: float
+    high: float
+    intercept: float
+    dof: int
+
+
+def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
+    """Slope of force (n,) over displacement (n,), both read with errors, at known commands (n,).
+
+    Parameters
+    ----------
+    command : of the actuator, any unit; it need not be linear in force or displacement.
+    confidence : of the interval, 0 to 1.
+
+    Notes
+    -----
+    A regression of one reading on the other is biased by the errors of the latter. The command has none, so it is the
+    instrument: K is the ratio of the slopes of both readings over the command, `K = b_F / b_q`. The interval is
+    Fieller's: all K for which `F - K q` has, by Student's t with n - 2 degrees of freedom, no slope over the command,
+    `(b_F - K b_q)^2 <= t^2 (S_FF - 2 K S_Fq + K^2 S_qq) / ((n - 2) S_ss)`, S the sums of squares and products of what
+    the regressions on the command leave. It is exact for normal errors, independent from one command to the next, of
+    unknown variances. E. C. Fieller, J. Roy. Statist. Soc. B 16, 175-185 (1954).
+    """
+    s = command - np.mean(command)
+    readings = np.stack([force, displacement])
+    b = readings @ s / (s @ s)
+    left = readings - np.mean(readings, axis=1, keepdims=True) - np.outer(b, s)
+    S, dof = left @ left.T, len(command) - 2
+    g = stats.t.ppf((1 + confidence) / 2, dof) ** 2 / (dof * (s @ s))
+    a, half, c = b[1] ** 2 - g * S[1, 1], b[0] * b[1] - g * S[0, 1], b[0] ** 2 - g * S[0, 0]
+    slope = float(b[0] / b[1]) if b[1] else float("nan")
+    root = np.sqrt(max(half**2 - a * c, 0.0))
+    low, high = ((half - root) / a, (half + root) / a) if a > 0 else (np.nan, np.nan)
+    return Slope(slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement)), dof)
+
+
+def experiment(
+    stage: Stage,
+    fixture: Path,
+    *,
+    measured: Path | None = None,
+    models: Models = "both",
+    analytic: Analytic = PAPER,
+    resolution: int | None = None,
+    progress: Progress | None = None,
+) -> Experiment:
+    """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11), and Table II.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+    fixture : path or Fixture
+        File of the set-up, see flexfem schema fixture.
+    measured : path, optional
+        File of measured slopes to compare; by default those of the fixture, if any.
+    models : {"both", "analytic", "elements"}
+        "analytic" takes calibrated hinges and elastic links instead of finite elements for the stage that is pushed.
+    analytic : Analytic
+        The model of the table's first column; by default that of the paper.
+    resolution : int, optional
+        Triangles across every neck, from 2.
+    progress : callable, optional
+        Called with a line when the mesh is solved.
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    BadInput
+        A file cannot be used, or the analytic model does not suit the stage.
+    ComputationFailed
+        Readings tell no slope.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> stage = flexfem.load("geometry/mobility6.toml")
+    >>> found = flexfem.experiment(stage, "cases/fixture.toml", models="analytic")
+    >>> found.ratio.round(1)  # K_xx, K_yy and K_theta: 2.6 % and 31 % softer
+    array([37.5, 37.5,  2.2])
+    """
+    check_feasible(stage)
+    formulas.formula(analytic.formula or DEFAULT_FORMULA)
+    mesh = mesh_of(models, resolution, None, least=2)
+    of = fixture if isinstance(fixture, Fixture) else read_fixture(checked_path(fixture))
+    other = (
+        measured
+        if measured is None or isinstance(measured, Fixture | Measurement)
+        else read_measured(checked_path(measured))
+    )
+    warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
+    found = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
+    name, C = stage_compliance(stage, None if mesh is None else solved(stage, mesh.resolution), warnings)
+    if progress is not None and mesh is not None:
+        progress(f"{solved(stage, mesh.resolution).unknowns} unknowns")
+    pushes = pushes_of(of)
+    readings = simulated(pushes, C, of)
+    lines = [_line(of, readings, k) for k in range(3)]
+    given = (other or of).measured
+    slopes = Slopes(np.full(3, np.nan), np.full(3, np.nan)) if given is None else given.slopes
+    model, own = 1 / np.diag(found.compliance), 1 / np.diag(C)
+    fitted = np.array([line.slope for line in lines])
+    whole = read_compliance(pushes, C)
+    beside = pole_share(pushes) / whole, bar_share(pushes) / whole
+    on_rigid = 1 / stage_share(pushes, C)
+    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if given is None else (on_rigid, slopes.value)
+    springs = np.array([spring_in_series(one, look) for one, look in zip(stiffer, looks, strict=True)])
+    deviations = [own / model, fitted / model, slopes.value / model, slopes.value / own]
+    with np.errstate(divide="ignore"):
+        poles = 1 / pole_share(pushes)
+    warnings += _of_run(stage, of, pushes, C) + _of_coupling(pushes, C)
+    said = doubts([("", stage), ("fixture: ", of), *([("measured: ", other)] if other else [])])
+    return Experiment(
+        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        {
+            "slope": np.stack([model, own, fitted, slopes.value], axis=1),
+            "deviation": 100 * (np.stack(deviations, axis=1) - 1),
+            "share": 100 * np.stack([1 - sum(beside), *beside], axis=1),
+            "low": [line.low for line in lines],
+            "high": [line.high for line in lines],
+            "softer": 100 * (1 - looks / stiffer),
+            "spring": springs,
+            "ratio": springs / stiffer,
+            "pole": np.where(np.isfinite(poles), poles, np.nan),
+            "noiseless": 1 / whole,
+            "intercept": [line.intercept for line in lines],
+            "explained": stiffer,
+            "measured_sd": slopes.sd,
+            "stroke": of.run.strokes,
+            "load": readings.load,
+            "displacement": readings.displacement,
+        },
+        axes={
+            "repeat": [str(k + 1) for k in range(of.run.repeats)],
+            "increment": [str(k) for k in range(of.run.increments + 1)],
+        },
+        settings={
+            "fixture": of.name,
+            "model": found.name,
+            "stage": name,
+            "confidence": f"{of.run.confidence_percent:g} %",
+        }
+        | meshed(mesh),
+        warnings=list(dict.fromkeys(warnings)),
+        notes=[
+            f"spring: in series, after {'the text of the paper' if given is None else 'the measured slopes'}",
+            f"intervals of {of.run.confidence_percent:g} % by Fieller's theorem",
+            NOT_THE_PAPERS,
+        ],
+    )
+
+
+def spring_in_series(stage: float, seen: float) -> float:
+    """Stiffness that in series with the stage's makes it look as it is seen; nan where it is seen no softer.
+
+    Notes
+    -----
+    `1/K_seen = 1/K + 1/K_f`, `K_f = K_seen K / (K - K_seen)`.
+    """
+    return seen * stage / (stage - seen) if seen < stage else float("nan")
+
+
+def stage_compliance(stage: Stage, response: CyclicResponse | None, warnings: list[str]) -> tuple[str, Array]:
+    """What stands for the stage, and its compliance (3, 3); without finite elements the best model there is."""
+    if response is not None:
+        return f"finite elements, {PLANES[stage.model]}", response.compliance
+    found = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
+    return found.name, found.compliance
+
+
+def simulated(of: Pushes, C: Array, fixture: Fixture) -> Readings:
+    """Readings of the run on a stage of compliance C (3, 3), drawn from its seed."""
+    run, noise = fixture.run, np.random.default_rng(fixture.run.seed)
+    shape = (run.repeats, run.increments + 1)
+    force = force_of(of, C, run.strokes)
+    pushed = _sensed(force, fixture.sensor.noise, fixture.sensor.resolution, noise.normal(size=(3, *shape)))
+    moved = seen(of, C)[:, None] * force[of.push]
+    sensed = _sensed(moved, fixture.lvdt.noise, fixture.lvdt.resolution, noise.normal(size=(len(of.push), *shape)))
+    return Readings(of.arm[:, None, None] * pushed, np.moveaxis(read(of, np.moveaxis(sensed, 0, -1)), -1, 0))
+
+
+def _sensed(values: Array, sd: float, step: float, noise: Array) -> Array:
+    """Values (k, n) as a sensor reads them, with standard normal numbers (k, repeats, n), rounded to its steps."""
+    found = values[:, None] + sd * noise
+    return np.asarray(step * np.round(found / step)) if step > 0 else found
+
+
+def _line(fixture: Fixture, readings: Readings, k: int) -> Slope:
+    """The line through the readings of one push. Raises ComputationFailed where they tell no slope."""
+    run, load, displacement = fixture.run, readings.load[k], readings.displacement[k]
+    for what, values in (("load", load), ("displacement", displacement)):
+        if np.ptp(values) == 0:  # all below half a step of the sensor
+            raise ComputationFailed(f"the {what} read in {DIRECTIONS[k]} does not change with the stroke")
+    command = np.tile(run.strokes, run.repeats)
+    found = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
+    lowest = found.slope if np.isnan(found.low) else found.low
+    if not lowest > 0:
+        ends = "" if np.isnan(found.low) else f" ({found.low:.3g} to {found.high:.3g})"
+        raise ComputationFailed(
+            f"the slope read in {DIRECTIONS[k]}, {found.slope:.3g}{ends}, cannot be told from zero: expected a stiffer "
+            "pole and bar, less noise of lvdt and sensor, or more increments and repeats"
+        )
+    return found
+
+
+def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
+    """Readings that say little, and pushes that the stage does not bear."""
+    found, loads = [], of.load * force_of(of, C, fixture.run.strokes[-1:])
+    best = analyse(*(chosen := best_model(stage, [])))
+    for what, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
+        if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
+            found.append(
+                f"{what}.noise_{unit} is below half of {what}.resolution_{unit}: the readings step, and the intervals, "
+                "which take errors as normal and independent, need not hold"
+            )
+    if fixture.lvdt.rotation == "one end":
+        found.append('lvdt.rotation = "one end": the translation of the platform is read as rotation')
+    for axis, load in zip(DIRECTIONS, loads, strict=True):
+        where = f"the largest push in {axis}"
+        found += warning.of_motion(stage, C @ load, where)
+        found += warning.of_yield(
+            float(np.max(best.neck_stress(chosen.stage, C @ load))), stage.material.yield_strength, where
+        )
+    return found
+
+
+def _of_coupling(of: Pushes, C: Array) -> list[str]:
+    """Directions in which what is measured is not K_ii: others are free, and pushes have other components."""
+    K, read = np.diag(inverse(C)), 1 / stage_share(of, C)
+    free = [
+        f"a push in {axis} leaves the other directions free and measures 1/C = {1 / C[k, k]:.5g}, not the diagonal "
+        f"term of the stiffness, {K[k]:.5g}"
+        for k, axis in enumerate(DIRECTIONS)
+        if abs(K[k] * C[k, k] - 1) > COUPLED
+    ]
+    beside = [
+        f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid fixture the "
+        f"slope is {read[k]:.5g}, where 1/C is {1 / C[k, k]:.5g}"
+        for k, axis in enumerate(DIRECTIONS)
+        if abs(read[k] * C[k, k] - 1) > COUPLED
+    ]
+    return free + beside
