@@ -40,10 +40,12 @@ from flexfem.questions.driven import (
     ROUND_OFF,
     Criterion,
     Driven,
+    DriveRanges,
     Motion,
     NeckSections,
     Unreachable,
     commands_for,
+    drive_ranges,
     driven,
     moved,
     neck_forces,
@@ -51,7 +53,6 @@ from flexfem.questions.driven import (
     shares,
     stress_along,
 )
-from flexfem.questions.ranges import DriveRanges, drive_ranges
 from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Quantity, Result

@@ -195,8 +195,8 @@ def reach(
         "load": F,
         "ends": np.stack(list(found.values()), axis=2),
         "rest": poses.rest,
-        "circle": _circle(section, poses.rest),
-        "ball": _ball(solid, np.array([1.0, 1.0, lever]) * poses.rest),
+        "circle": _radius(section, poses.rest[:2]),
+        "ball": _radius(solid, np.array([1.0, 1.0, lever]) * poses.rest),
         "volume": solid.volume,
         "vertices": solid.vertices,
         "commands": solid.commands,
@@ -214,7 +214,7 @@ def reach(
     notes.append(warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane))
     axes = {"model": tuple(found), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
     settings = {"analytic model": first.result.name} | meshed(mesh)
-    fields = ReachedPoses(solid, section, stops)
+    fields = ReachedPoses(solid, edges_of(section), stops)
     return Reach(about(stage, drive=True), values, None, axes, settings, list(dict.fromkeys(warnings)), notes, fields)
 
 
@@ -306,18 +306,24 @@ class PoseSet:
             volume=found.volume * size**3 / lever,
         )
 
-    def section(self) -> list[PoseEdge]:
-        """Edges of the poses at theta = 0, counter-clockwise; none where they have no area."""
+    def section(self) -> Polytope:
+        """The poses (x, y) at theta = 0."""
         size = float(np.max(self.far[:2])) or 1.0
         try:
             found = image(self.programs([2]), self.G[:2] / size)
         except NothingAllowed:
-            return []
-        corners, edges = found.vertices * size + self.rest[:2], []
-        for face, normal, by in zip(found.faces, found.normals, found.by, strict=True):
-            start, *_, end = sorted(face, key=lambda k: float(corners[k] @ [-normal[1], normal[0]]))
-            edges.append(PoseEdge(tuple(corners[start].tolist()), tuple(corners[end].tolist()), by))
-        return sorted(edges, key=lambda edge: float(np.arctan2(*np.subtract(edge.end, edge.start)[::-1])))
+            return _without_faces(0, self.G[:2])
+        supports = found.supports * size + found.normals @ self.rest[:2]
+        return found._replace(vertices=found.vertices * size + self.rest[:2], supports=supports)
+
+
+def edges_of(section: Polytope) -> list[PoseEdge]:
+    """Edges of a section, counter-clockwise."""
+    edges = []
+    for face, normal, by in zip(section.faces, section.normals, section.by, strict=True):
+        ends = sorted(section.vertices[list(face)].tolist(), key=lambda at: at[1] * normal[0] - at[0] * normal[1])
+        edges.append(PoseEdge(tuple(ends[0]), tuple(ends[-1]), by))
+    return sorted(edges, key=lambda edge: float(np.arctan2(*np.subtract(edge.end, edge.start)[::-1])))
 
 
 class Programs:
@@ -377,8 +383,7 @@ def image(programs: Programs, G: Array) -> Polytope:
     """The set of all G x, G (d, m), d two or three and G x of the order of one. Raises NothingAllowed."""
     commands, dimension = _first(programs, G)
     if dimension < len(G):
-        none = np.zeros((0, len(G)))
-        return Polytope(dimension, none, np.zeros((0, G.shape[1])), none, np.zeros(0), (), (), 0.0)
+        return _without_faces(dimension, G)
     commands = _refined(programs, G, commands)
     index, faces, volume = _combinatorics(commands @ G.T)
     commands = commands[index]
@@ -387,6 +392,11 @@ def image(programs: Programs, G: Array) -> Polytope:
     by = tuple(programs.farthest(n @ G).by for n in normals)
     around = [_around(Z, face, n) if dimension == 3 else face for face, n in zip(faces, normals, strict=True)]
     return Polytope(dimension, Z, commands, normals, np.max(normals @ Z.T, axis=1), tuple(around), by, volume)
+
+
+def _without_faces(dimension: int, G: Array) -> Polytope:
+    none = np.zeros((0, len(G)))
+    return Polytope(dimension, none, np.zeros((0, G.shape[1])), none, np.zeros(0), (), (), 0.0)
 
 
 def _first(programs: Programs, G: Array) -> tuple[Array, int]:
@@ -455,20 +465,9 @@ def _around(Z: Array, face: tuple[int, ...], normal: Array) -> tuple[int, ...]:
     return tuple(face[i] for i in np.argsort(angles))
 
 
-def _circle(edges: Sequence[PoseEdge], rest: Array) -> float:
-    """Least distance of the edges of a section from `rest` (3,), 0 where it is not inside."""
-    if not edges:
-        return 0.0
-    start, end = (np.array([getattr(edge, name) for edge in edges]) for name in ("start", "end"))
-    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
-    to_rest = rest[:2] - start
-    distance = float(np.min(along[:, 0] * to_rest[:, 1] - along[:, 1] * to_rest[:, 0]))
-    return distance if distance > ROUND_OFF * np.max(np.abs(start)) else 0.0
-
-
-def _ball(of: Polytope, rest: Array) -> float:
-    """Least distance of the faces of a solid from `rest` (3,), 0 where it is not inside."""
-    distance = float(np.min(of.supports - of.normals @ rest, initial=np.inf)) if of.faces else 0.0
+def _radius(of: Polytope, centre: Array) -> float:
+    """Least distance of the faces of a polytope from a point, 0 where it is not inside."""
+    distance = float(np.min(of.supports - of.normals @ centre, initial=np.inf)) if of.faces else 0.0
     return distance if distance > ROUND_OFF * np.max(np.abs(of.supports), initial=0.0) else 0.0
 
 

@@ -19,7 +19,7 @@ from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import StageDrive, drive_of, drives_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.ranges import DriveRanges
+from flexfem.questions.driven import DriveRanges
 from flexfem.refused import BadInput
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Study

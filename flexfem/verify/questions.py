@@ -20,8 +20,7 @@ from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
-from flexfem.questions.driven import driven
-from flexfem.questions.ranges import DriveRanges, drive_ranges
+from flexfem.questions.driven import DriveRanges, drive_ranges, driven
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY
 from flexfem.verify.strained import Lives, Repeated, by_elements, by_wrenches, lives

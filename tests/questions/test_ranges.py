@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from flexfem.questions import ranges
-from flexfem.questions.ranges import farthest
+from flexfem.questions import driven as ranges
+from flexfem.questions.driven import farthest
 
 SAME = 1e-9  # of the value: both are vertices, to round-off
 

@@ -105,12 +105,14 @@ def test_what_the_accuracy_costs_is_said_and_is_what_a_wider_one_loses(load, cap
 
 
 def test_beside_the_band_of_engaged_stiffness_is_how_the_spread_of_pushes_moves_it(load, capsys):
-    """As `flexfem command` has it of the designed stage, in whatever unit it is asked; nothing of what is passive."""
+    """As `flexfem drive` has it of the designed stage, in whatever unit it is asked; nothing of what is passive."""
     asked = "[drive]\nactuators = true\n", require("engaged_kxx_n_per_mm / 1000", 1.0), require("kxx_n_per_mm", 20)
     found = best_of_metal(load, *asked, best("maximise", "kxx_n_per_mm"))
     engaged, passive = found.requirements
-    own = flexfem.command(Stage.model_validate(tomllib.loads(found.stage)), [1e-3, 0, 0], resolution=None)
-    assert engaged.push_spread == pytest.approx(engaged.value * own.push_spread[0] / own.engaged[0], rel=1e-9)
+    own = flexfem.drive(Stage.model_validate(tomllib.loads(found.stage)), pose=(1e-3, 0, 0), models="analytic")
+    assert engaged.push_spread == pytest.approx(
+        engaged.value * own.push_spread[0] / own.at("stiffness", state="engaged", direction="x"), rel=1e-9
+    )
     assert 0.01 < engaged.push_spread / engaged.value < 0.04 and passive.push_spread is None
     print_design(found)
     assert f", ± {engaged.push_spread:.2g} by the spread of the pushes" in capsys.readouterr().out
