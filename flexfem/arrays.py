@@ -70,8 +70,10 @@ def _by_parts(a: Array) -> Array:
     size = p * s - q * r
     p, q, r, s = s / size, -q / size, -r / size, p / size
     g, h = -(p * u + q * v), -(r * u + s * v)
-    rows = (p, q, g), (r, s, h), (-(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h)
-    return np.stack([each for row in rows for each in row]).reshape(a.shape)
+    found = np.empty_like(a)
+    found[0], found[1] = (p, q, g), (r, s, h)
+    found[2] = -(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h
+    return found
 
 
 def _by_elimination(a: Array) -> Array:

@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -75,6 +76,14 @@ class Commands(TyperGroup):
         if name in RENAMED:
             ctx.fail(f"{name}: this command is now called `flexfem {RENAMED[name]}`")
         return command(name) if name in MADE else super().get_command(ctx, name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments begin with; an unknown one is refused with the nearest names."""
+        known = self.list_commands(ctx)
+        if args and args[0] not in known and args[0] not in RENAMED:
+            near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
+            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the sections, each command with its first sentence."""

@@ -47,7 +47,7 @@ from flexfem.mechanism.bodies import (
     polyline,
     reverse,
 )
-from flexfem.mechanism.designs import CHAIN_TURN, Elastic, elastic
+from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation, elastic
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
 from flexfem.mechanism.stage_file import Plane
@@ -371,7 +371,8 @@ def bars_compliance(stage: Stage, material: Elastic) -> Array:
     bodies = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
         bars = [_bar(stage, material, segment) for line in centrelines(stage, chain) for segment in line]
-        bodies[chain - 1, :, chain - 1] = _turned(np.sum(bars, axis=0), (chain - 1) * CHAIN_TURN)
+        R = chain_rotation(chain - 1)
+        bodies[chain - 1, :, chain - 1] = R @ np.sum(bars, axis=0) @ R.T
     return bodies.reshape(9, 9)
 
 
@@ -444,13 +445,7 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
 _gauss = cache(np.polynomial.legendre.leggauss)
 
 
-def _turned(compliance: Array, angle: float) -> Array:
-    spin = cmath.exp(1j * angle)
-    R = np.array([[spin.real, -spin.imag, 0.0], [spin.imag, spin.real, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(R @ compliance @ R.T)
-
-
-CORNER, GROWTH = 1 / 100, 0.5  # sizes of elements at the clamped corners, per link width, and per distance from them
+CORNER = 1 / 100  # size of elements at the clamped corners, per link width; it grows as from the neck
 
 
 @once

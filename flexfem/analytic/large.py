@@ -281,7 +281,6 @@ STACK_ITERATIONS = 25
 STACK_STEP = 1e-11  # of the energies' roots, of the last Newton step
 STACK_LARGEST_TURN = 0.3  # rad, of a joint: beyond it the stage has buckled, or the forces are far too large
 ROUND_OFF = 1e-12  # of the largest
-BLOCK = 256  # joints: as many rows of a matrix of all joints of a chain as are held at a time
 
 
 class ChainStack(NamedTuple):
@@ -326,34 +325,17 @@ class Serial(NamedTuple):
     basis: Array
 
 
-class Pulls(NamedTuple):
-    """A symmetric matrix (k, k): the upper triangle, diagonal included, is that of the product of two (m, k)."""
-
-    before: Array
-    after: Array
-
-    def reduced(self, V: Array) -> Array:
-        """V' M V of the matrix M with columns V (k, r), in blocks: M itself is large where there are many stacks."""
-        r = V.shape[1]
-        total, earlier = np.zeros((r, r)), np.zeros((len(self.before), r))
-        for start in range(0, len(V), BLOCK):
-            B, A, here = (part[..., start : start + BLOCK] for part in (self.before, self.after, V.T))
-            total += earlier.T @ (A @ here.T) + here @ np.triu(B.T @ A) @ here.T
-            earlier += B @ here.T
-        return np.asarray(total + total.T - (V.T * np.sum(self.before * self.after, axis=0)) @ V)
-
-
 class JointState(NamedTuple):
     """Chains at joint displacements.
 
     pose : (9,), of their ends, mm and rad.   G : (9, size), its change.   J : (n, size), change of the openings.
-    pulls : by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
+    pulls : (k, k) by chain, second derivatives times wrenches and forces, which (16) takes off the springs.
     """
 
     pose: Array
     G: Array
     J: Array
-    pulls: list[Pulls]
+    pulls: list[Array]
 
 
 class Loaded(NamedTuple):
@@ -472,7 +454,8 @@ def moved(of: Serial, eta: Array, wrench: Array, force: Array) -> JointState:
             at.J[contact.stack, chain.place], nearer, farther = _opening(chain, contact, spun, origin, v)
             before.append(force[contact.stack] * nearer)
             after.append(farther)
-        at.pulls.append(Pulls(np.array(before), np.array(after)))
+        upper = np.triu(np.array(before).T @ np.array(after))  # the first by the joint nearer the base
+        at.pulls.append(upper + np.triu(upper, 1).T)
     return at
 
 
@@ -507,7 +490,7 @@ def loaded(of: Serial, force: Array, load: Array) -> Loaded:
         at = moved(of, V @ q, wrench, force)
         G, J, inner = at.G @ V, at.J @ V, np.eye(r)
         for chain, pulls in zip(of.chains, at.pulls, strict=True):
-            inner -= pulls.reduced(V[chain.place])
+            inner -= V[chain.place].T @ pulls @ V[chain.place]
         missing = np.concatenate([J.T @ force + G.T @ wrench - q, one @ u - at.pose, load - one.T @ wrench])
         rows = [inner, -G.T, np.zeros((r, 3))], [G, np.zeros((9, 9)), -one], [np.zeros((3, r)), one.T, np.zeros((3, 3))]
         step = np.linalg.solve(np.block(list(rows)), missing)

@@ -14,7 +14,6 @@ from flexfem.analytic.paper import (
     KINDS,
     Freedoms,
     PaperModel,
-    checked,
     freedoms_of,
     mechanism,
     rank_revealing,
@@ -162,7 +161,7 @@ def lowered(
     platform : (..., 9, 9), compliance of the platform at its hinges, or that of `body_compliance`.
     links : what elastic pads and links add to the chains.
     """
-    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in checked(freedoms)])
+    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
     rotation, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(hinges))
     each = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
     compliance = each.reshape(*each.shape[:-4], len(JOINTS), 3, 3)
@@ -219,7 +218,7 @@ def analyse(
     """
     freedoms, design, hinges = _freedoms(stage, mobility, links), lower(stage), hinge_compliance(stage, formula)
     bodies = body_compliance(stage)[None] if links else None
-    found = at_rest(design, _stacked(hinges), freedoms, bodies)
+    found = at_rest(design, Compliance(*(part[None] for part in hinges)), freedoms, bodies)
     K, inside = found.stiffness[0], in_range(design, formula)[0]
     compliance = inverse(K)
     if np.isnan(compliance).any():
@@ -358,10 +357,6 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart()[:3])
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
-
-
-def _stacked(hinges: Compliance) -> Compliance:
-    return Compliance(*(np.asarray(part)[None] for part in hinges))
 
 
 def _freedoms(stage: Stage, mobility: int | None, links: bool = False) -> Freedoms:

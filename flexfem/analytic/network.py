@@ -45,8 +45,9 @@ class Mechanism(NamedTuple):
     output : the one that is moved.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
     compliance : (..., m, 3, 3), motion of the far body against the near one per wrench in the joint.
-    coupled : joints of a body that is elastic at them, its compliance being known at these joints together.
-    coupling : (..., 3 c, 3 c), that compliance, added to that of the coupled joints; None where all bodies are rigid.
+    coupled : joints of bodies that are elastic, body by body; a joint between two of them is named twice.
+    coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the joints; None where all
+        bodies are rigid.
     series : what joints that are not listed add to the paths, in the order of `topology`; None for nothing.
     """
 
@@ -84,6 +85,11 @@ class Topology(NamedTuple):
     kept: tuple[int, ...]
     paths: tuple[JointsInSeries, ...]
     G: Array
+
+    @property
+    def star(self) -> bool:
+        """Whether every path leads from the ground to the output."""
+        return all((path.near, path.far) == (GROUND, self.kept[0]) for path in self.paths)
 
 
 class OutputStiffness(NamedTuple):
@@ -174,20 +180,20 @@ def stiffness(of: Mechanism) -> OutputStiffness:
     """
     by = topology(of.bodies, of.output, of.joints)
     A, G = _path_compliance(of, by), by.G
-    if of.coupling is None and len(by.kept) == 1 and np.all(np.eye(3) == G):  # 3 by 3 alone, for many designs
+    if of.coupling is None and by.star:  # 3 by 3 alone, for many designs
         pulls = inverse(A)
     else:
         A = _coupled(A, of, by)
-        pulls = _of_paths(inverse(A) @ G.reshape(-1, G.shape[-1]), G)
-    K = np.sum(pulls, axis=-3) if len(by.kept) == 1 and np.all(np.eye(3) == G) else _balance(G, pulls)
+        pulls = _of_paths(inverse(A) @ _column(G), by)
+    K = np.sum(pulls, axis=-3) if by.star else np.einsum("pab,...pac->...bc", G, pulls)
     if len(by.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
     if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
-        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), G)
+        _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), _column(G))
         direct = inverse(twists[..., :3, :3])
-        pulls = np.where(ideal[..., None, None, None], across[..., :3] @ direct[..., None, :, :], pulls)
+        pulls = np.where(ideal[..., None, None, None], _of_paths(across[..., :3] @ direct, by), pulls)
         K = np.where(ideal[..., None, None], direct, K)
     return OutputStiffness(K, _of_joints(of, by, pulls))
 
@@ -198,32 +204,38 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
     nan for a design as of `stiffness`, and for one that moves without load.
     """
     by = topology(of.bodies, of.output, of.joints)
-    G, size = by.G, by.G.shape[-1]
     beyond, kept = _loads(of, by, loads)
-    own = _with_coupling(of, of.compliance @ beyond, beyond)
-    own = own if openings is None else own + openings
-    signed = np.zeros((len(by.paths), len(of.joints)))
-    for path in range(len(by.paths)):
-        for joint, sign in by.paths[path].steps:
-            signed[path, joint] = sign
-    t = np.einsum("pm,...mak->...pak", signed, own)
-    D = np.einsum("...mak,...mal->...kl", beyond, own)
+    own = _with_coupling(of, of.compliance @ beyond, beyond) if beyond.any() else beyond
+    B, D = _along_paths(own, by), _column(beyond).swapaxes(-1, -2) @ _column(own)
     if of.series is not None:
-        t, D = t + of.series.B, D + of.series.D
-    A = _coupled(_path_compliance(of, by), of, by)
-    t, G = t.reshape(*t.shape[:-3], -1, t.shape[-1]), G.reshape(-1, size)
+        B, D = B + _column(of.series.B), D + of.series.D
+    t = B
+    if openings is not None:
+        t, D = B + _along_paths(openings, by), D + _column(beyond).swapaxes(-1, -2) @ _column(openings)
+    A, G = _coupled(_path_compliance(of, by), of, by), _column(by.G)
     W = inverse(A)
     pulls = W @ G
     V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
     w = W @ (G @ V - t)
     if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
-        inner, across, twists = _saddle(A, by.G)
-        across = across.reshape(*across.shape[:-3], -1, size)
+        inner, across, twists = _saddle(A, G)
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
-    by_loads = t if openings is None else t - np.einsum("pm,...mak->...pak", signed, openings).reshape(t.shape)
-    motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(by_loads, -1, -2) @ w + D
-    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by.G)) + beyond, motions)
+    motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
+    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by)) + beyond, motions)
+
+
+def _column(parts: Array) -> Array:
+    """Parts (..., n, 3, k) one below the other, (..., 3 n, k)."""
+    return parts.reshape(*parts.shape[:-3], 3 * parts.shape[-3], parts.shape[-1])
+
+
+def _along_paths(openings: Array, by: Topology) -> Array:
+    """Openings (..., 3 P, k) of the paths by those (..., m, 3, k) of their joints."""
+    order = [joint for path in by.paths for joint in path.joints]
+    signs = np.array([sign for path in by.paths for sign in path.signs])
+    starts = np.cumsum([0, *(len(path.joints) for path in by.paths)])[:-1]
+    return _column(np.add.reduceat(signs[:, None, None] * openings[..., order, :, :], starts, axis=-3))
 
 
 def _path_compliance(of: Mechanism, by: Topology) -> Array:
@@ -256,7 +268,8 @@ def _with_coupling(of: Mechanism, moved: Array, wrenches: Array) -> Array:
     carried = wrenches[..., at, :, :].reshape(*wrenches.shape[:-3], 3 * len(at), wrenches.shape[-1])
     own = of.coupling @ carried
     found = np.broadcast_to(moved, (*own.shape[:-2], *moved.shape[-3:])).copy()
-    found[..., at, :, :] += own.reshape(*own.shape[:-2], len(at), 3, own.shape[-1])
+    for place, joint in enumerate(at):
+        found[..., joint, :, :] += own[..., 3 * place : 3 * place + 3, :]
     return found
 
 
@@ -275,14 +288,9 @@ def _loads(of: Mechanism, by: Topology, loads: Array) -> tuple[Array, Array]:
     return beyond, kept.reshape(*lead, 3 * len(by.kept), k)
 
 
-def _of_paths(w: Array, G: Array) -> Array:
+def _of_paths(w: Array, by: Topology) -> Array:
     """Wrenches (..., P, 3, k) of the paths, from one column (..., 3 P, k) of them."""
-    return w.reshape(*w.shape[:-2], len(G), 3, w.shape[-1])
-
-
-def _balance(G: Array, pulls: Array) -> Array:
-    """Stiffness (..., 3 K, 3 K) of the bodies kept, from the wrenches (..., P, 3, 3 K) of the paths by their twists."""
-    return np.asarray(np.einsum("pab,...pac->...bc", G, pulls))
+    return w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])
 
 
 def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
@@ -311,14 +319,13 @@ def _ideal(of: Mechanism, by: Topology) -> Array:
 
 
 def _saddle(A: Array, G: Array) -> tuple[Array, Array, Array]:
-    """Wrenches of the paths by their openings (..., 3 P, 3 P) and by loads (..., P, 3, 3 K), twists by loads
-    (..., 3 K, 3 K): of `G V - A w = t` and `G' w = F`, whether A (..., 3 P, 3 P) is singular or not."""
-    rows, size = A.shape[-1], G.shape[-1]
+    """Wrenches of the paths by openings (..., 3 P, 3 P) and by loads (..., 3 P, 3 K), twists by loads (..., 3 K, 3 K).
+
+    Of `G V - A w = t` and `G' w = F` with G (3 P, 3 K), whether A (..., 3 P, 3 P) is singular or not.
+    """
+    rows, size = G.shape
     scale = np.max(np.abs(A), axis=(-2, -1), keepdims=True)
     M = np.zeros((*A.shape[:-2], rows + size, rows + size))
-    M[..., :rows, :rows] = -A / scale
-    M[..., :rows, rows:] = G.reshape(rows, size)
-    M[..., rows:, :rows] = G.reshape(rows, size).T
+    M[..., :rows, :rows], M[..., :rows, rows:], M[..., rows:, :rows] = -A / scale, G, G.T
     found = inverse(M)
-    across = _of_paths(found[..., :rows, rows:], G)
-    return found[..., :rows, :rows] / scale, across, found[..., rows:, rows:] * scale
+    return found[..., :rows, :rows] / scale, found[..., :rows, rows:], found[..., rows:, rows:] * scale

@@ -7,7 +7,7 @@ from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from numbers import Integral
 from typing import NamedTuple, TypeAlias
 
@@ -41,16 +41,13 @@ def gruebler_kutzbach(links: int, joint_freedoms: Iterable[int], dimension: int 
 
 
 def mobility(freedoms: Freedoms) -> int:
-    """Mobility of the stage with this table by (1); raises BadInput as `checked` does."""
-    return gruebler_kutzbach(LINKS, (len(hinge) for chain in checked(freedoms) for hinge in chain))
+    """Mobility of the stage with this table by (1)."""
+    return gruebler_kutzbach(LINKS, (len(hinge) for chain in freedoms for hinge in chain))
 
 
 def stage_freedoms(prismatic: ArrayLike) -> Freedoms:
     """Table of a stage whose flags `prismatic` (3 chains, 3 hinges) give a hinge its axial freedom."""
-    flags = np.asarray(prismatic, dtype=bool)
-    if flags.shape != (CHAINS, HINGES):
-        raise BadInput(f"prismatic flags have the shape {flags.shape}, expected 3 chains by 3 hinges")
-    return tuple(tuple(_RA if flag else _R for flag in chain) for chain in flags)
+    return tuple(tuple(_RA if flag else _R for flag in chain) for chain in np.asarray(prismatic, dtype=bool))
 
 
 def freedoms_of(mobility: int) -> Freedoms:
@@ -59,26 +56,6 @@ def freedoms_of(mobility: int) -> Freedoms:
         known = ", ".join(map(str, FREEDOMS_BY_MOBILITY))
         raise BadInput(f"mobility = {mobility}, expected one of {known}, or none for the stage's own prismatic hinges")
     return FREEDOMS_BY_MOBILITY[mobility]
-
-
-def checked(freedoms: Sequence[Sequence[Sequence[str]]]) -> Freedoms:
-    """The table as tuples, every hinge's freedoms in the order of `KINDS`.
-
-    Raises
-    ------
-    BadInput: not 3 by 3, a freedom unknown or given twice, or a hinge without rotation. With rotation everywhere
-    the mobility cannot fall below three, which the six loop equations need.
-    """
-    if len(freedoms) != CHAINS or any(len(chain) != HINGES for chain in freedoms):
-        raise BadInput("joint freedoms are not a table of 3 chains by 3 hinges")
-    for i, chain in enumerate(freedoms, start=1):
-        for j, hinge in enumerate(chain, start=1):
-            place = f"joint freedoms of chain {i}, hinge {j} = {tuple(hinge)}"
-            if len(set(hinge)) != len(hinge) or not set(hinge) <= set(KINDS):
-                raise BadInput(f"{place}, expected each of {', '.join(KINDS)} at most once")
-            if "rotation" not in hinge:
-                raise BadInput(f"{place}, expected rotation among them: a hinge that cannot turn is no joint")
-    return tuple(tuple(tuple(k for k in KINDS if k in hinge) for hinge in chain) for chain in freedoms)
 
 
 ROTATION, AXIAL, SHEAR = range(3)
@@ -113,12 +90,9 @@ class Joints(NamedTuple):
 
 
 def joints_of(freedoms: Freedoms) -> Joints:
-    """The joints of a table of freedoms; raises BadInput as `checked` does."""
+    """The joints of a table of freedoms."""
     rows = [
-        (i, j, KINDS.index(kind))
-        for i, chain in enumerate(checked(freedoms))
-        for j, hinge in enumerate(chain)
-        for kind in hinge
+        (i, j, KINDS.index(kind)) for i, chain in enumerate(freedoms) for j, hinge in enumerate(chain) for kind in hinge
     ]
     chain, hinge, kind = np.array(rows, dtype=np.int64).T
     return Joints(chain, hinge, kind)
@@ -183,7 +157,7 @@ def first_order(joints: Joints, at: Configuration) -> tuple[Array, Array, Array]
     return G[..., one_], G[..., two_], G[..., three_]
 
 
-def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array, ...]:
     """Influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' + iphi'^T iH iphi'.
 
     Notes
@@ -192,15 +166,12 @@ def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array,
     revolute-revolute (-(x - p_nx), -(y - p_ny), 0), revolute-prismatic (-d_ny, d_nx, 0); a proximal prismatic
     joint turns nothing: 0. Symmetric in its two joints.
     """
-    return (_second(joints, iG, 0), _second(joints, iG, 1), _second(joints, iG, 2))
-
-
-def _second(joints: Joints, iG: tuple[Array, Array, Array], i: int) -> Array:
-    turns = joints.kind[joints.chains[i]] == ROTATION
-    m, n = np.indices((len(turns), len(turns)))
-    proximal, distal = np.minimum(m, n), np.maximum(m, n)
-    H: Array = turns[proximal] * (QUARTER @ iG[i])[..., distal]
-    return H
+    found = []
+    for mine, G in zip(joints.chains, iG, strict=True):
+        turns = joints.kind[mine] == ROTATION
+        m, n = np.indices((len(turns), len(turns)))
+        found.append(turns[np.minimum(m, n)] * (QUARTER @ G)[..., np.maximum(m, n)])
+    return tuple(found)
 
 
 DEPENDENT = 6  # three equations in each of two loops
@@ -379,7 +350,7 @@ class JointMotion(NamedTuple):
 def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
     """Put springs on the joints that `freedoms` allows, each the inverse of its compliance (..., 3, 3).
 
-    `choice` None takes `choose`. Raises BadInput as `checked` does.
+    `choice` None takes `choose`.
     """
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)

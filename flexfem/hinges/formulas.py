@@ -101,12 +101,7 @@ class Formula:
 
 @dataclass(frozen=True)
 class ChartedFormula(Formula):
-    """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated.
-
-    least_height : smallest H/h on the chart; there is no largest.
-    """
-
-    least_height: float = 1.0
+    """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated."""
 
     def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
         """Whether t/R and H/h are on the chart; the arguments broadcast."""
@@ -232,7 +227,6 @@ _ENTRIES = (
         beam.rotation_paros_weisbord,
         beam.axial_paros_weisbord,
         beam.bending_closed,
-        least_height=hinge_chart().least_height,
     ),
 )
 

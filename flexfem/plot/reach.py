@@ -20,7 +20,7 @@ from flexfem.plot.curves import DASHES, NAMES
 from flexfem.plot.marks import write
 from flexfem.plot.style import GREY, INK, in_house_style, panels, wrapped
 from flexfem.plot.text import significant
-from flexfem.questions.reach import KINDS, PoseEdge, Reach, grouped, kinds
+from flexfem.questions.reach import KINDS, PoseEdge, Reach
 from flexfem.results import ANALYTIC
 from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE
 
@@ -81,7 +81,7 @@ def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
 
 def _said(edge: PoseEdge) -> str:
     """The limits of an edge, short."""
-    text = grouped(edge.by)
+    text = str(edge.by)
     for word, sign in SIGNS:
         text = text.replace(word, sign)
     return text
@@ -102,9 +102,9 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         return ax
     corners = unit.factor * np.array([edge.start for edge in found.fields.section])
     ax.add_patch(Polygon(list(map(tuple, corners)), facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
-    shown = _in_order({kinds(edge.by) for edge in found.fields.section})
+    shown = _in_order({edge.by.kinds for edge in found.fields.section})
     for index, each in enumerate(shown):
-        lines = [unit.factor * np.array([e.start, e.end]) for e in found.fields.section if kinds(e.by) == each]
+        lines = [unit.factor * np.array([e.start, e.end]) for e in found.fields.section if e.by.kinds == each]
         look: Any = {"linestyles": DASHES[index % len(DASHES)], "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
@@ -144,10 +144,10 @@ def plot_solid(ax: Axes, found: Reach) -> Axes:
     for face in (face for face, _, seen in faces if not seen):
         ends = _seen(V[[*face, face[0]]])
         ax.plot(*ends, color=GREY, linewidth=0.5, linestyle=(0, (2, 3)), zorder=2)
-    for each in _in_order({kinds(by) for _, by, seen in faces if seen}):
-        corners = [_seen(V[list(face)]).T for face, by, seen in faces if seen and kinds(by) == each]
+    for each in _in_order({by.kinds for _, by, seen in faces if seen}):
+        corners = [_seen(V[list(face)]).T for face, by, seen in faces if seen and by.kinds == each]
         ax.add_collection(PolyCollection(corners, zorder=3, alpha=0.93, **_look(each)))
-    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({kinds(by) for by in solid.by})]
+    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({by.kinds for by in solid.by})]
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
 

@@ -91,11 +91,27 @@ class LinearLimits(NamedTuple):
     names: tuple[str, ...]
 
 
+class LimitNames(tuple[str, ...]):
+    """Names of the limits that bound something, each "kind of place"."""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What kinds of limits these are, in the order of `KINDS`."""
+        return tuple(kind for kind in KINDS if any(name.startswith(f"{kind} of ") for name in self))
+
+    def __str__(self) -> str:
+        """All in a line, kind by kind."""
+        found = {
+            kind: [n.removeprefix(f"{kind} of ") for n in self if n.startswith(f"{kind} of ")] for kind in self.kinds
+        }
+        return "; ".join(f"{kind}: {' | '.join(names)}" for kind, names in found.items())
+
+
 class Extreme(NamedTuple):
     """The x (m,) that goes farthest in a direction, and the names of the limits that stop it."""
 
     x: Array
-    by: tuple[str, ...]
+    by: LimitNames
 
 
 class Polytope(NamedTuple):
@@ -112,7 +128,7 @@ class Polytope(NamedTuple):
     normals: Array
     supports: Array
     faces: tuple[tuple[int, ...], ...]
-    by: tuple[tuple[str, ...], ...]
+    by: tuple[LimitNames, ...]
     volume: float
 
 
@@ -121,7 +137,7 @@ class PoseEdge(NamedTuple):
 
     start: tuple[float, float]
     end: tuple[float, float]
-    by: tuple[str, ...]
+    by: LimitNames
 
 
 class ReachedPoses(NamedTuple):
@@ -132,7 +148,7 @@ class ReachedPoses(NamedTuple):
 
     solid: Polytope
     section: list[PoseEdge]
-    stops: dict[tuple[str, str, str], tuple[str, ...]]
+    stops: dict[tuple[str, str, str], LimitNames]
 
 
 def reach(
@@ -205,7 +221,7 @@ def reach(
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = [
         f"{direction}, others {others}: "
-        + "; ".join(f"{end} end stopped by {grouped(stops[others, direction, end])}" for end in ("low", "high"))
+        + "; ".join(f"{end} end stopped by {stops[others, direction, end]}" for end in ("low", "high"))
         for others in ("zero", "free")
         for direction in DIRECTIONS
         if (others, direction, "low") in stops
@@ -245,17 +261,6 @@ def limits_of_commands(first: Commanding, of: Driven, drive: StageDrive, load: A
     )
 
 
-def kinds(by: Sequence[str]) -> tuple[str, ...]:
-    """What kinds of limits these are, in the order of `KINDS`."""
-    return tuple(kind for kind in KINDS if any(name.startswith(f"{kind} of ") for name in by))
-
-
-def grouped(by: Sequence[str]) -> str:
-    """Names of limits in a line, kind by kind."""
-    found = {kind: [n.removeprefix(f"{kind} of ") for n in by if n.startswith(f"{kind} of ")] for kind in kinds(by)}
-    return "; ".join(f"{kind}: {' | '.join(names)}" for kind, names in found.items())
-
-
 class PoseSet:
     """The poses that limits of the commands allow under a load (3,).
 
@@ -273,12 +278,12 @@ class PoseSet:
         at = list(zero)
         return Programs(self.limits, self.unit, self.G[at] / self.size[at, None], -self.rest[at] / self.size[at])
 
-    def ranges(self) -> tuple[Array, dict[tuple[str, str, str], tuple[str, ...]]]:
+    def ranges(self) -> tuple[Array, dict[tuple[str, str, str], LimitNames]]:
         """Ends (2 others zero or free, 2 low and high, 3), nan where no pose is reached, and what stops them.
 
         Raises NothingAllowed.
         """
-        ends, stops = np.full((2, 2, 3), np.nan), dict[tuple[str, str, str], tuple[str, ...]]()
+        ends, stops = np.full((2, 2, 3), np.nan), dict[tuple[str, str, str], LimitNames]()
         free = self.programs()
         for axis, direction in enumerate(DIRECTIONS):
             for row, others in enumerate(("zero", "free")):
@@ -364,7 +369,7 @@ class Programs:
         multipliers = -found.ineqlin.marginals
         binding = np.flatnonzero(self.taken)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
         owners = sorted(set(self.limits.owner[binding].tolist()))
-        return Extreme(found.x * self.unit, tuple(self.limits.names[k] for k in owners))
+        return Extreme(found.x * self.unit, LimitNames(self.limits.names[k] for k in owners))
 
     def _solve(self, cost: Array) -> Any:
         from scipy.optimize import linprog

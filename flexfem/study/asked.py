@@ -19,7 +19,7 @@ Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLI
 Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
 
 
-class Drive(Table):
+class DriveQuestion(Table):
     """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
 
     model_config = ConfigDict(
@@ -48,7 +48,7 @@ class Drive(Table):
     )
 
     @model_validator(mode="after")
-    def _asks_something(self) -> Drive:
+    def _asks_something(self) -> DriveQuestion:
         both = {"stroke_um": self.stroke_um, "lever_arm_mm": self.lever_arm_mm}
         missing = [key for key, value in both.items() if value is None]
         if len(missing) == 1:

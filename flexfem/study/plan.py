@@ -16,7 +16,7 @@ from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label
 from flexfem.mechanism.keys import keys, meant
 from flexfem.questions import warnings as warning
-from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
+from flexfem.study.asked import Drifting, DriveQuestion, Frequencies, Lasting
 from flexfem.study.columns import Factor, columns_of, unasked
 from flexfem.study.expression import names_in
 from flexfem.study.outputs import FEASIBLE, RESERVED, outputs_of
@@ -79,7 +79,7 @@ class Study(Sourced):
         description="Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with "
         "`saltelli` (Sobol indices split the variance among independent factors), `grid` or `table`",
     )
-    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
     frequencies: Frequencies | None = Field(
         default=None,
         description="Asks for natural frequencies in the plane, with a payload or without; the table may be empty. "

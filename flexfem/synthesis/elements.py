@@ -16,7 +16,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
-from flexfem.study.asked import Drive
+from flexfem.study.asked import DriveQuestion
 from flexfem.study.columns import Factor, columns_of
 from flexfem.study.designs import stage_of
 from flexfem.study.loaded import LoadedStudy

@@ -23,7 +23,7 @@ from flexfem.files.toml import Label, bad_key, validate
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.study.asked import Drifting, Drive, Frequencies, Lasting
+from flexfem.study.asked import Drifting, DriveQuestion, Frequencies, Lasting
 from flexfem.study.columns import Column, acting, columns_of
 from flexfem.study.expression import names_in
 from flexfem.study.loaded import LoadedStudy, require_model
@@ -79,7 +79,7 @@ class Requirements(Sourced):
     output: tuple[Output, ...] = Field(
         default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
     )
-    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
     frequencies: Frequencies | None = Field(
         default=None, description="Asks for natural frequencies in the plane; the table may be empty"
     )

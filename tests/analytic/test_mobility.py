@@ -13,7 +13,6 @@ from flexfem.analytic.paper import (
     mobility,
     stage_freedoms,
 )
-from flexfem.refused import BadInput
 
 
 @pytest.mark.parametrize("expected", [3, 6, 12, 21])
@@ -30,22 +29,3 @@ def test_known_mechanisms_have_their_known_mobility() -> None:
 
 def test_prismatic_base_hinges_are_the_mobility_six_of_the_paper() -> None:
     assert stage_freedoms(np.array([[True, False, False]] * 3)) == FREEDOMS_BY_MOBILITY[6]
-
-
-R = ("rotation",)
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        (((R, R), (R, R), (R, R)), "3 chains by 3 hinges"),
-        (((R, R, R),) * 2, "3 chains by 3 hinges"),
-        (((R, R, R), (R, ("axial",), R), (R, R, R)), "chain 2, hinge 2 .*expected rotation"),
-        (((R, R, R), (R, R, R), (R, R, ())), "chain 3, hinge 3 .*expected rotation"),
-        (((R, R, R), (R, R, R), (R, R, ("rotation", "twist"))), "rotation, axial, shear at most once"),
-        (((R, R, R), (R, R, R), (R, R, ("rotation", "rotation"))), "at most once"),
-    ],
-)
-def test_tables_that_are_no_mechanism_are_refused(table: tuple, message: str) -> None:
-    with pytest.raises(BadInput, match=message):
-        joints_of(table)

@@ -66,8 +66,8 @@ def test_paths_give_what_all_equations_give(of, coupled):
     m = len(joints)
     mechanism = Mechanism(bodies, output, joints, compliances(rng, m))
     if coupled:
-        L = rng.normal(size=(6, 6)) * np.tile([1e-3, 1e-3, 3e-5], 2)[:, None]
-        mechanism = mechanism._replace(coupled=(0, m - 1), coupling=L @ L.T)
+        L = rng.normal(size=(9, 9)) * np.tile([1e-3, 1e-3, 3e-5], 3)[:, None]
+        mechanism = mechanism._replace(coupled=(0, m - 1, 0), coupling=L @ L.T)
     k = 5
     loads = rng.normal(size=(bodies, 3, k)) * np.array([1.0, 1.0, 30.0])[:, None]
     openings = rng.normal(size=(m, 3, k)) * np.array([1e-3, 1e-3, 3e-5])[:, None]

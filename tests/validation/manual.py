@@ -78,7 +78,7 @@ def main() -> int:
     from . import solvers  # noqa: F401 - registers the problems that need another program and the test extra
 
     parser = argparse.ArgumentParser(description="Solve problems with known answers and write the verification manual.")
-    parser.add_argument("names", nargs="*", choices=[*PROBLEMS, []], help="of problems; all by default")
+    parser.add_argument("names", nargs="*", choices=[*PROBLEMS, []], metavar="NAME", help="of problems; by default all")
     parser.add_argument("--page", type=Path, default=Path("reports/verification-manual.md"))
     wanted = parser.parse_args()
     passed = write(wanted.page, wanted.names or list(PROBLEMS))

@@ -1,0 +1,332 @@
+"""The command line as people and machines use it: what it prints, what it writes, how it refuses."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import re
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from flexfem import cli, own
+from flexfem.commands.cli import app
+from flexfem.mechanism.stage import load_feasible
+from flexfem.verify.case import LoadedCase
+
+from .conftest import COMMAND_OF
+
+ROOT = Path(__file__).parents[1]
+STAGE = str(ROOT / "geometry/mobility6.toml")
+HOSTILE = 'a "b" <i>&amp; $HOME #1.toml'
+
+
+def machine(flexfem, *arguments):
+    code, out, err = flexfem(*arguments, "--json")
+    assert code == 0, err
+    return json.loads(out)
+
+
+def test_the_version_and_old_names_of_commands_are_said(flexfem):
+    assert flexfem("--version") == (0, f"flexfem {importlib.metadata.version('flexfem')}\n", "")
+    for old, new in cli.RENAMED.items():
+        code, out, err = flexfem(old, STAGE)
+        assert (code, out, err.count("\n")) == (2, "", 1) and f"now called `flexfem {new}`" in err
+
+
+def test_every_option_has_a_help_text_and_every_command_a_summary(flexfem):
+    command = COMMAND_OF(app)
+    listed = command.list_commands(None)
+    assert {"summary", "stiffness", "drift", "verify", "study"} <= set(listed)
+    for name in cli.MADE:
+        made = command.get_command(None, name)
+        assert made.help and all(getattr(each, "help", "") for each in made.params), name
+
+
+def test_every_make_target_that_a_page_names_exists():
+    makefile = (ROOT / "Makefile").read_text()
+    targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
+    assert targets[0] == "install"  # what plain make does
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), ROOT / "pyproject.toml", ROOT / "Makefile"]
+    named = {name for page in pages for name in re.findall(r"(?:`|    )make ([a-z][a-z-]+)", page.read_text())}
+    assert {"test-all", "reproduce-figures"} <= named <= set(targets)
+
+
+# what is written
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu", ".inp"])
+def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
+    path = tmp_path / f"stage{suffix}"
+    facts = machine(flexfem, "mesh", STAGE, "-o", path, "--resolution", 2)
+    if suffix == ".inp":
+        text = path.read_text().upper()
+        assert text.count("*STEP") == 3 and "CPS6" in text
+        return
+    mesh = meshio.read(path)
+    assert len(mesh.points) == facts["nodes"]
+    assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
+    if suffix == ".msh":
+        assert set(mesh.field_data) == {"stage", "ground", "hub"}
+        hub = mesh.cell_sets_dict["hub"]["line3"]
+        lines = np.concatenate([block.data for block in mesh.cells if block.type == "line3"])
+        np.testing.assert_allclose(np.hypot(*mesh.points[lines[hub]].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
+
+
+def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
+    load = ("--models", "elements", "--resolution", 4, "--force", 1, 0, 0)
+    facts = machine(flexfem, "stiffness", STAGE, *load, "-o", tmp_path)
+    moved = facts["quantities"]["pose"]["values"][0]
+    grid = meshio.read(tmp_path / "mobility6-stiffness.vtu")
+    hub = grid.point_data["hub"] == 1
+    ux = grid.point_data["displacement"][hub, 0] + moved[2] * grid.points[hub, 1]
+    np.testing.assert_allclose(ux, moved[0], rtol=1e-9)
+    assert np.max(np.abs(grid.point_data["displacement"][grid.point_data["ground"] == 1])) == 0.0
+
+
+def test_a_new_stage_is_the_reference_stage_with_every_number_assumed(flexfem):
+    said = machine(flexfem, "new", HOSTILE, "--case", "--study")
+    stem = HOSTILE.removesuffix(".toml")
+    assert said["written"] == [HOSTILE, f"{stem}-case.toml", f"{stem}-study.toml"] == sorted(os.listdir(), key=len)
+    made, shipped = (load_feasible(path) for path in (HOSTILE, ROOT / "geometry/mobility6.toml"))
+    assert made.hash == shipped.hash and made.drive_hash == shipped.drive_hash and made.heat_hash == shipped.heat_hash
+    assert made.name == "my stage" and made.not_stated == () and set(made.assumed) >= set(shipped.assumed)
+    case = LoadedCase(Path(said["written"][1]))
+    assert [each.hash for each in case.stages.values()] == [made.hash] * 2
+    assert said["commands"][-1] == f"flexfem study run '{stem}-study.toml'"
+
+
+def test_view_says_where_the_picture_is_and_what_is_missing(flexfem, monkeypatch):
+    monkeypatch.setattr("flexfem.plot.write.rendered", lambda figure, form: form.encode())
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    text = Path(STAGE).read_text()
+    Path("half.toml").write_text(text.replace("thickness_mm = 10.0", "").replace('"thickness_mm" =', '"name" ='))
+    code, out, err = flexfem("view", "half.toml")
+    assert (code, err) == (0, "") and "half-drawing.png" in out and Path("half-drawing.pdf").stat().st_size
+    assert "warning: thickness_mm: missing, and what needs it is not drawn\n" in out
+
+
+def test_check_tells_where_every_number_comes_from_and_repeats_no_source(flexfem):
+    code, out, _ = flexfem("check", STAGE)
+    assert code == 0 and "mobility: 6" in out
+    for key in ("chain.link_lengths_mm", "hinges.base.neck_mm", "material.youngs_modulus_gpa"):
+        assert key in out
+    assert out.count("assumed: Table I of the paper") <= 1
+    assert machine(flexfem, "check", STAGE)["mobility"] == 6
+
+
+def test_names_with_markup_are_printed_as_they_are(flexfem, project):
+    path = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "[red]x[/b] $y$"'))
+    for command in (["check", path], ["stiffness", path, "--models", "analytic"]):
+        code, out, _ = flexfem(*command)
+        assert code == 0 and "[red]x[/b] $y$" in out
+
+
+def test_nothing_is_said_of_the_paper_where_a_file_of_ones_own_is_assumed(flexfem, tmp_path):
+    text = Path(STAGE).read_text().partition("[provenance]")[0].replace("reference", "of my own")
+    (tmp_path / "own.toml").write_text(f'{text}[provenance]\n"platform.radius_mm" = "assumed"\n')
+    for command in (["check"], ["stiffness", "--models", "analytic"]):
+        out = flexfem(*command[:1], tmp_path / "own.toml", *command[1:])[1]
+        assert "1 of these numbers is assumed" in out and "paper" not in out
+
+
+# refusals
+
+
+BROKEN = {
+    "no such file": ("", None, "no such file"),
+    "not TOML": ("name", "name = = ", "not TOML"),
+    "a word for a number": ("thickness_mm = 10.0", 'thickness_mm = "ten"', "expected a number"),
+    "negative neck": ("neck_mm = 0.5", "neck_mm = -0.5", "expected > 0"),
+    "zero radius": ("radius_mm = 1.5", "radius_mm = 0", "expected > 0"),
+    "nan": ("thickness_mm = 10.0", "thickness_mm = nan", "finite"),
+    "infinite": ("link_width_mm = 9.0", "link_width_mm = inf", "link_width_mm"),
+    "missing table": ("[platform]", "[plattform]", "platform"),
+    "unknown key": ("thickness_mm", "thickness_cm", "thickness_cm"),
+    "two link lengths": ("[30.0, 32.0, 24.0]", "[30.0, 32.0]", "link_lengths_mm"),
+    "rubber without volume change": ("poissons_ratio = 0.33", "poissons_ratio = 0.5", "poissons_ratio"),
+    "provenance of nothing": ("[provenance]", '[provenance]\n"chain.colour" = "red"', "chain.colour"),
+    "chain four": ("[provenance]", '[[override]]\nchain = 4\nhinge = "base"\nneck_mm = 1\n[provenance]', "chain"),
+    "override of nothing": ("[provenance]", '[[override]]\nchain = 2\nhinge = "base"\n[provenance]', "override"),
+    "notch deeper than the link": ("radius_mm = 4.0", "radius_mm = 6.0", "notch deeper than the link"),
+    "override deeper than the link": (
+        "[provenance]",
+        '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
+        "override.3.elbow.radius_mm",
+    ),
+    "hinges too close": ("[30.0, 32.0, 24.0]", "[5.0, 32.0, 24.0]", "closer than their radii"),
+    "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
+    "hub larger than platform": ("hub_radius_mm = 8.0", "hub_radius_mm = 17.5", "hub larger than the platform"),
+    "platform swallows a hinge": ("\nradius_mm = 17.0", "\nradius_mm = 23.0", "swallows"),
+    "chain folded onto the platform": ("[180.0, -90.0, 90.0]", "[180.0, -90.0, 170.0]", "swallows"),
+    "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
+    "neck as wide as a finger": ("neck_mm = 0.5", "neck_mm = 20", "neck as wide as the link"),
+    "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
+    "a planet": ("thickness_mm = 10.0", "thickness_mm = 1e30", "thickness_mm"),
+    "chains across one another": (
+        "[30.0, 32.0, 24.0]      # l1 base-elbow, l2 elbow-platform hinge, l3 platform hinge-centre\n"
+        "joint_angles_deg = [180.0, -90.0, 90.0]",
+        "[130.0, 32.0, 24.0]\njoint_angles_deg = [0.0, 90.0, 90.0]",
+        "overlap",
+    ),
+}
+
+
+def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(flexfem, project):
+    path = project.path("geometry/mobility6.toml")
+    text = path.read_text()
+    for name, (old, new, said) in BROKEN.items():
+        path.write_text(text)
+        if new is None:
+            path.unlink()
+        else:
+            project.edit("geometry/mobility6.toml", (old, new))
+        code, out, err = flexfem("check", path)
+        assert (code, out) == (2, ""), name
+        assert err.count("\n") == 1 and err.startswith("flexfem: ") and path.name in err and said in err, (name, err)
+    assert list(Path.cwd().iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["stiffness", STAGE, "--force", "nan", "0", "0"], "force: expected finite"),
+        (["stiffness", STAGE, "--force", "one", "0", "0"], "'--force'"),
+        (["stiffness", STAGE, "--mobility", "4"], "mobility"),
+        (["stiffness", STAGE, "--mobility", "six"], "'--mobility'"),
+        (["stiffness", STAGE, "--formla", "koster"], "--formula"),
+        (["stiffness", STAGE, "no.toml"], "no.toml"),
+        (["stiffness"], "'STAGE'"),
+        (["stifness", STAGE], "Did you mean 'stiffness'?"),
+        (["summary", STAGE, "--models", "none"], "'none'"),
+        (["summary", STAGE, "--formula", "guess"], "hinge formula 'guess' is not known"),
+        (["life", STAGE], "'--amplitude'"),
+        (["mesh", STAGE, "-o", "stage.stl"], "stage.stl"),
+        (["mesh", STAGE, "-o", "none/stage.msh"], "no folder none"),
+        (["verify", STAGE], "expected a case file"),
+        (["study", "rn"], "Did you mean 'run'?"),
+        (["--bogus"], "--bogus"),
+        (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
+    ],
+)
+def test_a_wrong_command_line_is_refused_in_one_line_and_nothing_is_written(flexfem, arguments, said):
+    code, out, err = flexfem(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1), err
+    assert err.startswith("flexfem: ") and said in err
+    assert list(Path.cwd().iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["new", "there.toml"], "there.toml: exists, expected the name of a new file; nothing is written"),
+        (["new", "there", "--case"], "there: expected a file name that ends in .toml"),
+        (["new", "fresh.toml", "--study"], "fresh-study.toml: exists"),
+        (["new", "link.toml"], "link.toml: exists"),
+        (["new", "none/mine.toml"], "no folder none, expected one that is there"),
+        (["new", "there.toml/mine.toml"], "no folder there.toml"),
+        (["new", "two\nlines.toml"], r"two\nlines.toml: expected a plain file name"),
+        (["new", "two\nlines/mine.toml"], r"two\nlines/mine.toml: no folder two\nlines, expected"),
+        (["new", ".hidden.toml"], ".hidden.toml: expected a plain file name"),
+        (["new", ".toml"], ".toml: expected a file name"),
+        (["new", f"{234 * 'x'}.toml", "--case"], "x-case.toml: a name of more than 240 bytes"),
+        (["new", f"{300 * 'x'}.toml"], "cannot be written: File name too long"),
+        (["new"], "missing argument 'FILE'"),
+        (["export", "there.toml"], "missing option '--output'"),
+        (["export", "there.toml", "-o", "part.dwg"], "part.dwg: extension '.dwg', expected"),
+        (["export", "there.toml", "-o", "there.toml"], "there.toml: extension '.toml', expected"),
+        (["export", "there.toml", "-o", "none/part.dxf"], "no folder none"),
+        (["export", "there.toml", "-o", "folder.svg"], "folder.svg: is a folder"),
+        (["export", "there.toml", "-o", "part.dxf", "--kerf", "nan"], "kerf nan, expected a number from 0.01"),
+        (
+            ["export", "there.toml", "-o", "part.dxf", "--holes", "-3"],
+            "mounting holes -3.0, expected a number from 0.01",
+        ),
+        (["export", "none.toml", "-o", "part.dxf"], "none.toml: no such file"),
+        (["view", "none.toml"], "none.toml: no such file"),
+        (["view", "fresh-study.toml"], "fresh-study.toml: nothing to draw"),
+        (["view", "there.toml", "-o", "there.toml"], "there.toml is a file, expected a folder"),
+        (["export", "fresh-study.toml", "-o", "part.dxf"], "fresh-study.toml"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(flexfem, arguments, said):
+    Path("there.toml").write_text((ROOT / "geometry/mobility6.toml").read_text())
+    Path("fresh-study.toml").write_text("")
+    Path("link.toml").symlink_to("nowhere")
+    Path("folder.svg").mkdir()
+    before = sorted(os.listdir())
+    code, out, err = flexfem(*arguments)
+    assert (code, out) == (2, "") and err.count("\n") == 1 and said in err, err
+    assert sorted(os.listdir()) == before
+
+
+KINDS = {
+    "geometry/mobility6.toml": ("stage file", ["check"]),
+    "cases/fig5.toml": ("case file", ["verify"]),
+    "cases/study-reach.toml": ("study file", ["study", "status"]),
+}
+
+
+def test_a_file_of_another_kind_is_named_as_what_it_is(flexfem):
+    for name, (found, _) in KINDS.items():
+        for expected, command in KINDS.values():
+            if found != expected:
+                code, out, err = flexfem(*command, ROOT / name)
+                assert (code, out) == (2, "") and f"this is a {found}, expected a {expected}" in err
+
+
+def test_a_hinge_off_the_chart_is_named_with_file_and_line(flexfem, project):
+    path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
+    code, out, err = flexfem("stiffness", path, "--formula", "calibrated")
+    assert (code, out) == (2, "") and "mobility6.toml, line 22: hinges.base.neck_mm = 0.05" in err
+
+
+@pytest.mark.parametrize(
+    ("command", "target", "read"),
+    [
+        (["drift", "s.toml", "--models", "analytic", "-o", "out"], "out/s-drift.json", "s.toml"),
+        (
+            ["life", "s.toml", "--amplitude", 0.001, 0, 0, "--models", "analytic", "-o", "out"],
+            "out/s-life.json",
+            "data.txt",
+        ),
+        (["mesh", "s.toml", "-o", "x.msh"], "x.msh", "s.toml"),
+        (["export", "s.toml", "-o", "x.svg"], "x.svg", "own.py"),
+        (["view", "s.toml", "-o", "out"], "out/s-drawing.png", "s.toml"),
+    ],
+)
+def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, command, target, read):
+    """By a hard link: exit code 2, one line that names both, and all is as it was; also of a file read by --with."""
+    constants = "fatigue_strength_coefficient_mpa = 900.0\nfatigue_strength_exponent = -0.1\n"
+    Path("s.toml").write_text(Path(STAGE).read_text().replace("\n[chain]", f"{constants}\n[chain]"))
+    Path("own.py").write_text('import pathlib\npathlib.Path("data.txt").read_text()\n')
+    Path("data.txt").write_text("numbers of the user\n")
+    Path(target).parent.mkdir(exist_ok=True)
+    os.link(read, target)
+    before = {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()}
+    monkeypatch.setenv(own.VARIABLE, "")
+    monkeypatch.setattr(own, "_begun", set())
+    code, out, err = flexfem("--with", "own.py", *command)
+    assert (code, out, err.count("\n")) == (2, "", 1), err
+    assert target in err and "which is read for what is to be written, expected another file" in err
+    assert {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["drift", "experiment", "life"])
+def test_every_command_that_draws_writes_a_picture_and_a_page(flexfem, tmp_path, name):
+    others = {
+        "drift": ("--resolution", 4),
+        "experiment": (ROOT / "cases/fixture.toml", "--resolution", 3),
+        "life": ("--amplitude", 0.05, 0, 0, "--models", "analytic", "--fit", "sn.csv"),
+    }
+    Path("sn.csv").write_text("stress_mpa, cycles\n948, 222\n703, 6004\n579, 43860\n524, 132150\n")
+    code, _, err = flexfem(name, STAGE, *others[name], "--output", tmp_path / "out")
+    assert code == 0, err
+    (picture,), (page,) = ((tmp_path / "out").glob(f"*.{form}") for form in ("png", "pdf"))
+    assert picture.read_bytes().startswith(b"\x89PNG\r\n") and page.read_bytes().startswith(b"%PDF-1.")
+    assert min(picture.stat().st_size, page.stat().st_size) > 5000
