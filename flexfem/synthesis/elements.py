@@ -108,7 +108,7 @@ class ProposedElements:
         return replace(loaded, study=study, stage=stage, columns=columns_of(factors), given=None)
 
     @property
-    def _strokes(self) -> Drive | None:
+    def _strokes(self) -> DriveQuestion | None:
         """The drive that is asked about without its actuators."""
         of = self.loaded.requirements.drive
         if of is None or of.stroke_um is None:

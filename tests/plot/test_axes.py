@@ -88,7 +88,7 @@ def vibrating() -> Any:
 
 def lived() -> Any:
     stage = flexfem.load(STAGE).replace(material="al-2024-t4")
-    return flexfem.life(stage, [0.05, 0.02, 3e-4], ratio=0, resolution=4)
+    return flexfem.life(stage, amplitude=(0.05, 0.02, 3e-4), ratio=0, resolution=4)
 
 
 def responding() -> Any:
