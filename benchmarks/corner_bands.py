@@ -32,7 +32,7 @@ from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.outputs import (
+from flexfem.study.columns import (
     DRIFTS,
     DRIVE_RANGES,
     ENGAGED,
@@ -53,7 +53,7 @@ SETTLED = 0.5  # of a band, which extrapolation adds to the truth at most
 ROUND_OFF = 1e-8  # of the largest number of the kind: zero by symmetry
 ALONG_X = (True, False, False)
 REPEATED = Repeated(scaled(np.array([0.05, 0.0, 0.0]), None, -1.0), 1e6)
-COLUMNS = outputs_of(False, False, False, True, moved=ALONG_X, drifting=True)
+COLUMNS = outputs_of("drive", "life", "drift", moved=ALONG_X)
 KINDS = {
     "drive range": DRIVE_RANGES,
     "engaged stiffness": ENGAGED,
@@ -149,7 +149,7 @@ def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
     found = found._replace(drives=element_ranges(stage, mesh), drift=rates_of(poses[None]))
-    return values_of(found, None)[0], poses
+    return values_of(found, COLUMNS, None)[0], poses
 
 
 def judged(found: Solved) -> dict[str, Judged]:

@@ -22,9 +22,7 @@ from flexfem.plot.study_map import StudyMap, map_figure
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import load_study
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import load_study, sample, stage_of
 from flexfem.verify.budget import thick_compliance
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"

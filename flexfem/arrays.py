@@ -87,3 +87,11 @@ def _by_elimination(a: Array) -> Array:
 def _norm(a: Array) -> Array:
     largest: Array = np.max(np.sum(np.abs(a), axis=0), axis=0)
     return largest
+
+
+WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
+
+
+def wide(values: Array) -> bool:
+    """Whether values (n,) are all positive and so far apart that they are best seen as logarithms."""
+    return bool(0 < WIDE * values.min() < values.max())

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
-from flexfem.files.digest import digest
 from flexfem.files.toml import read_bytes
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import digest, write_atomically
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for
 

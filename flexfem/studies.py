@@ -190,9 +190,9 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
     from flexfem.plot.study import named
     from flexfem.plot.study_records import Source
+    from flexfem.study.answer import nominal, unseen
     from flexfem.study.collect import read_table
     from flexfem.study.findings import findings
-    from flexfem.study.probes import nominal, unseen
 
     made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
     table, base = read_table(made.path), nominal(loaded)
@@ -226,8 +226,8 @@ def shard_of(text: str) -> Shard:
 
 def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
     """What `study status` says, of all parts or of those of a share."""
+    from flexfem.study.answer import unseen
     from flexfem.study.collect import counted_warnings
-    from flexfem.study.probes import unseen
     from flexfem.study.run import RETRIED, WHOLE, survey
 
     share = share or WHOLE
@@ -270,7 +270,7 @@ def facts_of(finding: Shown) -> dict[str, Any]:
     from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares
 
     match finding:
-        case Extremes(least, most):
+        case Extremes(least, most, _):
             names = ("value", "x", "y")
             return {"least": dict(zip(names, least, strict=True)), "most": dict(zip(names, most, strict=True))}
         case Marks(found):

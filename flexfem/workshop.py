@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import json
+import shlex
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexfem import arguments
-from flexfem.files.refusals import checked_path
+from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.toml import require_plain_stem
+from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
+from flexfem.sources import read_data
 
 SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
 LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
 LARGEST_HOLE = 1e3  # mm
+
+
+class NewFiles(NamedTuple):
+    """Files written, the stage first, commands to go on with, and what the user must know of the numbers."""
+
+    written: list[str]
+    commands: list[str]
+    warnings: list[str]
 
 
 class View(NamedTuple):
@@ -29,7 +43,7 @@ class View(NamedTuple):
     not_stated: list[str]
 
 
-def new_stage(file: Path, *, case: bool = False, study: bool = False) -> Any:
+def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFiles:
     """Write a commented stage file to start from.
 
     Parameters
@@ -50,9 +64,27 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> Any:
     BadInput
         A file is there already or cannot be written; then nothing is written.
     """
-    from flexfem.files.templates import write_new
-
-    return write_new(checked_path(file), case, study)
+    path = checked_path(file)
+    if path.suffix != ".toml":
+        raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
+    require_plain_stem(path)
+    wanted = {"stage": True, "case": case, "study": study}
+    paths = {
+        kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in wanted if wanted[kind]
+    }
+    for each in paths.values():
+        check_file(each)
+        if each.exists() or each.is_symlink():
+            raise BadInput(f"{place_of(each)}: exists, expected the name of a new file; nothing is written")
+    for kind, each in paths.items():
+        text = read_data(f"new-{kind}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
+        write_atomically(each, methodcaller("write", text.encode()))
+    next_commands = {"stage": ["check", "summary", "stiffness"], "case": ["verify"], "study": ["study run"]}
+    return NewFiles(
+        [str(each) for each in paths.values()],
+        [f"flexfem {name} {shlex.quote(str(each))}" for kind, each in paths.items() for name in next_commands[kind]],
+        ["all numbers are those of flexfem's reference stage: they are assumed, replace them by yours"],
+    )
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
@@ -70,7 +102,6 @@ def view(file: Path, *, output: Path | None = None) -> View:
     BadInput
         The file says something wrong or nothing to draw, or the folder takes no file.
     """
-    from flexfem.files.writing import check_folder
     from flexfem.plot import dimensions
     from flexfem.plot.write import write_beside
 
@@ -161,7 +192,6 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.response import plate_of
     from flexfem.fem.sectors import build_mesh
-    from flexfem.files.writing import check_file
     from flexfem.mechanism.stage_file import of_stage
     from flexfem.questions import warnings as warning
 
@@ -218,7 +248,6 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     output : path, optional
         Folder of the figures.
     """
-    from flexfem.files.writing import check_folder
     from flexfem.verify.hinges import hinge_review, known_formulas, thickness_review
 
     written = []

@@ -131,7 +131,7 @@ def test_from_a_module_that_may_solve_reports_take_records_and_no_function():
 
 def test_reach_goes_through_other_modules():
     assert "flexfem.fem.response" in reached("flexfem.commands.study")
-    assert "flexfem.study.answer" in reached("flexfem.study.probes")
+    assert "flexfem.study.answer" in reached("flexfem.study.run")
 
 
 def test_only_the_mesher_imports_gmsh():

@@ -47,7 +47,7 @@ JOINTS = tuple(ends for first, last in LINKS for ends in ((GROUND, first), (firs
 AT_PLATFORM = (2, 5, 8)  # of the joints: the hinges of the platform
 
 
-class AtRest(NamedTuple):
+class PlatformAtRest(NamedTuple):
     """What the platform of n designs does at rest; directions and 3 x 3 matrices in x, y, theta.
 
     stiffness : (n, 3, 3), N/mm, N, N mm; nan for a singular design.
@@ -71,7 +71,7 @@ class AnalyticResult(NamedTuple):
     hinges : Compliance of the nine hinges, fields (3, 3).
     in_range : (3, 3), whether t/R is within the range of the formula.
     links : whether pads, links and platform are elastic.
-    wrench, stress : as in `AtRest`, (3 chains, 3 hinges, 3 directions).
+    wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     plane : how the stage is made a plane problem.
     """
 
@@ -171,18 +171,18 @@ def lowered(
 def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
     """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
     of = lowered(frames, hinges, freedoms)
-    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints).paths)
+    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints))
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
-    """What the necks carry of the wrenches (..., 9, 3, k) in the joints, (..., 3 chains, 3 hinges, k)."""
-    F_x, F_y, M = (wrenches[..., row, :].reshape(*wrenches.shape[:-3], 3, 3, -1) for row in range(3))
+    """What the necks carry, (..., 3 chains, 3 hinges, k), of wrenches (..., 3 chains, 3 hinges or 1, 3, k)."""
+    F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
     c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
 
 
-def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> AtRest:
+def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:
     """The platform of n designs at rest, by hinges of compliances (n, 3, 3).
 
     Parameters
@@ -194,10 +194,10 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     The stiffness is (18) at rest by another route: a network of bodies and joints.
     """
     found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
-    wrench = at_necks(designs.frames, found.wrenches)
+    wrench = at_necks(designs.frames, found.paths[..., None, :, :])
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
-    return AtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
+    return PlatformAtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
 
 
 def analyse(

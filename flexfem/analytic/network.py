@@ -23,6 +23,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexfem.arrays import Array, inverse
 
@@ -80,11 +81,15 @@ class JointsInSeries(NamedTuple):
 
 
 class Topology(NamedTuple):
-    """The bodies kept (K), the output first, the P paths between them, and G (P, 3, 3 K) of the paths."""
+    """The bodies kept (K), the output first, and the P paths between them.
+
+    G : (P, 3, 3 K), of the paths.   signs : (P, m), of the joints on each path, zero for the others.
+    """
 
     kept: tuple[int, ...]
     paths: tuple[JointsInSeries, ...]
     G: Array
+    signs: Array
 
     @property
     def star(self) -> bool:
@@ -93,10 +98,10 @@ class Topology(NamedTuple):
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per twist of it."""
+    """Stiffness `matrix` (..., 3, 3) of the output, wrenches `paths` (..., P, 3, 3) of the paths per twist of it."""
 
     matrix: Array
-    wrenches: Array
+    paths: Array
 
 
 class MotionUnderLoads(NamedTuple):
@@ -140,12 +145,13 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     missing = set(range(bodies)) - set(kept) - {body for path in paths for body in path.inner}
     if missing:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
-    G = np.zeros((len(paths), 3, len(kept), 3))
+    G, signs_of = np.zeros((len(paths), 3, len(kept), 3)), np.zeros((len(paths), len(joints)))
     for k, path in enumerate(paths):
+        signs_of[k, path.joints] = path.signs
         for body, sign in ((path.near, -1), (path.far, 1)):
             if body != GROUND:
                 G[k, :, kept.index(body)] += sign * np.eye(3)
-    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1))
+    return Topology(kept, tuple(paths), G.reshape(len(paths), 3, -1), signs_of)
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
@@ -164,17 +170,13 @@ def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, 
     return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # entry by entry in memory: faster
 
 
-def in_series(compliance: Array, paths: tuple[JointsInSeries, ...]) -> Array:
+def in_series(compliance: Array, by: Topology) -> Array:
     """Sums (..., P, 3, 3) of the compliances (..., m, 3, 3) of the joints of each path."""
-    order = [joint for path in paths for joint in path.joints]
-    starts = np.cumsum([0, *(len(path.joints) for path in paths)])[:-1]
-    entries = np.moveaxis(compliance, (-2, -1), (0, 1))
-    entries = entries if order == sorted(order) else entries[..., order]
-    return np.moveaxis(np.add.reduceat(entries, starts, axis=-1), (0, 1), (-2, -1))
+    return np.moveaxis(np.moveaxis(compliance, (-2, -1), (0, 1)) @ np.abs(by.signs).T, (0, 1), (-2, -1))
 
 
 def stiffness(of: Mechanism) -> OutputStiffness:
-    """Stiffness of the output, and what the joints carry when it moves.
+    """Stiffness of the output, and what the paths carry when it moves; `joint_wrenches` makes it that of the joints.
 
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
@@ -190,12 +192,12 @@ def stiffness(of: Mechanism) -> OutputStiffness:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
-    if np.isnan(K).any() and (ideal := _ideal(of, by)).any():
+    if (ideal := _ideal(of, by, K)).any():
         _, across, twists = _saddle(_coupled(_path_compliance(of, by), of, by), _column(G))
         direct = inverse(twists[..., :3, :3])
         pulls = np.where(ideal[..., None, None, None], _of_paths(across[..., :3] @ direct, by), pulls)
         K = np.where(ideal[..., None, None], direct, K)
-    return OutputStiffness(K, _of_joints(of, by, pulls))
+    return OutputStiffness(K, pulls)
 
 
 def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionUnderLoads:
@@ -217,12 +219,26 @@ def solve(of: Mechanism, loads: Array, openings: Array | None = None) -> MotionU
     pulls = W @ G
     V = inverse(G.T @ pulls) @ (kept + np.swapaxes(pulls, -1, -2) @ t)
     w = W @ (G @ V - t)
-    if np.isnan(V).any() and (ideal := _ideal(of, by)[..., None, None]).any():
+    if (ideal := _ideal(of, by, V)[..., None, None]).any():
         inner, across, twists = _saddle(A, G)
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
     motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
-    return MotionUnderLoads(V[..., :3, :], _of_joints(of, by, _of_paths(w, by)) + beyond, motions)
+    return MotionUnderLoads(V[..., :3, :], joint_wrenches(of, _of_paths(w, by)) + beyond, motions)
+
+
+def with_springs(motions: Array, rates: Array) -> Array:
+    """Motions (..., k, k) of k loads with springs along the lines of n more.
+
+    Parameters
+    ----------
+    motions : (..., k + n, k + n), of all of them without springs, as `solve` has it.
+    rates : (n,), stiffness of the springs.
+    """
+    k, root = motions.shape[-1] - len(rates), np.sqrt(rates)
+    across, openings = motions[..., :k, k:] * root, root[:, None] * motions[..., k:, k:] * root
+    held = np.linalg.solve(np.eye(len(rates)) + openings, root[:, None] * motions[..., k:, :k])
+    return np.asarray(motions[..., :k, :k] - across @ held)
 
 
 def _column(parts: Array) -> Array:
@@ -232,15 +248,13 @@ def _column(parts: Array) -> Array:
 
 def _along_paths(openings: Array, by: Topology) -> Array:
     """Openings (..., 3 P, k) of the paths by those (..., m, 3, k) of their joints."""
-    order = [joint for path in by.paths for joint in path.joints]
-    signs = np.array([sign for path in by.paths for sign in path.signs])
-    starts = np.cumsum([0, *(len(path.joints) for path in by.paths)])[:-1]
-    return _column(np.add.reduceat(signs[:, None, None] * openings[..., order, :, :], starts, axis=-3))
+    flat = by.signs @ openings.reshape(*openings.shape[:-2], -1)
+    return _column(flat.reshape(*flat.shape[:-1], 3, -1))
 
 
 def _path_compliance(of: Mechanism, by: Topology) -> Array:
     """Compliances (..., P, 3, 3) of the paths but for `coupling`."""
-    A = in_series(of.compliance, by.paths)
+    A = in_series(of.compliance, by)
     return A if of.series is None else A + of.series.A
 
 
@@ -293,29 +307,31 @@ def _of_paths(w: Array, by: Topology) -> Array:
     return w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])
 
 
-def _of_joints(of: Mechanism, by: Topology, pulls: Array) -> Array:
-    """Wrenches (..., m, 3, k) in the joints by those of their paths (..., P, 3, k)."""
-    owner, sign = np.zeros(len(of.joints), dtype=int), np.zeros(len(of.joints))
-    for path in range(len(by.paths)):
-        for joint, one in by.paths[path].steps:
-            owner[joint], sign[joint] = path, one
-    found = np.moveaxis(np.moveaxis(pulls, (-2, -1), (0, 1))[..., owner], (0, 1), (-2, -1))
-    return found if np.all(sign == 1) else sign[:, None, None] * found
+def joint_wrenches(of: Mechanism, paths: Array) -> Array:
+    """Wrenches (..., m, 3, k) in the joints by those (..., P, 3, k) of their paths, the loads on these aside."""
+    by = topology(of.bodies, of.output, of.joints)
+    owner, signs = np.argmax(np.abs(by.signs), axis=0), np.sum(by.signs, axis=0)
+    found = np.moveaxis(np.take(np.moveaxis(paths, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
+    return np.asarray(found if np.all(signs == 1) else signs[:, None, None] * found)
 
 
-def _ideal(of: Mechanism, by: Topology) -> Array:
-    """Which designs (...) have a path of joints with fewer than three freedoms together."""
-    size = np.sqrt(np.diagonal(of.compliance, axis1=-2, axis2=-1))
+def _ideal(of: Mechanism, by: Topology, found: Array) -> NDArray[np.bool_]:
+    """Which designs (...) without an answer (..., 3 K, j) have a path of joints with fewer than three freedoms."""
+    ideal = np.asarray(np.isnan(found[..., 0, 0]))
+    if not ideal.any():
+        return ideal
+    C = np.broadcast_to(of.compliance, (*ideal.shape, *of.compliance.shape[-3:]))
+    ideal[ideal] = np.isfinite(C[ideal]).all(axis=(-3, -2, -1))
+    size = np.sqrt(np.diagonal(C[ideal], axis1=-2, axis2=-1))
     square = size[..., :, None] * size[..., None, :]
-    values = np.linalg.eigvalsh(np.nan_to_num(of.compliance / np.where(square > 0, square, 1.0)))
+    values = np.linalg.eigvalsh(C[ideal] / np.where(square > 0, square, 1.0))
     freedoms = np.sum(values > SINGULAR * values[..., -1:], axis=-1)
-    elastic = {joint for joint in of.coupled if of.coupling is not None}
-    few = [
-        np.sum(freedoms[..., list(joints)], axis=-1) < 3
-        for joints in (path.joints for path in by.paths)
-        if of.series is None and not elastic & set(joints)
-    ]
-    return np.any(few, axis=0) if few else np.zeros(freedoms.shape[:-1], dtype=bool)
+    few = np.zeros(len(freedoms), dtype=bool)
+    for path in by.paths:
+        if of.series is None and (of.coupling is None or not set(of.coupled) & set(path.joints)):
+            few |= np.sum(freedoms[:, list(path.joints)], axis=-1) < 3
+    ideal[ideal] = few
+    return ideal
 
 
 def _saddle(A: Array, G: Array) -> tuple[Array, Array, Array]:

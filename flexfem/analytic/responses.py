@@ -221,10 +221,7 @@ def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[S
 
 def engaged(of: Dynamics, rates: Array) -> Dynamics:
     """With stacks of stiffness (n,), N/mm, in the openings at the end of its compliance (21 + n, 21 + n)."""
-    C, root = of.compliance, np.sqrt(rates)
-    bodies, across, openings = C[:FREEDOMS, :FREEDOMS], C[:FREEDOMS, FREEDOMS:], C[FREEDOMS:, FREEDOMS:]
-    Y = root[:, None] * np.linalg.inv(np.eye(len(root)) + root[:, None] * openings * root) * root
-    return of._replace(compliance=bodies - across @ Y @ across.T)
+    return of._replace(compliance=network.with_springs(of.compliance, rates))
 
 
 def many(
@@ -375,7 +372,7 @@ def drift(
     openings[:, ::3] = gaps  # of each chain, in its first joint
     of = lowered(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
     found = network.solve(of, np.zeros((MOVING, 3, 3)), openings)
-    necks = at_necks(designs.frames, found.wrenches)
+    necks = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
     stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
     return WarmModel(found.output, -found.wrenches[:, ::3], stress)
 

@@ -64,7 +64,7 @@ def _print_keys(of: list[KeyTable]) -> None:
 
 def _print_outputs() -> None:
     """The columns that a study answers, and what they mean."""
-    from flexfem.study.meanings import MEANINGS
+    from flexfem.study.columns import MEANINGS
 
     out = people()
     out.print("outputs")

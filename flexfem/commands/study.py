@@ -48,7 +48,7 @@ def run(
 ) -> None:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
     from flexfem.commands import console
-    from flexfem.study.probes import unseen
+    from flexfem.study.answer import unseen
 
     share = studies.shard_of(shard)
     if scheduler is not None and workers is not None:

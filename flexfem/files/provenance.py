@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from flexfem.files.keypath import KeyPath, key_path, path_of
-from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.refusals import KeyPath, key_path, path_of, refusal, suggestion
 from flexfem.files.toml import Label, Table
 
 

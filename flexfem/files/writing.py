@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -171,3 +172,29 @@ def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
         raise BadInput(f"{path}: expected {what}: {error.strerror or 'cannot be read'}") from None
     except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
         raise BadInput(f"{path}: expected {what}: not an .npz file, or a damaged one") from None
+
+
+def digest(content: Any) -> str:
+    """SHA-256 of plain data, as JSON."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def digest_of_arrays(arrays: Mapping[str, AnyArray]) -> str:
+    """SHA-256 of named arrays, with their types and shapes."""
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
+        found.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return found.hexdigest()
+
+
+def canonical(value: Any) -> Any:
+    """Plain data with every number as a float, -0.0 as 0.0, and tuples as lists."""
+    if isinstance(value, dict):
+        return {key: canonical(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [canonical(item) for item in value]
+    if isinstance(value, bool | str) or value is None:
+        return value
+    return float(value) + 0.0

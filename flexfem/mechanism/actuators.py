@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-from flexfem.files.json_schema import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
@@ -270,7 +270,7 @@ class Actuator(Dimensioned):
     )
     friction: Friction | None = Field(
         default=None,
-        description="Coefficient of Coulomb's friction at the contact: `flexfem command` says what it leaves of the "
+        description="Coefficient of Coulomb's friction at the contact: `flexfem drive` says what it leaves of the "
         "pose. Not stated: nothing is said",
         examples=[0.15],
     )

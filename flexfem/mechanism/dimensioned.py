@@ -24,9 +24,8 @@ from pydantic import (
 )
 
 from flexfem.files import quantities
-from flexfem.files.json_schema import COUNT, keywords
-from flexfem.files.keypath import KeyPath, key_path
-from flexfem.files.refusals import merged, one_line, problem_of, shown, suggestion
+from flexfem.files.quantities import COUNT, keywords
+from flexfem.files.refusals import KeyPath, key_path, merged, one_line, problem_of, shown, suggestion
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
 

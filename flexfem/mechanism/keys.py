@@ -14,8 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.keypath import ABOUT, KeyPath, key_path, path_of
-from flexfem.files.refusals import problem_of, suggestion
+from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, problem_of, suggestion
 from flexfem.mechanism.actuators import Actuator, Numbers
 from flexfem.mechanism.materials import FATIGUE
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage

@@ -20,11 +20,9 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationError, Validat
 
 from flexfem import own
 from flexfem.files import quantities
-from flexfem.files.json_schema import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
-from flexfem.files.keypath import key_path
-from flexfem.files.lines import LineIndex
-from flexfem.files.refusals import place_of, problem_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, Path, Table, read_toml, validate
+from flexfem.files.quantities import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
+from flexfem.files.refusals import key_path, place_of, problem_of, refusal, shown
+from flexfem.files.toml import LABEL_LENGTH, Label, LineIndex, Path, Table, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import read_data

@@ -11,11 +11,10 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
-from flexfem.files.digest import canonical, digest
-from flexfem.files.keypath import key_path
 from flexfem.files.provenance import Doubts, key_paths, values_by_key
+from flexfem.files.refusals import key_path
 from flexfem.files.toml import Path, validate, validate_partly
-from flexfem.files.writing import check_file, toml_text, write_atomically
+from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.dimensioned import KEPT
 from flexfem.mechanism.drives import check_drive

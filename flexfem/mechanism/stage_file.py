@@ -13,10 +13,9 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from flexfem.files.json_schema import Rule, both, has, ruled, when, without
-from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import place_of, problem_of, refusal, shown, suggestion
+from flexfem.files.quantities import Rule, both, has, ruled, when, without
+from flexfem.files.refusals import key_path, path_of, place_of, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Label, read_toml
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator, Coordinate, Force, Friction, Preload, Rate, StackName, Stroke, Tilt

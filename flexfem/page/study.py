@@ -28,7 +28,7 @@ from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares, Shown
 if TYPE_CHECKING:
     from flexfem.plot.study_records import Source
     from flexfem.study.loaded import LoadedStudy
-    from flexfem.study.tables import Figure
+    from flexfem.study.plan import Figure
 
 
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]
@@ -79,7 +79,7 @@ def _figures(source: Source, found: list[Shown]) -> list[FoundFigure]:
 def _points(source: Source, figure: Figure, shown: Shown, most: int) -> PointedDesigns | None:
     if isinstance(shown, Best):
         return of_front(source, figure, shown, most)
-    return of_map(source, figure, most) if isinstance(shown, Extremes) else None
+    return of_map(source, figure, shown.cells, most) if isinstance(shown, Extremes) else None
 
 
 def _figure_section(source: Source, one: FoundFigure, reach: int, data: Markup) -> PageSection:

@@ -11,11 +11,11 @@ from flexfem.files.provenance import is_assumed
 from flexfem.page.section import PageSection, facts, notes, table
 from flexfem.plot.study_labels import METHODS, factor, model_words, thousands
 from flexfem.plot.text import SPACE
-from flexfem.study.columns import Column, columns_of
+from flexfem.study.factors import Column, columns_of
 
 if TYPE_CHECKING:
     from flexfem.plot.study_records import Source
-    from flexfem.study.columns import Factor
+    from flexfem.study.factors import Factor
     from flexfem.study.loaded import LoadedStudy
 
 REASONS = 20  # lines of reasons; more are counted

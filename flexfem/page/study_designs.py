@@ -15,8 +15,8 @@ from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.drawing import part_of
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
-from flexfem.study.designs import stage_of
-from flexfem.study.statistics import round_off_in
+from flexfem.study.findings import round_off_in
+from flexfem.study.loaded import stage_of
 
 if TYPE_CHECKING:
     from flexfem.mechanism.stage import Stage

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flexfem.plot.study_map import StudyMap
     from flexfem.plot.study_pareto import ParetoFront
     from flexfem.plot.study_records import Source
-    from flexfem.study.tables import Figure
+    from flexfem.study.plan import Figure
 
 DESIGNS = "study-designs"  # id of the data that all charts of a page share
 

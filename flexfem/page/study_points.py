@@ -9,12 +9,11 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.plot.study_labels import thousands
-from flexfem.study.findings import Best
-from flexfem.study.reductions import cells_of, spread
+from flexfem.study.findings import Best, Cells, spread
 
 if TYPE_CHECKING:
     from flexfem.plot.study_records import Source
-    from flexfem.study.tables import Figure
+    from flexfem.study.plan import Figure
 
 MOST = 400  # designs of one figure that can be pointed at
 ALTOGETHER = 1000  # of all figures of a page: some 3 kB each
@@ -51,9 +50,8 @@ def of_front(source: Source, figure: Figure, found: Best, most: int) -> PointedD
     return PointedDesigns(rows[some], at[some], said)
 
 
-def of_map(source: Source, figure: Figure, most: int) -> PointedDesigns:
+def of_map(source: Source, figure: Figure, cells: Cells, most: int) -> PointedDesigns:
     """Designs of a map; of a map of means that of each cell which is nearest to its middle. Of many, some at random."""
-    cells = cells_of(source.loaded, source.table, (figure.x or "", figure.y or ""), figure.value or "")
     known = np.flatnonzero(np.isfinite(cells.values))
     if not cells.averaged:
         rows = known

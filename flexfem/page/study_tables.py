@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from flexfem.arrays import Array
     from flexfem.page.study_points import PointedDesigns
     from flexfem.plot.study_records import Source
-    from flexfem.study.findings import Extremes, Marks, Shares
-    from flexfem.study.statistics import Percentile
-    from flexfem.study.tables import Figure
+    from flexfem.study.findings import Extremes, Marks, Percentile, Shares
+    from flexfem.study.plan import Figure
 
 
 def number(value: float, after: str = "") -> Cell:

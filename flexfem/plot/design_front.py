@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.arrays import wide
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import outline_of
@@ -27,7 +28,6 @@ from flexfem.plot.study_pareto import (
 )
 from flexfem.plot.style import INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
 from flexfem.plot.text import significant
-from flexfem.study.reductions import wide
 from flexfem.synthesis.result import Designed, FrontDesign
 
 ACROSS, APART, TOP = 2, 0.95, 0.25  # pairs of objectives in a row; what is left between them, and above, in

@@ -15,7 +15,7 @@ from flexfem.plot.study_records import Record, Source, record_of
 from flexfem.plot.study_scatter import Distribution, Sensitivity, distribution_figure, sensitivity_figure
 from flexfem.plot.write import figure_files, write_beside
 from flexfem.study.findings import Refused, Shown
-from flexfem.study.tables import Figure
+from flexfem.study.plan import Figure
 
 if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy

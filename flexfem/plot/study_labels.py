@@ -11,11 +11,11 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexfem.arrays import Array
-from flexfem.files.keypath import path_of
+from flexfem.files.refusals import path_of
 from flexfem.plot.text import SPACE, significant
-from flexfem.study.columns import Column
-from flexfem.study.outputs import STRESSES
-from flexfem.study.tables import Method
+from flexfem.study.columns import LABELS, STRESSES
+from flexfem.study.factors import Column
+from flexfem.study.plan import Method
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
@@ -23,55 +23,6 @@ if TYPE_CHECKING:
     from flexfem.study.loaded import LoadedStudy
     from flexfem.study.plan import Study
 
-OUTPUTS: dict[str, tuple[str, str]] = {  # name, symbol for an axis
-    "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
-    "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
-    "ktt_n_mm_per_rad": ("stiffness θθ", r"stiffness $K_{\theta\theta}$"),
-    "kxy_n_per_mm": ("stiffness XY", r"stiffness $K_{xy}$"),
-    "kxt_n": ("stiffness Xθ", r"stiffness $K_{x\theta}$"),
-    "kyt_n": ("stiffness Yθ", r"stiffness $K_{y\theta}$"),
-    "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
-    "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
-    "coupling_yt": ("coupling Yθ", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
-    "stress_x_mpa_per_um": ("peak neck stress per X", ""),
-    "stress_y_mpa_per_um": ("peak neck stress per Y", ""),
-    "stress_theta_mpa_per_mrad": ("peak neck stress per θ", ""),
-    "range_x_um": ("range in X at yield", ""),
-    "range_y_um": ("range in Y at yield", ""),
-    "range_theta_mrad": ("range in θ at yield", ""),
-    "envelope_mm": ("diameter of the envelope", ""),
-    "travel_x_um": ("travel in X, base hinges", ""),
-    "travel_y_um": ("travel in Y, base hinges", ""),
-    "travel_theta_mrad": ("travel in θ, base hinges", ""),
-    "drive_range_x_um": ("range of the drive in X", ""),
-    "drive_range_y_um": ("range of the drive in Y", ""),
-    "drive_range_theta_mrad": ("range of the drive in θ", ""),
-    "engaged_kxx_n_per_mm": ("engaged stiffness XX", ""),
-    "engaged_kyy_n_per_mm": ("engaged stiffness YY", ""),
-    "engaged_ktt_n_mm_per_rad": ("engaged stiffness θθ", ""),
-    "frequency_1_hz": ("natural frequency 1", ""),
-    "frequency_2_hz": ("natural frequency 2", ""),
-    "frequency_3_hz": ("natural frequency 3", ""),
-    "drift_x_um_per_k": ("drift in X per kelvin", ""),
-    "drift_y_um_per_k": ("drift in Y per kelvin", ""),
-    "drift_theta_urad_per_k": ("drift in θ per kelvin", ""),
-    "drift_gradient_um_per_k_per_mm": ("largest drift by a gradient", ""),
-    "drift_gradient_theta_urad_per_k_per_mm": ("largest drift in θ by a gradient", ""),
-    "life_cycles": ("cycles at the amplitude", ""),
-    "life_amplitude_x_um": ("amplitude in X for the wanted life", ""),
-    "life_amplitude_y_um": ("amplitude in Y for the wanted life", ""),
-    "life_amplitude_theta_mrad": ("amplitude in θ for the wanted life", ""),
-    "safety_factor": ("yield strength over neck stress", ""),
-    "error_x_percent": ("error along X", ""),
-    "error_y_percent": ("error along Y", ""),
-    "error_theta_percent": ("error along θ", ""),
-    "cross_x_percent": ("largest cross error under X", ""),
-    "cross_y_percent": ("largest cross error under Y", ""),
-    "cross_theta_percent": ("largest cross error under θ", ""),
-    "band_x_percent": ("mesh band of the error along X", ""),
-    "band_y_percent": ("mesh band of the error along Y", ""),
-    "band_theta_percent": ("mesh band of the error along θ", ""),
-}
 METHODS: dict[Method, str] = {
     "grid": "grid",
     "latin_hypercube": "Latin hypercube",
@@ -114,7 +65,7 @@ class Caption(NamedTuple):
 
 def output(column: str, study: Study | None = None) -> Quantity:
     """What an output column of a study is called, with the known error of a stress by finite elements."""
-    name, symbol = OUTPUTS[column]
+    name, symbol = LABELS.get(column, (column, ""))
     if column in STRESSES and study is not None and study.stress_below:
         name = f"{name} ({study.stress_below})"
     return Quantity(name, unit_of(column).name, symbol, column == "life_cycles")

@@ -15,10 +15,9 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, wide
 from flexfem.plot.study_labels import Caption, Quantity, ends_of, log_ticks, name_axis, thousands
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, inches, panels
-from flexfem.study.reductions import wide
 
 WIDTH, HEIGHT = 8.27, 6.0  # in
 BELOW = 0.56  # in, from the axes to the legend

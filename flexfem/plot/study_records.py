@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, wide
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import Caption, Quantity, caption_of, counted, factor, output, thousands
 from flexfem.plot.study_map import StudyMap
 from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Distribution, Scatter, Sensitivity, Share
 from flexfem.plot.text import significant
-from flexfem.study.expression import names_in
-from flexfem.study.findings import Best, Extremes, Marks, Shares
-from flexfem.study.outputs import RANGES, STRESSES, lasting
-from flexfem.study.reductions import Cells, cells_of, wide
-from flexfem.study.tables import Figure
+from flexfem.study.columns import RANGES, STRESSES, lasting
+from flexfem.study.findings import Best, Cells, Extremes, Marks, Shares
+from flexfem.study.plan import Figure
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
@@ -33,7 +31,7 @@ def record_of(source: Source, figure: Figure, found: Extremes | Marks | Shares |
     """What one figure of a study file shows, from what was found for it."""
     match found:
         case Extremes():
-            return map_of(source, figure)
+            return map_of(source, figure, found.cells)
         case Marks():
             return distribution_of(source, figure, found)
         case Shares():
@@ -90,8 +88,7 @@ class Source(NamedTuple):
         """How far what it shows may be off by the neck stress, where it is found from that."""
         study, accuracy = self.loaded.study, self.loaded.stress_accuracy
         shown = {name for name, _ in figure.columns.values()}
-        derived = [text for one in study.output if one.name in shown for text in study.in_full(one.expression)]
-        used = shown | {name for text in derived for name in names_in(text)}
+        used = study.used_by(shown)
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
         return [f"{accuracy[0].upper()}{accuracy[1:]}."] if used & of_stress else []
 
@@ -115,10 +112,9 @@ class Source(NamedTuple):
         return [f"{text}." for text in self.table.warnings]
 
 
-def map_of(source: Source, figure: Figure) -> StudyMap:
+def map_of(source: Source, figure: Figure, cells: Cells) -> StudyMap:
     """A value over two factors, or its mean over the others where they vary too."""
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
-    cells = cells_of(source.loaded, source.table, (x, y), value)
     across, up, shown = (source.quantity(name) for name in (x, y, value))
     title = f"{shown.name} over {across.name} and {up.name}"
     return StudyMap(

@@ -17,7 +17,7 @@ from flexfem.plot.curves import DASHES
 from flexfem.plot.study_labels import Caption, Quantity, name_axis
 from flexfem.plot.style import INK, NOTE_COLOUR, in_house_style, legend_beside, panels
 from flexfem.plot.text import SPACE, significant
-from flexfem.study.statistics import Indices, Percentile
+from flexfem.study.findings import Indices, Percentile
 
 WIDTH, PANEL = 8.27, 1.97  # in, of a page, and height of a histogram with its axis
 LETTERS = 8.5  # points, of the legend

@@ -35,8 +35,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array, Index
 from flexfem.files import quantities
-from flexfem.files.json_schema import Rule, beside, both, either, has, ruled, when, without
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import Rule, beside, both, either, has, ruled, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke

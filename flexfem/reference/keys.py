@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from flexfem.files.json_schema import UNIT
+from flexfem.files.quantities import UNIT
 from flexfem.reference.formats import format_of
 from flexfem.reference.schemas import NUMBERS, schema_of
 

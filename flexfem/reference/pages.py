@@ -13,7 +13,7 @@ from flexfem.mechanism.materials import KEYS, REGISTERED, materials
 from flexfem.reference.formats import format_of
 from flexfem.reference.keys import KeyRow, KeyTable, tables_of
 from flexfem.refused import BadInput
-from flexfem.study.meanings import MEANINGS
+from flexfem.study.columns import MEANINGS
 from flexfem.units import unit_of
 
 HEAD = ("key", "meaning", "unit", "value", "default", "example")

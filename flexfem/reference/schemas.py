@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem.files.inputs import require_unread
-from flexfem.files.json_schema import UNIT
+from flexfem.files.quantities import UNIT
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.reference.formats import Format, format_of
 from flexfem.units import unit_of

@@ -1,32 +1,135 @@
-"""A range of designs in, a row for each out: whatever the model, and whatever goes wrong."""
+"""Answers of designs, a row for each: whatever the model, and whatever goes wrong; and of the base stage."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+import flexfem
+from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
+from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
+from flexfem.files.refusals import suggestion
+from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import KEY, required_law
+from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.drives import StageDrive, drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
+from flexfem.questions.driven import DriveRanges
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study import drawn
-from flexfem.study.designs import designs_of, refusals_of, stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import Rows, row_of, values_of
-from flexfem.study.plan import Study
-from flexfem.study.sampling import sample
-from flexfem.verify.questions import Clock, ask_drift, ask_elements, ask_formulas, ask_solid
+from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
+from flexfem.study.plan import Sampling, Study, names_in
+from flexfem.verify.modes import payload_of
+from flexfem.verify.questions import (
+    Clock,
+    Moments,
+    ask_drift,
+    ask_drives,
+    ask_elements,
+    ask_formulas,
+    ask_frequencies,
+    ask_solid,
+)
 from flexfem.verify.strained import Repeated, of_preloads, scaled
+
+Stages = Callable[[int], Stage]
+
+
+def drawn_one_by_one(study: Study) -> bool:
+    """Whether a study of the analytic model makes a stage of every design."""
+    return study.draws or study.links or study.frequencies is not None
+
+
+def elastic_parts(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> WarmBodies | None:
+    """Draw the designs not refused so far, where the study draws them; what their elastic bodies do, None without."""
+    study, n = loaded.study, len(reason)
+    bodies = WarmBodies(np.zeros((n, 9, 9)), np.zeros((n, 3, 3, 3)))
+
+    def draw(index: int, stage: Stage) -> None:
+        if study.draws:
+            check_feasible(stage)
+        if study.links:
+            bodies.compliance[index] = body_compliance(stage)
+        if study.links and study.drift is not None:
+            bodies.edges[index] = edge_motions(stage)
+
+    if study.draws or study.links:
+        _each(stages, reason, draw)
+    return bodies if study.links else None
+
+
+def driven(
+    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+) -> DriveRanges:
+    """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
+    drive = drives_of(loaded.stage, designs, reason, stages)
+    elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
+    drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
+    return ask_drives(designs, hinges, freedoms, drive, elastic)
+
+
+def vibrating(
+    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
+) -> Array:
+    """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
+    n, links = len(reason), loaded.study.links
+    moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
+    shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
+    elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
+
+    def draw(index: int, stage: Stage) -> None:
+        moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
+        if elastic is not None:
+            _put(elastic, index, elastic_bodies(stage))
+
+    _each(stages, reason, draw)
+    return ask_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
+
+
+def payload(loaded: LoadedStudy) -> Payload | None:
+    """What the platform carries where natural frequencies are asked for, else None."""
+    of = loaded.study.frequencies
+    return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
+
+
+def _link_parts(stages: Stages, reason: AnyArray, drive: StageDrive) -> LinkParts:
+    """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
+    n, stacks = len(reason), len(drive.stacks)
+    shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
+    found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
+    _each(stages, reason, lambda index, stage: _put(found, index, link_parts(stage, drive_of(stage).stacks)))
+    return found
+
+
+def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
+    """Ask every design not refused so far; why one is refused goes to `reason`."""
+    for index in map(int, np.flatnonzero(reason == "")):
+        try:
+            draw(index, stages(index))
+        except BadInput as refusal:
+            reason[index] = str(refusal)
+
+
+def _put(parts: LinkParts, index: int, own: LinkParts) -> None:
+    for all_of, one in zip(parts, own, strict=True):
+        all_of[index] = one
+
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 SINGULAR = "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
@@ -37,7 +140,7 @@ DRAWN = 512  # of them, where each is made a stage, which is kept until the batc
 def answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
     """Answer the designs from `start` up to `stop`."""
     if loaded.study.model == "analytic":
-        ends = [*range(start, stop, DRAWN if drawn.drawn_one_by_one(loaded.study) else BATCH), stop]
+        ends = [*range(start, stop, DRAWN if drawn_one_by_one(loaded.study) else BATCH), stop]
         batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
         batches = [_solved_row(loaded, values) for values in sample(loaded, start, stop)]
@@ -58,14 +161,14 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         reason = np.where(reason == "", refusals_of(loaded, values), reason)
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
         stages = cache(lambda index: stage_of(loaded, values[index]))
-        bodies = drawn.elastic_parts(loaded, stages, reason)
+        bodies = elastic_parts(loaded, stages, reason)
         found = ask_formulas(
             designs, hinges, freedoms, None if bodies is None else bodies.compliance, _repeated(loaded)
         )
         if study.driven:
-            found = found._replace(drives=drawn.driven(loaded, stages, reason, designs, hinges, freedoms))
+            found = found._replace(drives=driven(loaded, stages, reason, designs, hinges, freedoms))
         if study.frequencies is not None:
-            found = found._replace(frequencies=drawn.vibrating(loaded, stages, reason, designs, hinges, freedoms))
+            found = found._replace(frequencies=vibrating(loaded, stages, reason, designs, hinges, freedoms))
         if study.drift is not None:
             found = found._replace(drift=ask_drift(designs, hinges, freedoms, bodies))
         lost = np.isnan(found.stiffness[:, 0, 0])
@@ -74,9 +177,47 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         reason[lost & (reason == "")] = SINGULAR
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
-        answers = values_of(found, study.rotation)
+        answers = values_of(found, study.columns, study.rotation)
+        answers = np.hstack([answers, _asked_of_each(loaded, stages, reason)])
     answers[reason != ""] = np.nan
     return doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
+
+
+def _asked_of_each(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> Array:
+    """Numbers of questions (n, asked) of the designs not refused so far, one after the other."""
+    found = np.full((len(reason), len(loaded.study.ask)), np.nan)
+
+    def ask(index: int, stage: Stage) -> None:
+        found[index] = asked_numbers(loaded, stage)
+
+    if loaded.study.ask:
+        _each(stages, reason, ask)
+    return found
+
+
+def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
+    """Numbers that questions answer of one stage, by the paths of the study. Raises BadInput, ComputationFailed."""
+    from flexfem.questions.setup import Analytic
+
+    study, found = loaded.study, dict[str, float]()
+    models = {"analytic": "analytic", "verify": "both"}.get(study.model, "elements")
+    given: dict[str, Any] = {"models": models}
+    if models != "elements":
+        given["analytic"] = Analytic(study.mobility, study.formula, study.links)
+    if models != "analytic":
+        given["resolution"] = study.resolution
+    if study.model == "three_dimensional":
+        given["layers"] = study.layers
+    for name in dict.fromkeys(path.split(".")[0] for path in study.ask):
+        question = getattr(flexfem, name)
+        known = inspect.signature(question).parameters
+        result = question(stage, **{key: value for key, value in given.items() if key in known})
+        found |= {f"{name}.{number.path}": number.value * number.unit.factor for number in result.entries()}
+    for path in study.ask:
+        if path not in found:
+            close = suggestion(path, found) or f", such as {next(iter(found))}"
+            raise BadInput(f"ask: no number {path} of this stage and model{close}")
+    return [found[path] for path in study.ask]
 
 
 def _units(study: Study, designs: Designs) -> list[Broken]:
@@ -102,11 +243,11 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     if study.model == "three_dimensional":
         found = ask_solid(stage, study.resolution, study.layers, clock)
     else:
-        asked = drawn.payload(loaded), _repeated(loaded), study.driven, study.drift is not None
+        asked = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
         found = ask_elements(stage, study.resolution, clock, predicted, study.bands, *asked)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
-    return np.asarray(values_of(found, study.rotation)[0])
+    return np.array([*values_of(found, study.columns, study.rotation)[0], *asked_numbers(loaded, stage)])
 
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
@@ -177,3 +318,81 @@ def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
         for index, column in enumerate(loaded.columns)
         for path in column.keys
     ]
+
+
+ROUND_OFF = 1e-10  # of the size of an output, which a factor changes by more
+FIXED = "thickness_mm"  # every stage gives it; the one factor of a study that varies nothing
+
+
+def nominal(loaded: LoadedStudy) -> dict[str, float]:
+    """Outputs of the base stage by column, and the factors it has one value of; no outputs when it has no answer."""
+    factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(loaded.stage)]}),)
+    changes = {"factor": factors, "sampling": Sampling(method="grid"), "bands": False}
+    study = loaded.study.model_copy(update=changes | {"correlation": (), "constraint": ()})
+    alone = replace(loaded, study=study, columns=columns_of(factors), given=None)
+    rows, found = answer(alone, 0, 1), own_values(loaded)
+    if rows.status[0] == "ok":
+        found |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
+        columns = {name: np.array([value]) for name, value in found.items()}
+        columns[FIXED] = np.array([keys()[FIXED].value_in(loaded.stage)])
+        derived = judge(alone, columns, np.array([True])).derived
+        found |= {name: float(value[0]) for name, value in derived.items() if np.isfinite(value[0])}
+    return found
+
+
+def own_values(loaded: LoadedStudy) -> dict[str, float]:
+    """The base stage's values of the factors, in file units, by column; none where its keys differ."""
+    values = {c.name: {keys()[path].value_in(loaded.stage) for path in c.keys} for c in loaded.columns}
+    return {name: value for name, (value, *more) in values.items() if not more and value is not None}
+
+
+def unseen(loaded: LoadedStudy) -> list[str]:
+    """Warnings on factors that change none of the outputs that a study shows or constrains, of all where it does not.
+
+    Notes
+    -----
+    Found by the model itself: designs that differ in one factor alone, compared output by output. Finite elements mesh
+    what a factor changes, and are not asked.
+    """
+    study = loaded.study
+    if study.model != "analytic":
+        return []
+    named = {name for figure in study.figure for name, _ in figure.columns.values()}
+    named |= {name for one in study.constraint for text in study.in_full(one.value) for name in names_in(text)}
+    named = study.used_by(named)
+    shown = [name for name in loaded.outputs if name in named] or list(loaded.outputs)
+    found = []
+    for name, changed in _changes(loaded).items():
+        if changed is not None and not changed & set(shown):
+            others = f"; it changes {', '.join(sorted(changed))} alone" if changed else ""
+            found.append(f"factor {name} changes none of {', '.join(shown)} in this model{others}")
+    return found
+
+
+def _changes(loaded: LoadedStudy) -> dict[str, set[str] | None]:
+    """Outputs that each factor changes, by column; None where it takes one value, or no pair of designs has answers."""
+    some = sample(loaded, 0, min(loaded.count, 1000))
+    bases = some[[0, len(some) // 2]][: 1 if loaded.study.links else 2]  # 0.1 s a design where links bend
+    ends, n = (some.min(axis=0), some.max(axis=0)), len(loaded.columns)
+    rows = [base for base in bases]
+    rows += [np.where(np.arange(n) == k, end, base) for k in range(n) for base in bases for end in ends]
+    free = loaded.study.model_copy(update={"check": "closed_form", "constraint": ()})
+    answers = answer_designs(replace(loaded, study=free), np.array(rows)).values
+    size = np.abs(answers)
+    place = {name: index for index, name in enumerate(loaded.outputs)}
+    for name, (one, other) in CROSS.items():  # zero by symmetry: small against what they couple
+        size[:, place[name]] = np.sqrt(np.abs(answers[:, place[one]] * answers[:, place[other]]))
+    size[:, [place[name] for name in COUPLINGS]] = 1.0
+    found: dict[str, set[str] | None] = {}
+    for k, column in enumerate(loaded.columns):
+        first = len(bases) * (1 + 2 * k)
+        pairs = [(base, first + 2 * base + end) for base in range(len(bases)) for end in (0, 1)]
+        steps = [
+            np.abs(answers[moved] - answers[base]) > ROUND_OFF * size[base]
+            for base, moved in pairs
+            if rows[base][k] != rows[moved][k] and np.isfinite(answers[[base, moved]]).all()
+        ]
+        found[column.name] = (
+            {n for n, m in zip(loaded.outputs, np.any(steps, axis=0), strict=True) if m} if steps else None
+        )
+    return found

@@ -19,9 +19,8 @@ import pyarrow.parquet as pq
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
-from flexfem.study.designs import judge
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import FEASIBLE
+from flexfem.study.columns import FEASIBLE
+from flexfem.study.loaded import LoadedStudy, judge
 from flexfem.study.run import ABOUT, PARQUET, Chunk, Parts, read_part, survey
 
 FORMATS = (".parquet", ".csv")

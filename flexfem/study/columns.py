@@ -1,252 +1,301 @@
-"""The factors of a study, each a list, a range or a distribution, and the columns that they are."""
+"""The output columns of a study, one table: name, label, unit (the ending of the name), meaning, and how it is found.
+
+A column is found from `Answers` on a batch of designs, analytic, or on one design, finite elements. Any other number
+that a question of flexfem answers is a column by its path, such as `drift.pose.uniform.analytic.x`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from itertools import compress
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import ConfigDict, Field, model_validator
+import numpy as np
+from numpy.typing import ArrayLike
 
-from flexfem.files import quantities
-from flexfem.files.json_schema import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
-from flexfem.files.refusals import refusal
-from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
-from flexfem.mechanism.stage import Stage
-from flexfem.refused import BadInput
+from flexfem.arrays import ROUND_OFF, AnyArray, Array
+from flexfem.files.refusals import one_line
+from flexfem.units import unit_of
 
-MANY = 100_000  # values of one factor; more are a range
-MANY_KEYS = 100  # more than the format has
-Kind: TypeAlias = Literal["given", "values", "range", "normal", "uniform"]
-_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
-    "given": ((), ()),
-    "values": (("values",), ()),
-    "range": (("from", "to"), ("scale", "points")),
-    "normal": (("distribution", "sd"), ("mean", "lower", "upper")),
-    "uniform": (("distribution", "lower", "upper"), ()),
-}
-WAYS = "a factor is values, or from and to, or a distribution"
-NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
+if TYPE_CHECKING:
+    from flexfem.verify.questions import Answers
+
+RESERVED = ("design", "status", "reason")
+FEASIBLE = "feasible"  # column of a study with constraints
+LONGEST = 200  # characters of a reason
 
 
-def _key_schema(patterns: bool) -> Rule:
-    """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
-    known = {path: None for path in keys()}
-    if patterns:
-        known |= dict.fromkeys(starred_patterns())
-    return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
+class Group(NamedTuple):
+    """Columns that are found together.
+
+    asked : what a study asks to have them, "" where every study has them.
+    labels : name by column, with a second text where an axis has a symbol.
+    values : (n, columns) of the answers on n designs and the largest rotation of a base hinge, in inside units.
+    """
+
+    asked: str
+    labels: dict[str, str | tuple[str, str]]
+    meaning: str
+    values: Callable[[Answers, float], Array]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.labels)
 
 
-Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
-KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
+def _diagonal(matrix: Array) -> Array:
+    return np.diagonal(matrix, axis1=1, axis2=2)
 
 
-def of_kind(kind: Kind) -> Rule:
-    """A factor of a kind, in JSON schema: its keys, and no others."""
-    needed, possible = _KEYS_OF[kind]
-    return both(has(*needed), without(*(key for key in _OTHERS if key not in (*needed, *possible))))
+def _lives(answers: Any) -> Array:
+    of = answers.lives
+    return np.column_stack([of.cycles, of.largest, of.safety])
 
 
-_OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)
-FACTOR_RULES = (
-    when(has("key"), without("keys"), has("keys")),
-    when(
-        says("distribution", "normal"),
-        of_kind("normal"),
-        when(
-            says("distribution", "uniform"),
-            of_kind("uniform"),
-            when(has("values"), of_kind("values"), when(without(*_OTHERS), {}, of_kind("range"))),
-        ),
+GROUPS = (
+    Group(
+        "",
+        {
+            "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
+            "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
+            "ktt_n_mm_per_rad": ("stiffness θθ", r"stiffness $K_{\theta\theta}$"),
+            "kxy_n_per_mm": ("stiffness XY", r"stiffness $K_{xy}$"),
+            "kxt_n": ("stiffness Xθ", r"stiffness $K_{x\theta}$"),
+            "kyt_n": ("stiffness Yθ", r"stiffness $K_{y\theta}$"),
+        },
+        "stiffness of the platform, `K_ij`: along one direction with the other two held",
+        lambda of, _: of.stiffness[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
+    ),
+    Group(
+        "",
+        {
+            "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
+            "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
+            "coupling_yt": ("coupling Yθ", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
+        },
+        "`K_ij / sqrt(K_ii K_jj)`",
+        lambda of, _: of.coupling,
+    ),
+    Group(
+        "",
+        {
+            "stress_x_mpa_per_um": "peak neck stress per X",
+            "stress_y_mpa_per_um": "peak neck stress per Y",
+            "stress_theta_mpa_per_mrad": "peak neck stress per θ",
+        },
+        "highest von Mises stress at a neck per displacement of the platform in that direction, "
+        "the others held; `fe`: up to 1 % low at resolution 4, by the square of it less at a finer one, which "
+        "labels, captions and `study status` say; `analytic`: bending and tension with Neuber's stress "
+        'concentration, shear left out. Against finite elements: within 1 % with `formula = "calibrated"` and '
+        "`links`, 1 to 9 % high with rigid links; 10 to 22 % high with the default formula and `links`, 14 to 34 % "
+        "with rigid links, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
+        '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '
+        "(`benchmarks/solid_stress.py`)",
+        lambda of, _: of.stress,
+    ),
+    Group(
+        "",
+        {
+            "range_x_um": "range in X at yield",
+            "range_y_um": "range in Y at yield",
+            "range_theta_mrad": "range in θ at yield",
+        },
+        "displacement at which the first hinge yields; low by as much as the stress is high",
+        lambda of, _: of.range_at_yield,
+    ),
+    Group(
+        "",
+        {"envelope_mm": "diameter of the envelope"},
+        "diameter of the circle about the platform centre that holds the stage",
+        lambda of, _: of.envelope[:, None],
+    ),
+    Group(
+        "travel",
+        {
+            "travel_x_um": "travel in X, base hinges",
+            "travel_y_um": "travel in Y, base hinges",
+            "travel_theta_mrad": "travel in θ, base hinges",
+        },
+        "with `[drive]` `stroke_um`: displacement at which the first base hinge has turned by "
+        "stroke over lever arm. No other hinge, contact or force is counted: what a drive really reaches is less, "
+        "`drive_range_x_um`",
+        lambda of, rotation: of.travel(rotation),
+    ),
+    Group(
+        "drive",
+        {
+            "drive_range_x_um": "range of the drive in X",
+            "drive_range_y_um": "range of the drive in Y",
+            "drive_range_theta_mrad": "range of the drive in θ",
+        },
+        "with `[drive]` `actuators`: how far commands drive the platform from rest with the "
+        "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
+        "`flexfem reach` has it (others zero), without load: the lesser of both ways, so zero where single stacks go "
+        "one way only; `fe`: with what necks carry by the finite elements",
+        lambda of, _: of.drives.range,  # type: ignore[union-attr]
+    ),
+    Group(
+        "drive",
+        {
+            "engaged_kxx_n_per_mm": "engaged stiffness XX",
+            "engaged_kyy_n_per_mm": "engaged stiffness YY",
+            "engaged_ktt_n_mm_per_rad": "engaged stiffness θθ",
+        },
+        "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the other two directions held; "
+        "links that are rigid make it 50 % too large on the reference stages, elastic links agree with `fe` to 0.3 %",
+        lambda of, _: _diagonal(of.drives.engaged),  # type: ignore[union-attr]
+    ),
+    Group(
+        "frequencies",
+        {f"frequency_{k}_hz": f"natural frequency {k}" for k in (1, 2, 3)},
+        "with `[frequencies]`: the three lowest natural frequencies in the plane, drives "
+        "disengaged; `analytic`: platform and links as rigid bodies (with `links` on elastic links) on the model's "
+        "hinges, the default formula's 6 to 7 % high on the reference stages because its hinges are too stiff, "
+        "calibrated with `links` within 0.01 %; `fe`: as `flexfem modes` on one mesh. Modes out of the plane, which "
+        "can lie lower, are not in it",
+        lambda of, _: np.asarray(of.frequencies),
+    ),
+    Group(
+        "life",
+        {
+            "life_cycles": "cycles at the amplitude",
+            "life_amplitude_x_um": "amplitude in X for the wanted life",
+            "life_amplitude_y_um": "amplitude in Y for the wanted life",
+            "life_amplitude_theta_mrad": "amplitude in θ for the wanted life",
+            "safety_factor": "yield strength over neck stress",
+        },
+        "with `[life]`: cycles at the amplitude, the amplitude of each moved direction for the wanted life, and "
+        "yield strength over the largest neck stress on the way, as `flexfem life` has them. A life is out by ten "
+        "times what the stress is: calibrated hinges with `links`, or `fe`, or it means little. Lives beyond yield, "
+        "or beyond the cycles of Basquin's law, are counted as such. Preloads of single stacks are not in them",
+        lambda of, _: _lives(of),
+    ),
+    Group(
+        "drift",
+        {
+            "drift_x_um_per_k": "drift in X per kelvin",
+            "drift_y_um_per_k": "drift in Y per kelvin",
+            "drift_theta_urad_per_k": "drift in θ per kelvin",
+        },
+        "with `[drift]`: pose per kelvin of a uniform change, as `flexfem drift` has it; in X and Y "
+        "round-off where chains are alike",
+        lambda of, _: of.drift.uniform,  # type: ignore[union-attr]
+    ),
+    Group(
+        "drift",
+        {
+            "drift_gradient_um_per_k_per_mm": "largest drift by a gradient",
+            "drift_gradient_theta_urad_per_k_per_mm": "largest drift in θ by a gradient",
+        },
+        "with `[drift]`: largest translation, and largest rotation, by a gradient of 1 K/mm of "
+        "any direction in the plane about the platform's centre; each has a direction of its own. All five numbers "
+        "of drift against finite elements, on the reference stages and one with three other hinges: calibrated "
+        "hinges with `links` within 0.2 %, rigid links, which leave out that the frame bows the clamped edges, "
+        "within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
+        "thickness, are not in them",
+        lambda of, _: of.drift.gradient,  # type: ignore[union-attr]
+    ),
+    Group(
+        "verify",
+        {f"error_{name}_percent": f"error along {said}" for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))},
+        "`verify`: error along the command",
+        lambda of, _: of.errors.along,  # type: ignore[union-attr]
+    ),
+    Group(
+        "verify",
+        {
+            f"cross_{name}_percent": f"largest cross error under {said}"
+            for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))
+        },
+        "`verify`: largest error across the command",
+        lambda of, _: of.errors.across,  # type: ignore[union-attr]
+    ),
+    Group(
+        "bands",
+        {
+            f"band_{name}_percent": f"mesh band of the error along {said}"
+            for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))
+        },
+        "`verify` with `bands`: mesh band of the error along the command",
+        lambda of, _: np.asarray(of.errors.bands),  # type: ignore[union-attr]
     ),
 )
+(STIFFNESSES, COUPLINGS, STRESSES, RANGES, ENVELOPE, TRAVELS, DRIVE_RANGES, ENGAGED, FREQUENCIES, LIVES, DRIFTS,
+ GRADIENTS, ERRORS, CROSSES, BANDS) = (group.names for group in GROUPS)  # fmt: skip
+ASKED = tuple(dict.fromkeys(group.asked for group in GROUPS if group.asked))
+LIFE_AMPLITUDES = LIVES[1:4]
+MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType({group.names: group.meaning for group in GROUPS})
+LABELS = {
+    name: (label, "") if isinstance(label, str) else label for group in GROUPS for name, label in group.labels.items()
+}
+CROSS = {  # stiffnesses between two directions, and those along them
+    "kxy_n_per_mm": ("kxx_n_per_mm", "kyy_n_per_mm"),
+    "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),
+    "kyt_n": ("kyy_n_per_mm", "ktt_n_mm_per_rad"),
+}
+PARTS = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # others that may vanish, and their wholes
 
 
-class Factor(Table):
-    """One factor: a list, a range (`start` to `end`) or a distribution; with none of them a table of designs has it.
+def outputs_of(*asked: str, moved: Sequence[bool] = (True, True, True)) -> tuple[str, ...]:
+    """Names of the output columns where some groups are asked, of lives those of the directions that are `moved`."""
+    left_out = set(LIFE_AMPLITUDES) - set(lasting(moved))
+    groups = [group for group in GROUPS if group.asked in ("", *asked)]
+    return tuple(name for group in groups for name in group.names if name not in left_out)
 
-    All numbers are in the units of the stage file.
+
+def lasting(moved: Sequence[bool]) -> tuple[str, ...]:
+    """Names of the columns on lives at an amplitude that has some of the directions."""
+    return ("life_cycles", *compress(LIFE_AMPLITUDES, moved), "safety_factor")
+
+
+def values_of(answers: Answers, names: Sequence[str], rotation: float | None) -> Array:
+    """Values (n, names) of columns, of which `answers` has the groups; `rotation` of base hinges, rad, for travels."""
+    found: dict[str, Array] = {}
+    for group in GROUPS:
+        if not set(group.names).isdisjoint(names):
+            factors = [unit_of(name).factor for name in group.names]
+            found |= dict(zip(group.names, (group.values(answers, rotation or 0.0) * factors).T, strict=True))
+    return np.stack([found[name] for name in names], axis=1)
+
+
+def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Up to which size numbers of the columns that symmetry can make zero are round-off, by name, (n,) each or one.
+
+    columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y is beside the rotation's at 1 mm, too.
+    """
+    sizes = {name: np.sqrt(np.abs(columns[one] * columns[other])) for name, (one, other) in CROSS.items()}
+    sizes |= {name: np.asarray(size) for name, size in PARTS.items()}
+    if DRIFTS[0] in columns:
+        x, y, turn = (np.abs(columns[name]) for name in DRIFTS)
+        sizes |= dict.fromkeys(DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * turn))  # um per urad at 1 mm
+    return {name: ROUND_OFF * size for name, size in sizes.items()}
+
+
+class Rows(NamedTuple):
+    """What a model answers for n designs.
+
+    Attributes
+    ----------
+    status : (n,) text
+        "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
+    reason : (n,) text
+        One line why not, or where ok what to know of the answer, mostly "".
+    values : (n, outputs)
+        In the columns' units; nan where not ok.
     """
 
-    named: ClassVar[tuple[str, ...]] = NAMED
-
-    model_config = ConfigDict(json_schema_extra=ruled(*FACTOR_RULES))
-
-    key: KeyPattern | None = Field(
-        default=None,
-        description="A number of the stage file by its key path; of one of the nine hinges, whether or not the stage "
-        "file overrides it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as "
-        "many independent factors. A hinge with an override of its own in the stage file does not follow "
-        "`hinges.elbow.neck_mm`",
-        examples=["hinges.base.radius_mm"],
-    )
-    keys: tuple[KeyName, ...] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MANY_KEYS,
-        description="Instead of `key`: several that take one value",
-        examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]],
-    )
-    label: Label | None = Field(
-        default=None, description="Name of the column; by default the key", examples=["neck of the base hinge"]
-    )
-    values: tuple[Number, ...] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MANY,
-        description="A list: the points of a grid, else equally likely",
-        examples=[[0.3, 0.5, 0.8]],
-    )
-    start: Number | None = Field(
-        default=None, alias="from", description="With `to`: where a range begins", examples=[0.3]
-    )
-    end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
-    scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
-    points: int | None = Field(
-        default=None, ge=2, le=MANY, description="Of a range in a grid, and of nothing else: how many", examples=[5]
-    )
-    distribution: Literal["normal", "uniform"] | None = Field(
-        default=None,
-        description="`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, "
-        "`upper`. A list or range stays within the limits of its key; a distribution may leave them, and a design "
-        "outside is a row `refused` with its reason",
-    )
-    mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
-    sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
-    lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
-    upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
-
-    @model_validator(mode="after")
-    def _names_keys(self) -> Factor:
-        if (self.key is None) == (self.keys is None):
-            raise refusal("either key or keys")
-        if self.key is not None and "*" in self.key:
-            if not starred(self.key):
-                raise refusal("stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key")
-            if self.label is not None:
-                raise refusal("no label with a star: every factor is named by its own key", "label")
-        elif self.key is not None:
-            _check_key(self.key, "key")
-        for index, key in enumerate(self.keys or ()):
-            _check_key(key, "keys", index)
-            if key in (self.keys or ())[:index]:
-                raise refusal("a key that is not in the list before", "keys", index)
-        return self
-
-    @model_validator(mode="after")
-    def _is_one_kind(self) -> Factor:
-        needed, possible = _KEYS_OF[self.kind]
-        fields = type(self).model_fields
-        given = [field.alias or name for name, field in fields.items() if name in self.model_fields_set]
-        for name in needed:
-            if name not in given:
-                raise refusal(f"{name} ({WAYS})")
-        for name in given:
-            if name not in (*self.named, *needed, *possible):
-                raise refusal(f"no {name} with {needed[0]} ({WAYS})" if needed else WAYS, name)
-        return self
-
-    @model_validator(mode="after")
-    def _numbers_are_possible(self) -> Factor:
-        for low, high, name in ((self.start, self.end, "to"), (self.lower, self.upper, "upper")):
-            if low is not None and high is not None and low >= high:
-                raise refusal(f"> {low:g}, where it begins", name)
-        if self.scale == "log" and self.start is not None and self.start <= 0:
-            raise refusal("> 0 on a logarithmic scale", "from")
-        if self.values is not None and len(set(self.values)) < len(self.values):
-            raise refusal("no value twice", "values")
-        limits = [keys()[path] for path in self.paths]
-        places: list[tuple[float | None, tuple[str | int, ...]]] = [(self.start, ("from",)), (self.end, ("to",))]
-        places += [(value, ("values", index)) for index, value in enumerate(self.values or ())]
-        for value, place in places:
-            for key in limits:
-                expected = None if value is None else key.expected(value)
-                if expected is not None:
-                    raise refusal(f"{expected} for {key.path}", *place)
-        return self
-
-    @property
-    def kind(self) -> Kind:
-        """What it is: given by a table, a list, a range, or which distribution."""
-        if self.distribution is not None:
-            return self.distribution
-        if self.values is not None:
-            return "values"
-        return "range" if self.model_fields_set - {*self.named} else "given"
-
-    @property
-    def paths(self) -> tuple[str, ...]:
-        """All keys it names, stars expanded."""
-        return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
+    status: AnyArray
+    reason: AnyArray
+    values: Array
 
 
-class Column(NamedTuple):
-    """One independent factor: `name` of its column, the `keys` that take its value, `factor` mean filled in."""
-
-    name: str
-    keys: tuple[str, ...]
-    factor: Factor
+def row_of(status: str, reason: str, values: ArrayLike) -> Rows:
+    """The row of one design, values (outputs,)."""
+    return Rows(np.array([status], object), np.array([reason], object), np.array([values], float))
 
 
-def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
-    """The columns of factors, stars expanded, in their order."""
-    return tuple(column for factor in factors for column in _columns(factor))
-
-
-def with_mean(column: Column, stage: Stage) -> Column:
-    """The column with the stage's own value as mean where a normal distribution gives none.
-
-    Raises
-    ------
-    BadInput : the stage has no value of its own, or one for each key.
-    """
-    if column.factor.kind != "normal" or column.factor.mean is not None:
-        return column
-    own = {keys()[path].value_in(stage) for path in column.keys}
-    mean = own.pop() if len(own) == 1 else None
-    if mean is None:
-        raise BadInput(f"mean is missing, and the stage has no one value of {', '.join(column.keys)}")
-    return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
-
-
-def acting(column: Column, stage: Stage, unasked: frozenset[str] = frozenset()) -> Column:
-    """The column itself. Raises BadInput when nothing of the stage follows its keys.
-
-    unasked : key paths that no answer which is asked for depends on.
-    """
-    for path in column.keys:
-        if keys()[path].of_drive and not keys()[path].places_in(stage):
-            raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
-    if not any(keys()[path].places_in(stage) for path in column.keys if path not in unasked):
-        raise BadInput(
-            f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
-            "or nothing asked for needs it"
-        )
-    return column
-
-
-def unasked(frequencies: bool = False, life: bool = False, drift: bool = False) -> frozenset[str]:
-    """Key paths that only natural frequencies, lives and drift depend on, where these are not asked."""
-    asked = {"density": frequencies, "expansion": drift} | dict.fromkeys(LASTING, life)
-    return frozenset(path for path, key in keys().items() if not asked.get(key.attribute, True))
-
-
-def _of_actuators(stage: Stage) -> str:
-    names = ", ".join(actuator.name for actuator in stage.actuator)
-    return f"a number that an actuator of the stage ({names or 'it has none'}) states and that no override replaces"
-
-
-def _columns(factor: Factor) -> list[Column]:
-    if factor.key is not None and "*" in factor.key:
-        return [Column(path, (path,), factor) for path in factor.paths]
-    name = factor.label or factor.key or " = ".join(factor.paths)
-    return [Column(name, factor.paths, factor)]
-
-
-def _check_key(key: str, *at: str | int) -> None:
-    if "*" in key:
-        raise refusal("no star in keys: all of them take one value", *at)
-    if key not in keys():
-        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
+def failed_row(outputs: int, status: str, reason: str) -> Rows:
+    """The row of one design without an answer."""
+    return row_of(status, one_line(reason, LONGEST), np.full(outputs, np.nan))

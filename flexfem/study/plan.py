@@ -1,28 +1,588 @@
-"""A study file: base stage, factors, sampling, and which model answers."""
+"""What a study file says: base stage, factors, sampling, model, outputs, constraints and figures."""
 
 from __future__ import annotations
 
+import ast
 import math
-from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache, reduce
+from types import CodeType
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
-from pydantic import ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 
+import flexfem
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-from flexfem.files.json_schema import ruled
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import refusal, shown
-from flexfem.files.toml import Label
+from flexfem.files.quantities import (
+    COUNT,
+    OF_THE_KEY,
+    Rule,
+    beside,
+    both,
+    either,
+    has,
+    keywords,
+    only,
+    ruled,
+    says,
+    when,
+    without,
+)
+from flexfem.files.refusals import key_path, refusal, shown, suggestion
+from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import keys, meant
 from flexfem.questions import warnings as warning
-from flexfem.study.asked import Drifting, DriveQuestion, Frequencies, Lasting
-from flexfem.study.columns import Factor, columns_of, unasked
-from flexfem.study.expression import names_in
-from flexfem.study.outputs import FEASIBLE, RESERVED, outputs_of
-from flexfem.study.rules import APPLIES, require_correlated, require_sampled, require_shown, require_unlike, rules
-from flexfem.study.tables import MOST, Constraint, Correlation, Figure, Output, Sampling
-from flexfem.verify.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
+from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
+from flexfem.study.factors import NAMED, WAYS, Factor, columns_of, unasked
+from flexfem.verify.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
+
+LONGEST = 400  # characters
+DEEPEST = 50  # operations one inside the other
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|`(?P<quoted>[^`]+)`"
+    r"|(?P<name>[A-Za-z_]\w*(?:\.\w+|\[\d+\])*)|(?P<sign>\*\*|[-+*/(),]))\s*"
+)
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "log": np.log,
+    "log10": np.log10,
+    "min": lambda *each: reduce(np.minimum, each),
+    "max": lambda *each: reduce(np.maximum, each),
+    "_f": np.float64,
+}
+_ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(list(_FUNCTIONS)[:-1])}"
+
+
+class Parsed(NamedTuple):
+    """A compiled expression, and by name what stands for it there."""
+
+    code: CodeType
+    names: Mapping[str, str]
+
+
+def names_in(text: str) -> tuple[str, ...]:
+    """Names that an expression uses, each once. Raises ValueError, saying what was expected, where it is none."""
+    return tuple(_parsed(text).names)
+
+
+def value_of(text: str, values: Mapping[str, Array]) -> Array:
+    """Value of an expression, in the shape of the named values; not finite where it has none.
+
+    Notes
+    -----
+    What runs is arithmetic alone: the tree of the text was searched for anything else before it was compiled.
+    """
+    code, names = _parsed(text)
+    known: dict[str, Any] = {place: np.asarray(values[name], np.float64) for name, place in names.items()}
+    with np.errstate(all="ignore"):
+        return np.asarray(eval(code, {"__builtins__": {}}, known | _FUNCTIONS), dtype=np.float64)
+
+
+@lru_cache(maxsize=256)
+def _parsed(text: str) -> Parsed:
+    if len(text) > LONGEST:
+        raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
+    names, pieces, end = dict[str, str](), list[str](), 0
+    while end < len(text):
+        found = _TOKEN.match(text, end)
+        if found is None:
+            raise ValueError(_ALLOWED)
+        end = found.end()
+        if found["number"]:
+            pieces.append(f" _f({float(found['number'])!r}) ")  # a numpy number: no power takes for ever or raises
+        elif found["sign"] or (found["name"] in _FUNCTIONS and text[end : end + 1] == "("):
+            pieces.append(found["sign"] or found["name"])
+        else:
+            pieces.append(f" {names.setdefault(found['quoted'] or found['name'], f'_{len(names)}')} ")
+    try:
+        tree = ast.parse("".join(pieces).strip(), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise ValueError(_ALLOWED) from None
+    _require_arithmetic(tree.body, set(names.values()), DEEPEST)
+    if not names:
+        raise ValueError("the name of a column or key, not numbers alone")
+    return Parsed(compile(tree, "expression", "eval"), names)
+
+
+def _require_arithmetic(tree: ast.AST, names: set[str], depth: int) -> None:
+    """Raise ValueError where a node is no arithmetic, or lies too deep."""
+    if depth == 0:
+        raise ValueError(f"at most {DEEPEST} operations one inside the other")
+    match tree:
+        case ast.Call(func=ast.Name(id="_f"), args=[ast.Constant(value=float())], keywords=[]):
+            inner: list[ast.expr] = []
+        case ast.Name(id=name) if name in names:
+            inner = []
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+            inner = [operand]
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow(), right=right):
+            inner = [left, right]
+        case ast.Call(func=ast.Name(id=name), args=[_, *more], keywords=[]) if name in _FUNCTIONS and name != "_f":
+            if bool(more) != (name in ("min", "max")):
+                raise ValueError(_ALLOWED)
+            inner = tree.args
+        case _:
+            raise ValueError(_ALLOWED)
+    for node in inner:
+        _require_arithmetic(node, names, depth - 1)
+
+
+Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
+MOST = 10**9  # designs; a design and 100 columns are a kilobyte
+MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
+HELD: tuple[Method, ...] = ("latin_hypercube",)
+EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
+FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
+Better: TypeAlias = Literal["larger", "smaller"]
+NAME = r"^[A-Za-z][A-Za-z0-9_]{0,59}$"
+_KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+    "map": (("x", "y", "value"), ()),
+    "distribution": (("values",), ()),
+    "sensitivity": (("values",), ()),
+    "pareto": (("x", "y"), ("x_better", "y_better", "drawn")),
+}
+
+
+def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: tuple[str, ...]) -> None:
+    """Refuse a table without a key that a choice needs, or with one that it has no use for."""
+    for name in needed:
+        if name not in table.model_fields_set:
+            raise refusal(f"{name} for {choice}")
+    for name in type(table).model_fields:
+        if name in table.model_fields_set and name not in (*needed, *possible):
+            raise refusal(f"no {name} with {choice}", name)
+
+
+def _wanted(method: Method) -> tuple[str, ...]:
+    """The keys that a method needs beside it; it takes no others."""
+    size = {"saltelli": "base"}.get(method, "designs")
+    return {"grid": (), "table": ("file",)}.get(method, (size, "seed"))
+
+
+def _of_method(method: Method) -> Rule:
+    held = [{"properties": {"designs": {"maximum": MOST_HELD}}}] if method in HELD else []
+    return when(says("method", method), both(has(*_wanted(method)), only("method", *_wanted(method)), *held))
+
+
+class Sampling(Table):
+    """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
+    taken from a `file`."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(*(_of_method(method) for method in get_args(Method))))
+
+    method: Method = Field(
+        description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
+        "`saltelli`, for sensitivity; or `table`, your own designs",
+        examples=["sobol"],
+    )
+    file: Label | None = Field(
+        default=None,
+        description="With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row "
+        "group at a time), beside the study file; one row a design, one column a factor, named by its label or key, "
+        "in file units. Factors then have a key alone. An edited table is another study",
+        examples=["designs.csv"],
+    )
+    designs: int | None = Field(
+        default=None,
+        ge=1,
+        le=MOST,
+        description="How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most "
+        f"{MOST_HELD}. More designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their "
+        "parts. A grid has none",
+        examples=[256],
+    )
+    base: int | None = Field(
+        default=None,
+        ge=2,
+        le=MOST,
+        description="With `saltelli`, instead: a power of two; there are base × (factors + 2) designs",
+        examples=[64],
+    )
+    seed: int | None = Field(default=None, ge=0, lt=2**63, description="What designs are drawn from", examples=[1])
+
+    @model_validator(mode="after")
+    def _keys_of_its_method(self) -> Sampling:
+        _require_keys(self, f'method = "{self.method}"', _wanted(self.method), ("method",))
+        if self.base is not None and self.base & (self.base - 1):
+            raise refusal("a power of two", "base")
+        if self.method in HELD and (self.designs or 0) > MOST_HELD:
+            raise refusal(f'at most {MOST_HELD} with method = "{self.method}", which holds all in memory', "designs")
+        return self
+
+
+def _expression(text: str) -> str:
+    try:
+        names_in(text)
+    except ValueError as error:
+        raise refusal(str(error)) from None
+    return text
+
+
+Expression = Annotated[str, AfterValidator(_expression), keywords(minLength=1)]
+
+
+class Output(Table):
+    """A derived output: a column `name`, arithmetic on other columns and keys, shown with `label` and `unit`."""
+
+    name: str = Field(pattern=NAME, description="Of its column", examples=["kxx_over_ktt"])
+    expression: Expression = Field(
+        description="Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, "
+        "max; names with blanks in backticks",
+        examples=["kxx_n_per_mm / ktt_n_mm_per_rad"],
+    )
+    label: Label | None = Field(default=None, description="In figures", examples=["Kxx over Ktt"])
+    unit: Label | None = Field(default=None, description="In figures", examples=["rad/mm²"])
+
+
+class Constraint(Table):
+    """Ends between which an expression of columns and keys must lie for a design to count."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(either(has("least"), has("most"))))
+
+    value: Expression = Field(
+        description="An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything "
+        "is solved (not with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts "
+        "and maps leave it out and count it",
+        examples=["hinges.base.neck_mm / hinges.base.radius_mm"],
+    )
+    least: float | None = Field(
+        default=None, description="The lower end", examples=[0.05], json_schema_extra=OF_THE_KEY
+    )
+    most: float | None = Field(default=None, description="The upper end", examples=[0.2], json_schema_extra=OF_THE_KEY)
+    label: Label | None = Field(default=None, description="In messages", examples=["t/R of the base hinges"])
+
+    @model_validator(mode="after")
+    def _has_an_end(self) -> Constraint:
+        if self.least is None and self.most is None:
+            raise refusal("least, most or both")
+        if self.least is not None and self.most is not None and self.least > self.most:
+            raise refusal(f">= {self.least:g}, the least", "most")
+        return self
+
+    @property
+    def said(self) -> str:
+        """What it limits, in the words of the study."""
+        return self.label or self.value
+
+    @property
+    def expected(self) -> str:
+        """Between which ends, in words."""
+        ends = (("at least", self.least), ("at most", self.most))
+        return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
+
+    def broken(self, values: Array) -> AnyArray:
+        """Which values (n,) are outside, those that are no finite number among them."""
+        low = -np.inf if self.least is None else self.least
+        high = np.inf if self.most is None else self.most
+        return np.asarray(~(np.isfinite(values) & (values >= low) & (values <= high)))
+
+
+class Correlation(Table):
+    """Two factors, by their columns, and the rank correlation (Spearman's) that they are drawn with."""
+
+    factors: tuple[Label, Label] = Field(
+        description="Two columns",
+        examples=[["neck of base", "radius of base"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    coefficient: float = Field(
+        gt=-1, lt=1, description="Their rank correlation (Spearman's)", examples=[0.6], json_schema_extra=COUNT
+    )
+
+    @model_validator(mode="after")
+    def _of_two(self) -> Correlation:
+        if self.factors[0] == self.factors[1]:
+            raise refusal("another factor than the first", "factors", 1)
+        return self
+
+
+def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Array:
+    """Correlation matrix of the normal deviates whose ranks are correlated as `given`; the others are independent.
+
+    Notes
+    -----
+    `r = 2 sin(pi rho / 6)` for a rank correlation rho of two normal deviates: K. Pearson, On further methods of
+    determining correlation (1907).
+    """
+    matrix = np.eye(len(columns))
+    for each in given:
+        one, other = (columns.index(name) for name in each.factors)
+        matrix[one, other] = matrix[other, one] = 2.0 * np.sin(np.pi * each.coefficient / 6.0)
+    return matrix
+
+
+def _of_kind(kind: FigureKind) -> Rule:
+    needed, possible = _KEYS_OF[kind]
+    return when(says("kind", kind), both(has(*needed), only("kind", "title", *needed, *possible)))
+
+
+class Figure(Table):
+    """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(*(_of_kind(kind) for kind in get_args(FigureKind))))
+
+    kind: FigureKind = Field(
+        description="`map` of an output over two factors, in whose cells means over the other factors are; "
+        "`distribution` and `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns",
+        examples=["pareto"],
+    )
+    title: Label | None = Field(default=None, description="Of the figure", examples=["Stiffness against range"])
+    x: Label | None = Field(default=None, description="Column, of a map a factor", examples=["range_x_um"])
+    y: Label | None = Field(default=None, description="Another, of a map a factor", examples=["kxx_n_per_mm"])
+    value: Label | None = Field(default=None, description="Of a map: the output", examples=["kxx_n_per_mm"])
+    values: tuple[Label, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=12,
+        description="Of a `distribution` or `sensitivity`: outputs",
+        examples=[["kxx_n_per_mm", "range_x_um"]],
+        json_schema_extra={"uniqueItems": True},
+    )
+    x_better: Better = Field(default="larger", description="Of a front: which `x` is wanted")
+    y_better: Better = Field(default="larger", description="Of a front: which `y` is wanted")
+    drawn: int = Field(default=4, ge=1, le=12, description="Of a front: how many designs are drawn beside it")
+
+    @model_validator(mode="after")
+    def _keys_of_its_kind(self) -> Figure:
+        needed, possible = _KEYS_OF[self.kind]
+        _require_keys(self, f'kind = "{self.kind}"', needed, ("kind", "title", *possible))
+        if self.x is not None and self.x == self.y:
+            raise refusal("another column than x", "y")
+        if self.values is not None and len(set(self.values)) < len(self.values):
+            raise refusal("no column twice", "values")
+        return self
+
+    @property
+    def columns(self) -> dict[tuple[str | int, ...], tuple[str, bool]]:
+        """Columns it shows by their key in the file, each with whether it must be an output (else a factor will do)."""
+        found: dict[tuple[str | int, ...], tuple[str, bool]] = {}
+        for name in ("x", "y", "value"):
+            column = getattr(self, name)
+            if column is not None:
+                found[(name,)] = (column, name == "value")
+        return found | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
+
+
+Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
+Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
+Mass: TypeAlias = Annotated[float, *quantities.from_zero(quantities.MASS)]
+Inertia: TypeAlias = Annotated[float, *quantities.from_zero(quantities.INERTIA)]
+Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLITUDE)]
+Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
+
+
+class DriveQuestion(Table):
+    """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
+
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            beside({"stroke_um": ["lever_arm_mm"], "lever_arm_mm": ["stroke_um"]}),
+            either(says("actuators", True), has("stroke_um")),
+        )
+    )
+
+    actuators: bool = Field(
+        default=False,
+        description="Not with `three_dimensional`: asks about the base stage's own `[[actuator]]` tables, outputs "
+        "`drive_range_x_um` and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: "
+        "`actuator.base.arm_mm`, and on one chain `override.2.actuator.base.preload_n` (a star for the chain); a "
+        "number that the actuator does not state is none. The drive is part of such a study's identity. Contacts on "
+        "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
+        "drawn, 6 ms each",
+    )
+    stroke_um: Stroke | None = Field(
+        default=None,
+        description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
+        examples=[17.4],
+    )
+    lever_arm_mm: Length | None = Field(
+        default=None, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
+    )
+
+    @model_validator(mode="after")
+    def _asks_something(self) -> DriveQuestion:
+        both = {"stroke_um": self.stroke_um, "lever_arm_mm": self.lever_arm_mm}
+        missing = [key for key, value in both.items() if value is None]
+        if len(missing) == 1:
+            raise refusal(f"stroke_um and lever_arm_mm together: {missing[0]} is missing")
+        if missing and not self.actuators:
+            raise refusal("actuators = true, or stroke_um and lever_arm_mm")
+        return self
+
+    @property
+    def rotation(self) -> float | None:
+        """Largest rotation of a base hinge, rad; None where no stroke is given."""
+        if self.stroke_um is None or self.lever_arm_mm is None:
+            return None
+        return 1e-3 * self.stroke_um / self.lever_arm_mm
+
+
+class Frequencies(Table):
+    """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
+
+    payload_kg: Mass = Field(default=0.0, description="Mass on the platform at its centre", examples=[0.2])
+    payload_kg_mm2: Inertia = Field(default=0.0, description="Its moment of inertia about that", examples=[40.0])
+
+
+class Drifting(Table):
+    """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
+
+
+_AMPLITUDES = ("amplitude_x_um", "amplitude_y_um", "amplitude_theta_mrad")
+
+
+def _not_zero(key: str) -> Rule:
+    return {"required": [key], "properties": {key: {"not": {"const": 0}}}}
+
+
+class Lasting(Table):
+    """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(either(*map(_not_zero, _AMPLITUDES))))
+
+    amplitude_x_um: Amplitude = Field(
+        default=0.0, description="Of the pose in x; one of the three or more", examples=[20.0]
+    )
+    amplitude_y_um: Amplitude = Field(default=0.0, description="Of the pose in y", examples=[20.0])
+    amplitude_theta_mrad: Amplitude = Field(default=0.0, description="Of the pose in theta", examples=[0.5])
+    ratio: float = Field(
+        default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
+    )
+    cycles: Cycles = Field(default=1e6, description="The wanted life", json_schema_extra=COUNT)
+    notch_sensitivity: float = Field(
+        default=1.0,
+        ge=0,
+        le=1,
+        description="What of the stress concentration counts: 0 nothing, 1 all of it",
+        json_schema_extra=COUNT,
+    )
+
+    @model_validator(mode="after")
+    def _moves(self) -> Lasting:
+        if not any(self.moved):
+            raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
+        return self
+
+    @property
+    def amplitude(self) -> tuple[float, float, float]:
+        """Amplitude of the pose, mm, mm, rad."""
+        return 1e-3 * self.amplitude_x_um, 1e-3 * self.amplitude_y_um, 1e-3 * self.amplitude_theta_mrad
+
+    @property
+    def moved(self) -> tuple[bool, ...]:
+        """Which directions the amplitude has."""
+        return tuple(each != 0 for each in self.amplitude)
+
+
+UNCORRELATED: dict[Method, str] = {
+    "saltelli": "Sobol indices split the variance among independent factors",
+    "grid": "a grid holds all pairs of values alike",
+    "table": "its rows are taken as they are",
+}
+SINGULAR = 1e-9  # least eigenvalue of a correlation matrix, as of round-off
+APPLIES = {  # keys that not every model takes
+    "formula": ("analytic", "verify"),
+    "mobility": ("analytic", "verify"),
+    "links": ("analytic",),
+    "resolution": ("fe", "verify", "three_dimensional"),
+    "layers": ("three_dimensional",),
+    "time_limit_s": ("fe", "verify", "three_dimensional"),
+    "bands": ("verify",),
+    "frequencies": ("analytic", "fe", "verify"),  # in the plane
+    "life": ("analytic", "fe", "verify"),
+    "drift": ("analytic", "fe", "verify"),
+}
+_GIVEN = {"not": only(*NAMED)}  # of a factor that says its values
+
+
+def rules() -> Iterator[Rule]:
+    """Between keys of a study, in JSON schema."""
+    every: set[str] = {"analytic", "fe", "verify", "three_dimensional"}
+    for key, models in APPLIES.items():
+        yield when(says("model", *sorted(every - {*models})), without(key))
+    yield LINKS
+    yield when(says("check", "closed_form"), says("model", "analytic"))
+    driven = {"properties": {"drive": says("actuators", True)}, "required": ["drive"]}
+    yield when(driven, says("model", *sorted(every - {"three_dimensional"})))
+    of_grid = both(without("distribution"), when(has("from"), has("points")), _GIVEN)
+    others = {"grid": of_grid, "table": only(*NAMED)}
+    for method in get_args(Method):
+        of_factor = others.get(method, both(without("points"), _GIVEN))
+        correlated = without("correlation") if method in UNCORRELATED else {}
+        sampled = {"properties": {"sampling": says("method", method)}, "required": ["sampling"]}
+        yield when(sampled, both({"properties": {"factor": {"items": of_factor}}}, correlated))
+
+
+def require_sampled(factors: Sequence[Factor], method: Method) -> None:
+    """Refuse factors whose values are not such as the method draws."""
+    grid, table = method == "grid", method == "table"
+    for index, factor in enumerate(factors):
+        if table != (factor.kind == "given"):
+            raise refusal(f'{"no values" if table else WAYS} with method = "{method}"', "factor", index)
+        if grid and factor.distribution is not None:
+            raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
+        if grid and factor.kind == "range" and factor.points is None:
+            raise refusal('points with method = "grid"', "factor", index)
+        if not grid and factor.points is not None:
+            raise refusal('no points but with method = "grid"', "factor", index, "points")
+
+
+def require_unlike(factors: Sequence[Factor], outputs: Iterable[str]) -> None:
+    """Refuse two columns of one name, and a key that two factors set."""
+    names, set_by = {*RESERVED, FEASIBLE, *outputs}, dict[str, int]()
+    for index, factor in enumerate(factors):
+        for column in columns_of([factor]):
+            if column.name in names or (column.name in keys() and column.name not in column.keys):
+                raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
+            names.add(column.name)
+        for path in factor.paths:
+            first = set_by.setdefault(path, index)
+            if first != index:
+                raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
+
+
+def require_correlated(correlations: tuple[Correlation, ...], factors: Sequence[Factor], method: Method) -> None:
+    """Refuse correlations of what is no factor that is drawn, and those that no factors can have."""
+    columns = {column.name: column.factor for column in columns_of(factors)}
+    pairs = set[frozenset[str]]()
+    if correlations and method in UNCORRELATED:
+        raise refusal(f'none with method = "{method}": {UNCORRELATED[method]}', "correlation")
+    for index, each in enumerate(correlations):
+        for place, name in enumerate(each.factors):
+            if name not in columns:
+                raise refusal(
+                    f"a factor by its column{suggestion(name, columns)}", "correlation", index, "factors", place
+                )
+            if columns[name].kind == "values":
+                raise refusal(
+                    "a range or distribution: ranks of a list have ties", "correlation", index, "factors", place
+                )
+        if frozenset(each.factors) in pairs:
+            raise refusal("each pair once", "correlation", index, "factors")
+        pairs.add(frozenset(each.factors))
+    least = float(np.linalg.eigvalsh(normal_correlation(list(columns), correlations)).min())
+    if least < SINGULAR:
+        raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
+
+
+def require_shown(figures: Sequence[Figure], factors: Sequence[Factor], outputs: Sequence[str], method: Method) -> None:
+    """Refuse figures of columns that there are not, and those that a method does not give; outputs : with derived."""
+    columns = [column.name for column in columns_of(factors)]
+    for index, figure in enumerate(figures):
+        if figure.kind in ("distribution", "sensitivity") and method == "grid":
+            raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
+        for place, (column, output) in figure.columns.items():
+            known = outputs if output else columns if figure.kind == "map" else (*columns, *outputs)
+            if column not in known:
+                what = "an output of this study" if output else "a column of this study"
+                raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
 
 
 class Study(Sourced):
@@ -98,6 +658,13 @@ class Study(Sourced):
         "`frame.expansion_um_per_m_k`. With `links` every pad is drawn, up to 0.15 s a design more. Not with "
         "`three_dimensional`",
     )
+    ask: tuple[Label, ...] = Field(
+        default=(),
+        max_length=100,
+        description="Other numbers by their paths in the JSON of a command, such as `drift.pose.uniform.analytic.x`: "
+        "columns of these names, found for one design after the other by the study's model",
+        examples=[["drift.stress.uniform.analytic.1.base"]],
+    )
     output: tuple[Output, ...] = Field(
         default=(), max_length=50, description="A derived output, found from the answers when the table is collected"
     )
@@ -117,6 +684,18 @@ class Study(Sourced):
         if self.check == "closed_form" and self.model != "analytic":
             raise refusal("drawing: what is meshed is drawn first", "check")
         return self
+
+    @field_validator("ask")
+    @classmethod
+    def _asks_questions(cls, paths: tuple[str, ...]) -> tuple[str, ...]:
+        questions = sorted(name for name in flexfem.__all__ if flexfem.home_of(name).startswith("questions."))
+        for index, path in enumerate(paths):
+            name, _, number = path.partition(".")
+            if name not in questions or not number:
+                raise refusal(f"question.quantity.labels with a question of {', '.join(questions)}", "ask", index)
+            if path in paths[:index]:
+                raise refusal("a path that is not in the list before", "ask", index)
+        return paths
 
     @model_validator(mode="after")
     def _drive_is_of_its_model(self) -> Study:
@@ -189,11 +768,24 @@ class Study(Sourced):
         return self.drive is not None and self.drive.actuators
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the output columns in the table of columns that it asks for."""
+        asked = {
+            "travel": self.rotation is not None,
+            "drive": self.driven,
+            "frequencies": self.frequencies is not None,
+            "life": self.life is not None,
+            "drift": self.drift is not None,
+            "verify": self.model == "verify",
+            "bands": self.model == "verify" and self.bands,
+        }
+        moved = (True, True, True) if self.life is None else self.life.moved
+        return outputs_of(*(name for name, is_asked in asked.items() if is_asked), moved=moved)
+
+    @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the output columns, in their order."""
-        asked = self.rotation is not None, self.model == "verify", self.bands, self.driven
-        moved = None if self.life is None else self.life.moved
-        return outputs_of(*asked, self.frequencies is not None, moved, self.drift is not None)
+        """Names of the output columns, in their order: of the table of columns, then numbers of questions."""
+        return (*self.columns, *self.ask)
 
     @property
     def unasked(self) -> frozenset[str]:
@@ -221,6 +813,12 @@ class Study(Sourced):
         derived = {output.name: output.expression for output in self.output}
         used = (self.in_full(derived[name]) for name in names_in(expression) if name in derived)
         return [expression, *(text for each in used for text in each)]
+
+    def used_by(self, names: Iterable[str]) -> set[str]:
+        """Columns and keys that some columns show: themselves, and what derived outputs among them are made of."""
+        names = set(names)
+        texts = [text for output in self.output if output.name in names for text in self.in_full(output.expression)]
+        return names | {name for text in texts for name in names_in(text)}
 
     @property
     def draws(self) -> bool:

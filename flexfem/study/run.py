@@ -26,11 +26,9 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer
-from flexfem.study.drawn import drawn_one_by_one
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import Rows, failed_row
-from flexfem.study.sampling import sample
+from flexfem.study.answer import answer, drawn_one_by_one
+from flexfem.study.columns import Rows, failed_row
+from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
 ABOUT, COUNTS = b"flexfem.study", b"flexfem.counts"  # metadata: what a part belongs to, and what is in it

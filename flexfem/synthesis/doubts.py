@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flexfem.arrays import Array
 from flexfem.hinges.strength import required_law
 from flexfem.study.answer import doubted
-from flexfem.study.outputs import LIFE_AMPLITUDES, row_of
+from flexfem.study.columns import LIFE_AMPLITUDES, row_of
 from flexfem.synthesis.requirements import LoadedRequirements
 from flexfem.units import unit_of
 

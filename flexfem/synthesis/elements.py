@@ -10,18 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.files.digest import digest
+from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
-from flexfem.study.asked import DriveQuestion
-from flexfem.study.columns import Factor, columns_of
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import COUPLINGS, ERRORS, Rows
-from flexfem.study.tables import Sampling
+from flexfem.study.columns import COUPLINGS, ERRORS, Rows
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.loaded import LoadedStudy, stage_of
+from flexfem.study.plan import DriveQuestion, Sampling
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import scattered_study, seed_of_others

@@ -11,8 +11,7 @@ from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
-from flexfem.study.designs import stage_of
-from flexfem.study.loaded import LoadedStudy
+from flexfem.study.loaded import LoadedStudy, stage_of
 from flexfem.units import UNITS
 from flexfem.verify.questions import ask_formulas
 

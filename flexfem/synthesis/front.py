@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array
-from flexfem.study.reductions import spread, wide
+from flexfem.arrays import Array, wide
+from flexfem.study.findings import spread
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.mapping import content, proof, searched
 from flexfem.synthesis.model import WORST, Model

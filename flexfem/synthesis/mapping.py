@@ -11,7 +11,7 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import place_of
 from flexfem.questions.bands import corner_bands, mesh_band, stress_bands
 from flexfem.refused import BadInput
-from flexfem.study.outputs import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
+from flexfem.study.columns import DRIFTS, DRIVE_RANGES, ENGAGED, GRADIENTS, RANGES, STRESSES, lasting, round_off_of
 from flexfem.study.workers import versions_of
 from flexfem.synthesis.elements import SCATTER, ProposedElements
 from flexfem.synthesis.model import WORST, Correction, Model, correction_of

@@ -14,8 +14,8 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.feasibility import check_feasible, conditions
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
-from flexfem.study.designs import designs_of, evaluated, stage_of
-from flexfem.study.outputs import ERRORS, STIFFNESSES
+from flexfem.study.columns import ERRORS, STIFFNESSES
+from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.synthesis import extra
 from flexfem.synthesis.requirements import MASS, SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import LOST

@@ -9,13 +9,13 @@ import numpy as np
 
 from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
-from flexfem.files.keypath import key_path, path_of
 from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.refusals import key_path, path_of
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
-from flexfem.study.designs import stage_of
-from flexfem.study.outputs import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
+from flexfem.study.columns import BANDS, CROSSES, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, FREQUENCIES, GRADIENTS
+from flexfem.study.loaded import stage_of
 from flexfem.synthesis.doubts import doubts_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front, proven

@@ -15,21 +15,18 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.digest import digest
-from flexfem.files.json_schema import either, ruled, says, when, without
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import either, ruled, says, when, without
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, bad_key, validate
+from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.study.asked import Drifting, DriveQuestion, Frequencies, Lasting
-from flexfem.study.columns import Column, acting, columns_of
-from flexfem.study.expression import names_in
+from flexfem.study.columns import ERRORS
+from flexfem.study.factors import Column, acting, columns_of
 from flexfem.study.loaded import LoadedStudy, require_model
-from flexfem.study.outputs import ERRORS
-from flexfem.study.plan import Study
-from flexfem.study.tables import Output
+from flexfem.study.plan import Drifting, DriveQuestion, Frequencies, Lasting, Output, Study, names_in
 from flexfem.synthesis.scatter import NeckScatter
 from flexfem.synthesis.tables import Free, Objective, Require, Tolerance
 from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility

@@ -17,10 +17,9 @@ from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import Designs, Frames
 from flexfem.mechanism.stage import HINGE_NAMES
-from flexfem.study.columns import Column, Factor
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.sampling import sample
-from flexfem.study.tables import Sampling
+from flexfem.study.factors import Column, Factor
+from flexfem.study.loaded import LoadedStudy, sample
+from flexfem.study.plan import Sampling
 from flexfem.synthesis.extra import freedoms
 from flexfem.synthesis.tables import Tolerance
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.study.designs import designs_of
+from flexfem.study.loaded import designs_of
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.requirements import SCATTERED, LoadedRequirements
 from flexfem.synthesis.scatter import ElementFit, QuantileInterval, bounded, fitted

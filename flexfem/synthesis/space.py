@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.study.columns import Column
+from flexfem.study.factors import Column
 from flexfem.synthesis.tables import Free
 
 WHOLE = 6  # dimensions up to which every combination of neighbours is looked at, beyond it pairs of them

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from flexfem.files.digest import digest
+from flexfem.files.writing import digest
 
 
 class Store:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.study.reductions import non_dominated
+from flexfem.study.findings import non_dominated
 from flexfem.synthesis.model import Found, Model
 from flexfem.synthesis.search import Say
 

@@ -9,11 +9,11 @@ from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.json_schema import OF_THE_KEY, Rule, either, has, ruled, when, without
+from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
-from flexfem.study.columns import MANY, Factor, Number, Step
-from flexfem.study.tables import Expression
+from flexfem.study.factors import MANY, Factor, Number, Step
+from flexfem.study.plan import Expression
 
 MOST_POINTS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step

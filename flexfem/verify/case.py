@@ -14,8 +14,8 @@ from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files import quantities
-from flexfem.files.json_schema import Keywords, both, either, has, ruled, says, when, without
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import Keywords, both, either, has, ruled, says, when, without
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table, validate
 from flexfem.hinges.formulas import formula, formulas

@@ -12,9 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from flexfem.arrays import AnyArray, Array, first_highest
-from flexfem.files.digest import digest
 from flexfem.files.toml import Label
-from flexfem.files.writing import write_atomically
+from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import Convergence, Verdict
 from flexfem.verify.case import DIRECTIONS, Analysis, Direction, Drive, Elements

@@ -11,10 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from flexfem.files.digest import digest, digest_of_arrays
 from flexfem.files.refusals import SHOWN, one_line, place_of
 from flexfem.files.toml import kind_of, read_bytes, read_toml
-from flexfem.files.writing import read_arrays, write_atomically
+from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.refused import BadInput
 from flexfem.verify.result import DIGEST, Fields, Record, Result, write_record
 

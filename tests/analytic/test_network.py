@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import JOINTS, lowered
-from flexfem.analytic.network import GROUND, Mechanism, joint_compliance, solve, stiffness, topology
+from flexfem.analytic.network import (
+    GROUND,
+    Mechanism,
+    joint_compliance,
+    joint_wrenches,
+    solve,
+    stiffness,
+    topology,
+    with_springs,
+)
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, rank_revealing
 from flexfem.analytic.paper import stiffness as stiffness_of_paper
 from flexfem.arrays import inverse
@@ -79,6 +88,18 @@ def test_paths_give_what_all_equations_give(of, coupled):
     np.testing.assert_allclose(found.motions, work, rtol=1e-8, atol=1e-10 * np.abs(work).max())
 
 
+def test_springs_along_lines_between_bodies_add_to_the_stiffness_of_all_bodies():
+    rng, rates = np.random.default_rng(14), np.array([3e3, 8e2])
+    of = Mechanism(*FOUR_CHAINS, compliances(rng, 8))
+    lines = np.zeros((5, 3, 2))
+    lines[0] = rng.normal(size=(3, 2)) * np.array([1.0, 1.0, 20.0])[:, None]
+    lines[4] = -lines[0]
+    free = solve(of, np.concatenate([np.eye(15).reshape(5, 3, 15), lines], axis=-1)).motions
+    G = lines.reshape(15, 2)
+    expected = np.linalg.inv(np.linalg.inv(free[:15, :15]) + G * rates @ G.T)
+    np.testing.assert_allclose(with_springs(free, rates), expected, rtol=1e-7, atol=1e-12)
+
+
 @pytest.mark.parametrize("of", TOPOLOGIES)
 def test_the_output_moved_alone_is_the_inverse_of_its_compliance(of, error):
     rng, (bodies, output, joints) = np.random.default_rng(12), of
@@ -87,7 +108,7 @@ def test_the_output_moved_alone_is_the_inverse_of_its_compliance(of, error):
     loads[output] = np.eye(3)
     free, held = solve(mechanism, loads), stiffness(mechanism)
     assert error(held.matrix, inverse(free.output)) < 1e-10
-    np.testing.assert_allclose(held.wrenches, free.wrenches @ held.matrix, rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(joint_wrenches(mechanism, held.paths), free.wrenches @ held.matrix, rtol=1e-7, atol=1e-6)
 
 
 def test_ideal_pivots_need_no_special_case(error):

@@ -18,7 +18,7 @@ from flexfem.commands.baseline.moves import at, leaves
 from flexfem.commands.baseline.records import meshes, sections
 from flexfem.commands.baseline.rules import rule_of
 from flexfem.commands.plain import plain
-from flexfem.files.keypath import key_path
+from flexfem.files.refusals import key_path
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]

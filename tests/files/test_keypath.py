@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flexfem.commands.baseline.inputs import keys_of
-from flexfem.files.keypath import key_path, path_of
+from flexfem.files.refusals import key_path, path_of
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import load_feasible, load_stage
 from flexfem.refused import BadInput

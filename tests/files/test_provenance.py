@@ -45,8 +45,7 @@ def test_check_lists_and_every_table_counts_what_has_no_source(flexfem, project)
     path = without(project, "geometry/mobility6.toml")
     facts = json.loads(flexfem("check", path, "--json")[1])
     assert len(facts["not_stated"]) == NUMBERS and facts["assumed"] == []
-    out = flexfem("check", path)[1]
-    assert "  hinges.base.neck_mm: not stated\n" in out and "no source stated: thickness_mm, " in out
+    assert f"{NUMBERS} of these numbers have no stated source" in flexfem("check", path)[1]
     out = flexfem("stiffness", path)[1]
     assert f"{NUMBERS} of these numbers have no stated source" in out and "assumed" not in out
 

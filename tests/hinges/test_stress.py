@@ -89,6 +89,6 @@ def test_a_force_on_the_platform_bends_a_neck_by_its_arm_and_pulls_along_the_axi
     centres[2, 1] = 7.0, -4.0
     axes = np.zeros((3, 3))
     axes[2, 1] = np.radians(30.0)
-    found = at_necks(Frames(centres, axes), np.broadcast_to(np.eye(3), (9, 3, 3)))
+    found = at_necks(Frames(centres, axes), np.broadcast_to(np.eye(3), (3, 1, 3, 3)))
     np.testing.assert_allclose(found.moment[2, 1], [-4.0, -7.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(found.normal[2, 1], [0.8660254, 0.5, 0.0], atol=1e-7)

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from flexfem.files.lines import KeyPath
 from flexfem.files.provenance import numeric_key_paths
+from flexfem.files.refusals import KeyPath
 from flexfem.files.toml import MAX_BYTES, read_toml
 from flexfem.mechanism.designs import elastic, out_of_plane
 from flexfem.mechanism.stage import (

@@ -23,11 +23,10 @@ from flexfem.page.study_tables import marks_table
 from flexfem.plot.study import named
 from flexfem.plot.study_chart import chart_figure
 from flexfem.plot.study_records import Source, map_of
-from flexfem.study.columns import Factor, columns_of
-from flexfem.study.findings import Marks, findings
+from flexfem.study.answer import own_values
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.findings import Marks, Percentile, cells_of, findings
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.probes import own_values
-from flexfem.study.statistics import Percentile
 
 from ..study.answered import STAGE, answered, head, study
 
@@ -69,6 +68,12 @@ to = 12.0
 """
 STATUS = {"designs": 12, "ok": 10, "refused": 2, "failed": 0, "open": 0, "warnings": []}
 REASONS = {"reasons": {"refused": {"bodies overlap": 2}}}
+
+
+def cells(source: Source):
+    """The cells of the first figure of a study, a map."""
+    figure = source.loaded.study.figure[0]
+    return cells_of(source.loaded, source.table, (figure.x, figure.y), figure.value)
 
 
 def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
@@ -226,7 +231,7 @@ def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_p
     text = MAP.replace("other necks", "hinges.base.neck_mm")
     loaded = study(tmp_path, SCATTERED.replace("to = 0.8\n", 'to = 0.8\nscale = "log"\n') + text)
     source = source_of(loaded)
-    points = of_map(source, loaded.study.figure[0], 400)
+    points = of_map(source, loaded.study.figure[0], cells(source), 400)
     x, y = source.table.columns["hinges.base.radius_mm"], np.log(source.table.columns["hinges.base.neck_mm"])
     low, high = (np.array([edge(x), edge(y)]) for edge in (np.min, np.max))
     middles = low + (high - low) * (np.stack(np.meshgrid(range(5), range(5)), -1).reshape(-1, 2) + 0.5) / 5
@@ -235,7 +240,7 @@ def test_a_cell_of_means_is_pointed_at_by_the_design_nearest_to_its_middle(tmp_p
     }
     assert set(points.rows.tolist()) == expected and len(expected) == 25
     assert points.said == "All 25 cells, each by the design nearest to its middle, can be pointed at."
-    few = of_map(source, loaded.study.figure[0], 7)
+    few = of_map(source, loaded.study.figure[0], cells(source), 7)
     assert len(few.rows) == 7 and set(few.rows.tolist()) < expected
     assert few.said.startswith("7 of 25 cells") and few.said.endswith("taken at random.")
 
@@ -316,7 +321,7 @@ def test_a_long_name_of_an_axis_is_broken_so_that_it_stays_on_the_chart(tmp_path
     long = "a name that goes on and on " * 6
     text = GRID.replace("other necks", long) + MAP.replace("other necks", long)
     source = source_of(study(tmp_path, text))
-    drawn = chart_figure(map_of(source, source.loaded.study.figure[0]))
+    drawn = chart_figure(map_of(source, source.loaded.study.figure[0], cells(source)))
     drawn.draw_without_rendering()
     box, figure = drawn.axes[0].yaxis.label.get_window_extent(), drawn.bbox
     assert "\n" in drawn.axes[0].get_ylabel()

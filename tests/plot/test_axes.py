@@ -20,7 +20,7 @@ from flexfem.plot.study_pareto import Chosen, ParetoFront
 from flexfem.plot.study_scatter import Scatter, Share
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.reports.modes import reduced
-from flexfem.study.statistics import Indices, Percentile
+from flexfem.study.findings import Indices, Percentile
 from flexfem.synthesis.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.verify.hinges import hinge_review, thickness_review
 

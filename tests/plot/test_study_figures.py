@@ -13,12 +13,13 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
 from flexfem.mechanism.keys import keys
+from flexfem.plot import study_records
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study import named, write_study_figures
-from flexfem.plot.study_labels import OUTPUTS, Caption, Quantity, factor, model_words, output
+from flexfem.plot.study_labels import Caption, Quantity, factor, model_words, output
 from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
 from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
-from flexfem.plot.study_records import Source, distribution_of, front_of, map_of, sensitivity_of
+from flexfem.plot.study_records import Source, distribution_of, front_of, sensitivity_of
 from flexfem.plot.study_scatter import (
     Distribution,
     Scatter,
@@ -31,15 +32,13 @@ from flexfem.plot.study_scatter import (
 )
 from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
+from flexfem.study.answer import nominal, own_values
 from flexfem.study.collect import StudyTable
-from flexfem.study.columns import Factor, columns_of
-from flexfem.study.findings import Refused, Shown, findings
-from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.outputs import outputs_of
-from flexfem.study.probes import nominal, own_values
-from flexfem.study.sampling import sample
-from flexfem.study.statistics import Indices, Percentile
-from flexfem.study.tables import Figure
+from flexfem.study.columns import ASKED, LABELS, outputs_of
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.findings import Indices, Percentile, Refused, Shown, cells_of, findings
+from flexfem.study.loaded import LoadedStudy, load_study, sample
+from flexfem.study.plan import Figure
 
 from ..study.answered import answered, head, study
 
@@ -94,6 +93,11 @@ values = ["kxx_n_per_mm", "coupling_xy"]
 kind = "sensitivity"
 values = ["kxx_n_per_mm", "ktt_n_mm_per_rad"]
 """
+
+
+def map_of(source: Source, figure: Any) -> Any:
+    cells = cells_of(source.loaded, source.table, (figure.x, figure.y), figure.value)
+    return study_records.map_of(source, figure, cells)
 
 
 def source_of(loaded: LoadedStudy, table: StudyTable) -> Source:
@@ -439,7 +443,12 @@ def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> 
 def test_designs_still_open_are_counted_above_the_figure(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     whole = answered(loaded)
-    some = StudyTable(*(part[:20] for part in whole[:3]), {name: column[:20] for name, column in whole.columns.items()})
+    some = StudyTable(
+        whole.design[:20],
+        whole.status[:20],
+        whole.reason[:20],
+        {name: column[:20] for name, column in whole.columns.items()},
+    )
     lines = " ".join(map_of(Source(loaded, some, {}), loaded.study.figure[0]).caption.lines)
     assert "28 designs (grid): " in lines and ", 8 open" in lines
 
@@ -576,12 +585,12 @@ def test_shares_come_with_the_names_of_the_factors(tmp_path: Path) -> None:
 
 
 def test_every_output_has_the_label_and_the_symbol_that_its_name_says() -> None:
-    assert set(OUTPUTS) == set(outputs_of(*[True] * 5, [True] * 3, True))
+    assert set(LABELS) == set(outputs_of(*ASKED))
     letters, symbols = {"x": "X", "y": "Y", "t": "θ", "theta": "θ"}, {"x": "x", "y": "y", "t": r"\theta"}
     kinds = {"stress": "peak neck stress per {}", "range": "range in {} at yield", "error": "error along {}"}
     kinds |= {"travel": "travel in {}, base hinges", "cross": "largest cross error under {}"}
     kinds |= {"band": "mesh band of the error along {}"}
-    for name in OUTPUTS:
+    for name in LABELS:
         found, (kind, axis, *_) = output(name), [*name.split("_"), ""]
         if kind == "drive":
             letter = letters[name.split("_")[2]]

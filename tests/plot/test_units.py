@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from flexfem.mechanism.keys import keys
 from flexfem.plot.text import percent, round_factor, scientific, significant
-from flexfem.study.outputs import outputs_of
+from flexfem.study.columns import ASKED, outputs_of
 from flexfem.units import (
     COMMANDS,
     COMPLIANCE,
@@ -82,7 +82,7 @@ def test_every_unit_has_its_size() -> None:
 
 def test_every_output_has_the_unit_that_its_name_says() -> None:
     expected = {name: unit for group in OUTPUTS.values() for name, unit in group.items()}
-    found = {without_unit(name): unit_of(name).name for name in outputs_of(*[True] * 5, [True] * 3, True)}
+    found = {without_unit(name): unit_of(name).name for name in outputs_of(*ASKED)}
     assert found == expected
     assert unit_of("chain.link_lengths_mm[2]").name == "mm" and without_unit("a_mm[2]") == "a[2]"
 

@@ -16,11 +16,10 @@ from flexfem.reference.formats import FORMATS
 from flexfem.reference.keys import tables_of
 from flexfem.reference.pages import PAGES, page
 from flexfem.refused import BadInput
-from flexfem.study.meanings import MEANINGS
-from flexfem.study.outputs import outputs_of
+from flexfem.study.columns import ASKED, MEANINGS, outputs_of
 
 ROOT = Path(__file__).parents[2]
-EVERY = outputs_of(True, True, True, True, True, (True, True, True), True)
+EVERY = outputs_of(*ASKED)
 
 
 def cells(text, key):

@@ -18,7 +18,7 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from flexfem.files.json_schema import UNIT
+from flexfem.files.quantities import UNIT
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.materials import read_materials
 from flexfem.mechanism.stage import load_stage

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexfem.study.answer import answer
 from flexfem.study.collect import StudyTable
-from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import LoadedStudy, load_study, sample
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 

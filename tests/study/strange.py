@@ -12,8 +12,8 @@ import numpy as np
 
 from flexfem.refused import ComputationFailed
 from flexfem.study.answer import answer
+from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import Rows
 
 PAUSE = 0.01  # s a design: time to be killed in
 HANGS, KILLED, SEGMENTATION, RAISES, FAILS = 3, 5, 18, 20, 21

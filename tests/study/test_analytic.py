@@ -19,9 +19,7 @@ from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import LoadedStudy, designs_of, sample, stage_of
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
 ROUND_OFF = 1e-11  # the same sums in another order

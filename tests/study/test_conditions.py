@@ -9,13 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import kstest, spearmanr, truncnorm, uniform
 
-from flexfem.study.answer import answer
+from flexfem.study.answer import answer, nominal
 from flexfem.study.collect import collect, read_table
-from flexfem.study.designs import judge
-from flexfem.study.expression import names_in, value_of
-from flexfem.study.probes import nominal
+from flexfem.study.loaded import judge, sample
+from flexfem.study.plan import names_in, value_of
 from flexfem.study.run import Chunk, part_content, parts_of
-from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
 NECK = 'label = "neck of base"\nkey = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'

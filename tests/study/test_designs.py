@@ -10,8 +10,7 @@ import pytest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import HINGE_NAMES, load_stage
 from flexfem.refused import BadInput
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import designs_of, sample, stage_of
 
 FEW = 'method = "monte_carlo"\ndesigns = 20\nseed = 5'
 FACTORS = (

@@ -16,8 +16,7 @@ from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.study.answer import answer
-from flexfem.study.designs import judge, stage_of
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import judge, sample, stage_of
 
 from ..conftest import GENERIC, ROOT, UNLIKE
 

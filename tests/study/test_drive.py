@@ -16,10 +16,8 @@ from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.reach import limits_of_commands
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
-from flexfem.study.designs import designs_of, stage_of
-from flexfem.study.loaded import LoadedStudy, load_study
-from flexfem.study.outputs import DRIVE_RANGES, ENGAGED
-from flexfem.study.sampling import sample
+from flexfem.study.columns import DRIVE_RANGES, ENGAGED
+from flexfem.study.loaded import LoadedStudy, designs_of, load_study, sample, stage_of
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off

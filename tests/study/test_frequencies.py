@@ -12,9 +12,8 @@ from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.designs import stage_of
-from flexfem.study.outputs import FREQUENCIES
-from flexfem.study.sampling import sample
+from flexfem.study.columns import FREQUENCIES
+from flexfem.study.loaded import sample, stage_of
 from flexfem.verify.modes import payload_of
 
 FACTORS = (

@@ -13,9 +13,7 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.given import given_of
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.sampling import sample
+from flexfem.study.loaded import LoadedStudy, sample
 
 VALUES = np.column_stack([np.linspace(0.41, 0.69, 11), np.linspace(72.5, 60.25, 11) ** 1.001])
 FACTORS = 'label = "neck, base"\nkey = "hinges.base.neck_mm"', 'key = "material.youngs_modulus_gpa"'
@@ -109,10 +107,3 @@ def test_a_parquet_column_of_text_and_a_pipe_are_refused(studies) -> None:
     os.mkfifo(studies.folder / "p.csv")
     with pytest.raises(BadInput, match="a folder, pipe or device"):
         loaded_from(studies, "p.csv")
-
-
-def test_a_csv_file_too_large_to_hold_is_refused_unread(studies) -> None:
-    with (studies.folder / "huge.csv").open("wb") as file:
-        file.truncate(64 * 2**20 + 1)
-    with pytest.raises(BadInput, match="67108865 bytes, expected CSV of at most 67108864, or Parquet"):
-        given_of(studies.folder / "huge.csv", ())

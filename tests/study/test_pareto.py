@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from flexfem.study.reductions import drawable_front, non_dominated, spread
+from flexfem.study.findings import drawable_front, non_dominated, spread
 
 SIDES = st.tuples(st.booleans(), st.booleans())
 POINTS = hnp.arrays(
@@ -99,18 +98,3 @@ def test_a_short_front_gives_each_of_its_designs_once() -> None:
     assert list(spread(np.array([2.0, 1.0]), np.array([0.0, 5.0]), 4)) == [0, 1]
     assert list(spread(np.array([2.0]), np.array([0.0]), 4)) == [0]
     assert list(spread(np.array([3.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0]), 1)) == [1]
-
-
-def test_a_front_found_in_blocks_is_that_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ties and designs that cannot be drawn included; blocks that lose designs are looked at again."""
-    rng = np.random.default_rng(4)
-    x, y = rng.normal(size=(2, 700)).round(1)
-    y += 2 * x  # along which many are on the front
-    impossible = set(rng.choice(700, 400, replace=False).tolist())
-    found = {}
-    for block in (32, 700):
-        monkeypatch.setattr("flexfem.study.reductions.BLOCK", block)
-        found[block] = drawable_front(x, y, (True, False), lambda place: place not in impossible, 1000)
-    for one, other in zip(found[32], found[700], strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert len(found[32].undrawable) > 20 and not set(found[32].places.tolist()) & impossible

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from flexfem.study.statistics import percentiles
+from flexfem.study.findings import percentiles
 
 REPEATS = 400
 SLACK = 4 * np.sqrt(0.05 * 0.95 / REPEATS)  # four standard deviations of the share of intervals that miss

@@ -13,8 +13,8 @@ import pytest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage_file import Override
 from flexfem.refused import BadInput
+from flexfem.study.columns import outputs_of
 from flexfem.study.loaded import load_study
-from flexfem.study.outputs import outputs_of
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
 RANGE = "from = 0.4\nto = 0.7"
@@ -342,7 +342,7 @@ def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
     assert verified[:16] == plain and bare == verified[:-3]
     assert verified[16:] == tuple(f"{what}_{axis}_percent" for what in ("error", "cross", "band") for axis in AXES)
-    every = outputs_of(False, False, False, driven=True, vibrating=True, moved=(True, False, True), drifting=True)
+    every = outputs_of("drive", "frequencies", "life", "drift", moved=(True, False, True))
     assert every[16:] == (
         *("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad"),
         *("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad"),

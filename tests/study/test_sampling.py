@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from flexfem.study import sampling
-from flexfem.study.sampling import BLOCK, sample
+from flexfem.study import loaded as sampling
+from flexfem.study.loaded import BLOCK, sample
 
 METHODS = {
     "grid": 'method = "grid"',
@@ -147,13 +147,6 @@ def test_points_by_number_are_those_of_scipy(start: int) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # not a power of two
         np.testing.assert_array_equal(sampling._sobol(2003, 31, start, start + 37), engine.random(37))
-
-
-def test_far_points_of_a_sobol_sample_fill_their_strata(studies: Any) -> None:
-    """Of 2^12 consecutive points from a multiple of 2^12 on, each of 2^12 strata of every factor holds one."""
-    first = 10**9 // 2**12 * 2**12 - 2**12
-    points = sampling._sobol(3, 5, first, first + 2**12)
-    assert all(len(set((column * 2**12).astype(int))) == 2**12 for column in points.T)
 
 
 def test_the_two_samples_of_saltelli_are_halves_of_one_sobol_point(studies: Any) -> None:

@@ -9,9 +9,8 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.collect import StudyTable
-from flexfem.study.loaded import LoadedStudy
-from flexfem.study.sampling import sample
-from flexfem.study.statistics import first_order, sensitivity, sobol_indices
+from flexfem.study.findings import first_order, sensitivity, sobol_indices
+from flexfem.study.loaded import LoadedStudy, sample
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
 UNIT = 'key = "{}"\ndistribution = "uniform"\nlower = 1.0\nupper = 2.0'

@@ -19,8 +19,8 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
+from flexfem.study.columns import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.outputs import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.verify.errors import compare
 from flexfem.verify.protocol import solve_stage
 

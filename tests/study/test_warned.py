@@ -10,10 +10,9 @@ from typer.testing import CliRunner
 
 from flexfem.commands.study import app
 from flexfem.studies import status_facts
-from flexfem.study.answer import answer
-from flexfem.study.probes import unseen
+from flexfem.study.answer import answer, unseen
+from flexfem.study.loaded import sample
 from flexfem.study.run import part_content, parts_of
-from flexfem.study.sampling import sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
 NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'

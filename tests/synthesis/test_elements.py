@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.refused import ComputationFailed
-from flexfem.study.outputs import Rows
+from flexfem.study.columns import Rows
 from flexfem.study.workers import Failure
 from flexfem.synthesis import elements
 from flexfem.synthesis.elements import ProposedElements

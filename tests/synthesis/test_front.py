@@ -10,8 +10,8 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
+from flexfem.study.findings import non_dominated
 from flexfem.study.loaded import load_study
-from flexfem.study.reductions import non_dominated
 from flexfem.synthesis.elements import ProposedElements
 from flexfem.synthesis.front import front
 from flexfem.synthesis.many import apart, front_of_many

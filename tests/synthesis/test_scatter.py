@@ -9,7 +9,7 @@ import pytest
 
 import flexfem
 from flexfem.refused import BadInput
-from flexfem.study.designs import designs_of
+from flexfem.study.loaded import designs_of
 from flexfem.synthesis import outcome
 from flexfem.synthesis.elements import Meshed, ProposedElements
 from flexfem.synthesis.model import WORST, Model

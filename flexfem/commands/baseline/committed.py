@@ -10,8 +10,7 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.commands.baseline.moves import Leaf
 from flexfem.fem.mesh import StageMesh, check_mesh
 from flexfem.fem.sectors import build_mesh
-from flexfem.files.digest import digest_of_arrays
-from flexfem.files.writing import read_arrays, write_atomically
+from flexfem.files.writing import digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.bodies import Segment, draw_sector, turn
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed

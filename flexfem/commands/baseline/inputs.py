@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from pydantic import BaseModel
 
 from flexfem.commands.baseline.moves import MISSING, Leaf, became, leaves, printable
-from flexfem.files.keypath import key_path
+from flexfem.files.refusals import key_path
 from flexfem.files.toml import read_toml, validate
 from flexfem.mechanism.stage import load_stage
 from flexfem.mechanism.stage_file import of_drive, of_heat

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.files.keypath import KeyPath, key_path
+from flexfem.files.refusals import KeyPath, key_path
 
 Leaf: TypeAlias = float | int | str | bool | None
 MISSING = "\0missing"

@@ -22,7 +22,7 @@ from flexfem.commands.plain import plain
 from flexfem.fem.drive import driven_response
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import load_case, plate_of, platform_response
-from flexfem.files.keypath import key_path
+from flexfem.files.refusals import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import levels
 from flexfem.refused import BadInput, ComputationFailed

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexfem import units
 from flexfem.commands.baseline.moves import Dimension, Gate, Rule, Size, at, matches
-from flexfem.files.keypath import KeyPath
+from flexfem.files.refusals import KeyPath
 
 # What was observed: gmsh 4.13 to 4.15 mesh the reference stages alike. Sizes that grow by 1.402 instead of 1.4 from a
 # neck, another mesh as good, move compliances by 1.4e-6 at resolution 8, by 4.4e-5 at resolution 4, stresses by 5e-4.

@@ -1,0 +1,252 @@
+"""The factors of a study, each a list, a range or a distribution, and the columns that they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+
+from pydantic import ConfigDict, Field, model_validator
+
+from flexfem.files import quantities
+from flexfem.files.quantities import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Label, Table
+from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
+from flexfem.mechanism.stage import Stage
+from flexfem.refused import BadInput
+
+MANY = 100_000  # values of one factor; more are a range
+MANY_KEYS = 100  # more than the format has
+Kind: TypeAlias = Literal["given", "values", "range", "normal", "uniform"]
+_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+    "given": ((), ()),
+    "values": (("values",), ()),
+    "range": (("from", "to"), ("scale", "points")),
+    "normal": (("distribution", "sd"), ("mean", "lower", "upper")),
+    "uniform": (("distribution", "lower", "upper"), ()),
+}
+WAYS = "a factor is values, or from and to, or a distribution"
+NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
+
+
+def _key_schema(patterns: bool) -> Rule:
+    """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
+    known = {path: None for path in keys()}
+    if patterns:
+        known |= dict.fromkeys(starred_patterns())
+    return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
+
+
+Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
+Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
+KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
+KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
+
+
+def of_kind(kind: Kind) -> Rule:
+    """A factor of a kind, in JSON schema: its keys, and no others."""
+    needed, possible = _KEYS_OF[kind]
+    return both(has(*needed), without(*(key for key in _OTHERS if key not in (*needed, *possible))))
+
+
+_OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)
+FACTOR_RULES = (
+    when(has("key"), without("keys"), has("keys")),
+    when(
+        says("distribution", "normal"),
+        of_kind("normal"),
+        when(
+            says("distribution", "uniform"),
+            of_kind("uniform"),
+            when(has("values"), of_kind("values"), when(without(*_OTHERS), {}, of_kind("range"))),
+        ),
+    ),
+)
+
+
+class Factor(Table):
+    """One factor: a list, a range (`start` to `end`) or a distribution; with none of them a table of designs has it.
+
+    All numbers are in the units of the stage file.
+    """
+
+    named: ClassVar[tuple[str, ...]] = NAMED
+
+    model_config = ConfigDict(json_schema_extra=ruled(*FACTOR_RULES))
+
+    key: KeyPattern | None = Field(
+        default=None,
+        description="A number of the stage file by its key path; of one of the nine hinges, whether or not the stage "
+        "file overrides it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as "
+        "many independent factors. A hinge with an override of its own in the stage file does not follow "
+        "`hinges.elbow.neck_mm`",
+        examples=["hinges.base.radius_mm"],
+    )
+    keys: tuple[KeyName, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY_KEYS,
+        description="Instead of `key`: several that take one value",
+        examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]],
+    )
+    label: Label | None = Field(
+        default=None, description="Name of the column; by default the key", examples=["neck of the base hinge"]
+    )
+    values: tuple[Number, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY,
+        description="A list: the points of a grid, else equally likely",
+        examples=[[0.3, 0.5, 0.8]],
+    )
+    start: Number | None = Field(
+        default=None, alias="from", description="With `to`: where a range begins", examples=[0.3]
+    )
+    end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
+    scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
+    points: int | None = Field(
+        default=None, ge=2, le=MANY, description="Of a range in a grid, and of nothing else: how many", examples=[5]
+    )
+    distribution: Literal["normal", "uniform"] | None = Field(
+        default=None,
+        description="`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, "
+        "`upper`. A list or range stays within the limits of its key; a distribution may leave them, and a design "
+        "outside is a row `refused` with its reason",
+    )
+    mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
+    sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
+    lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
+    upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
+
+    @model_validator(mode="after")
+    def _names_keys(self) -> Factor:
+        if (self.key is None) == (self.keys is None):
+            raise refusal("either key or keys")
+        if self.key is not None and "*" in self.key:
+            if not starred(self.key):
+                raise refusal("stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key")
+            if self.label is not None:
+                raise refusal("no label with a star: every factor is named by its own key", "label")
+        elif self.key is not None:
+            _check_key(self.key, "key")
+        for index, key in enumerate(self.keys or ()):
+            _check_key(key, "keys", index)
+            if key in (self.keys or ())[:index]:
+                raise refusal("a key that is not in the list before", "keys", index)
+        return self
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> Factor:
+        needed, possible = _KEYS_OF[self.kind]
+        fields = type(self).model_fields
+        given = [field.alias or name for name, field in fields.items() if name in self.model_fields_set]
+        for name in needed:
+            if name not in given:
+                raise refusal(f"{name} ({WAYS})")
+        for name in given:
+            if name not in (*self.named, *needed, *possible):
+                raise refusal(f"no {name} with {needed[0]} ({WAYS})" if needed else WAYS, name)
+        return self
+
+    @model_validator(mode="after")
+    def _numbers_are_possible(self) -> Factor:
+        for low, high, name in ((self.start, self.end, "to"), (self.lower, self.upper, "upper")):
+            if low is not None and high is not None and low >= high:
+                raise refusal(f"> {low:g}, where it begins", name)
+        if self.scale == "log" and self.start is not None and self.start <= 0:
+            raise refusal("> 0 on a logarithmic scale", "from")
+        if self.values is not None and len(set(self.values)) < len(self.values):
+            raise refusal("no value twice", "values")
+        limits = [keys()[path] for path in self.paths]
+        places: list[tuple[float | None, tuple[str | int, ...]]] = [(self.start, ("from",)), (self.end, ("to",))]
+        places += [(value, ("values", index)) for index, value in enumerate(self.values or ())]
+        for value, place in places:
+            for key in limits:
+                expected = None if value is None else key.expected(value)
+                if expected is not None:
+                    raise refusal(f"{expected} for {key.path}", *place)
+        return self
+
+    @property
+    def kind(self) -> Kind:
+        """What it is: given by a table, a list, a range, or which distribution."""
+        if self.distribution is not None:
+            return self.distribution
+        if self.values is not None:
+            return "values"
+        return "range" if self.model_fields_set - {*self.named} else "given"
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """All keys it names, stars expanded."""
+        return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
+
+
+class Column(NamedTuple):
+    """One independent factor: `name` of its column, the `keys` that take its value, `factor` mean filled in."""
+
+    name: str
+    keys: tuple[str, ...]
+    factor: Factor
+
+
+def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
+    """The columns of factors, stars expanded, in their order."""
+    return tuple(column for factor in factors for column in _columns(factor))
+
+
+def with_mean(column: Column, stage: Stage) -> Column:
+    """The column with the stage's own value as mean where a normal distribution gives none.
+
+    Raises
+    ------
+    BadInput : the stage has no value of its own, or one for each key.
+    """
+    if column.factor.kind != "normal" or column.factor.mean is not None:
+        return column
+    own = {keys()[path].value_in(stage) for path in column.keys}
+    mean = own.pop() if len(own) == 1 else None
+    if mean is None:
+        raise BadInput(f"mean is missing, and the stage has no one value of {', '.join(column.keys)}")
+    return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
+
+
+def acting(column: Column, stage: Stage, unasked: frozenset[str] = frozenset()) -> Column:
+    """The column itself. Raises BadInput when nothing of the stage follows its keys.
+
+    unasked : key paths that no answer which is asked for depends on.
+    """
+    for path in column.keys:
+        if keys()[path].of_drive and not keys()[path].places_in(stage):
+            raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
+    if not any(keys()[path].places_in(stage) for path in column.keys if path not in unasked):
+        raise BadInput(
+            f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
+            "or nothing asked for needs it"
+        )
+    return column
+
+
+def unasked(frequencies: bool = False, life: bool = False, drift: bool = False) -> frozenset[str]:
+    """Key paths that only natural frequencies, lives and drift depend on, where these are not asked."""
+    asked = {"density": frequencies, "expansion": drift} | dict.fromkeys(LASTING, life)
+    return frozenset(path for path, key in keys().items() if not asked.get(key.attribute, True))
+
+
+def _of_actuators(stage: Stage) -> str:
+    names = ", ".join(actuator.name for actuator in stage.actuator)
+    return f"a number that an actuator of the stage ({names or 'it has none'}) states and that no override replaces"
+
+
+def _columns(factor: Factor) -> list[Column]:
+    if factor.key is not None and "*" in factor.key:
+        return [Column(path, (path,), factor) for path in factor.paths]
+    name = factor.label or factor.key or " = ".join(factor.paths)
+    return [Column(name, factor.paths, factor)]
+
+
+def _check_key(key: str, *at: str | int) -> None:
+    if "*" in key:
+        raise refusal("no star in keys: all of them take one value", *at)
+    if key not in keys():
+        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
