@@ -148,7 +148,7 @@ class ElementModel(PlatformModel):
         -------
         The axes.
         """
-        from flexfem.plot.displacement import plot_displacement
+        from flexfem.plot.fields import plot_displacement
 
         mesh, load = self.mesh, forces("force", force, 1)
         fields = Fields(

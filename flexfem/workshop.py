@@ -102,21 +102,23 @@ def view(file: Path, *, output: Path | None = None) -> View:
     BadInput
         The file says something wrong or nothing to draw, or the folder takes no file.
     """
-    from flexfem.plot import dimensions
+    from flexfem.files.writing import check_folder
+    from flexfem.plot import stage as drawing
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
     stage, missing = found = load_partly(source)
-    if not (found.whole or found.given(*dimensions.SKELETON) or found.given("platform.radius_mm")):
+    skeleton = found.given("chain.link_lengths_mm", "chain.joint_angles_deg")
+    if not (found.whole or skeleton or found.given("platform.radius_mm")):
         raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
-    window, written = target is None and dimensions.has_display(), list[Path]()
+    window, written = target is None and drawing.has_display(), list[Path]()
     if window:
-        dimensions.show_window(stage, missing)
+        drawing.show_window(stage, missing)
     else:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
-        written = write_beside(place, dimensions.drawing_figure(stage, missing))
+        written = write_beside(place, drawing.drawing_figure(stage, missing))
     said = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
     return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.doubts)
 
@@ -252,7 +254,7 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
 
     written = []
     if output is not None:
-        from flexfem.plot.hinge_chart import hinge_chart_figure, thickness_figure
+        from flexfem.plot.hinge import hinge_chart_figure, thickness_figure
         from flexfem.plot.write import write_beside
 
         check_folder(output)

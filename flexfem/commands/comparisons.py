@@ -60,7 +60,7 @@ def _peak(of: NeckPeak | None, unit: Unit, band: str) -> tuple[str, str]:
 
 
 def _errors(result: Result) -> Iterator[tuple[str, ...]]:
-    from flexfem.plot.driven_text import COMMANDED, OF_STAGE
+    from flexfem.plot.text import COMMANDED, OF_STAGE
 
     for label, percent in result.error_percent.items():
         bands = result.uncertainty[label]

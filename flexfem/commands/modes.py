@@ -86,8 +86,7 @@ def modes(
 def _write(found: Vibration, model: DynamicModel, path: Path) -> None:
     """The record and its figure, all shapes as fields of one VTU file, an animation of each; the reduced model."""
     from flexfem.fem.export import write_vtu
-    from flexfem.plot.frequency_response import response_figure
-    from flexfem.plot.modes import modes_figure, write_animation
+    from flexfem.plot.modes import modes_figure, response_figure, write_animation
     from flexfem.plot.write import write_beside
 
     console.keep(found.record, path, lambda _: modes_figure(found))

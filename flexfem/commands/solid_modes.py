@@ -31,9 +31,9 @@ def show_solid_modes(solve: Callable[[Callable[[str], None]], SolidVibration], p
 def _write(found: SolidVibration, path: Path) -> None:
     """The record and its figure, and all shapes from face to face as fields of one VTU file."""
     from flexfem.fem.export import write_solid_vtu
-    from flexfem.plot.solid_modes import solid_modes_figure
+    from flexfem.plot.modes import modes_figure
 
-    console.keep(found.record, path, lambda _: solid_modes_figure(found))
+    console.keep(found.record, path, lambda _: modes_figure(found))
     shapes = {f"mode {k + 1}": found.through(k) for k in range(len(found.record.modes))}
     write_solid_vtu(found.mesh, found.heights, path.with_suffix(".vtu"), shapes)
 

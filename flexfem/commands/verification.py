@@ -76,7 +76,7 @@ def budget(
     with working("meshing and solving", 3) as say:
         found = reports.budget(loaded, amplitudes, progress=say, three_dimensional=three_dimensional)
     if path is not None:
-        from flexfem.plot.accuracy import budget_figure
+        from flexfem.plot.errors import budget_figure
 
         console.keep(found, path, budget_figure)
     console.show(found, json, comparisons.print_budget)
@@ -102,7 +102,7 @@ def converge(
     with working("refining", len(resolutions)) as say:
         found = reports.converge(loaded, resolutions, say)
     if path is not None:
-        from flexfem.plot.accuracy import convergence_figure
+        from flexfem.plot.errors import convergence_figure
 
         console.keep(found, path, convergence_figure)
     console.show(found, json, comparisons.print_convergence)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from flexfem.page.drawn import shown_figure
-from flexfem.page.section import Cell, Content, PageSection, facts, notes, table
+from flexfem.page.section import Cell, Content, PageSection, facts, notes, shown_figure, table
 from flexfem.plot.design import design_figure
 from flexfem.plot.design_front import front_figure
 from flexfem.plot.sensitivity import sensitivity_figure

@@ -1,15 +1,33 @@
-"""What a page is made of: sections, figures and tables, everything that is not markup escaped."""
+"""What a page is made of: sections, tables and figures, put together as one file that loads nothing from elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import base64
+import hashlib
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
+
+from flexfem.arrays import Array
+from flexfem.plot.style import headless, rendered
+from flexfem.plot.text import significant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
+FONTS = "'DejaVu Sans', Verdana, sans-serif"  # Verdana's letters are as wide
+POINTS = 72.0  # per inch
+LEAST = 5.0  # points, half the size of the smallest target of the pointer
+MOST = 300  # points of a curve that have targets
 
 
 @dataclass(frozen=True)
@@ -17,8 +35,7 @@ class PageSection:
     """A part of a page under a heading of its own.
 
     id : of the heading's anchor, once on a page.   html : what is below the heading.
-    script : plain JavaScript that the section needs, put once at the end of the page whichever sections share it.
-    style : CSS that the section needs, likewise.
+    script, style : plain JavaScript and CSS that the section needs, put once on the page whichever sections share it.
     """
 
     id: str
@@ -32,13 +49,29 @@ class PageSection:
 class PageFigure:
     """An inline figure with what a reader sees below it and what a screen reader says of it.
 
-    svg : of `inline.inline_svg`.   data : a table of its numbers, which the page folds away below it.
+    svg : of `inline_svg`.   data : a table of its numbers, which the page folds away below it.
     """
 
     svg: Markup
     caption: str
     description: str
     data: Markup | None = None
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: its title, a line below it, what it must say first of numbers in doubt, its sections.
+
+    command : line that makes it again.   made : time, UTC.   doubts : "" without any.
+    """
+
+    title: str
+    subtitle: str
+    doubts: str
+    sections: Sequence[PageSection]
+    command: str
+    made: str
+    versions: dict[str, str]
 
 
 class Cell(NamedTuple):
@@ -57,13 +90,8 @@ Content: TypeAlias = str | Markup | Cell
 @cache
 def templates() -> Environment:
     """The templates, with escaping on and an error for a name that is not given."""
-    return Environment(
-        loader=PackageLoader("flexfem.page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    loader, settings = PackageLoader("flexfem.page"), {"trim_blocks": True, "lstrip_blocks": True}
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **settings)  # type: ignore[arg-type]
 
 
 def markup(template: str, **values: Any) -> Markup:
@@ -71,9 +99,22 @@ def markup(template: str, **values: Any) -> Markup:
     return Markup(templates().get_template(template).render(**values))
 
 
-def figure_html(figure: PageFigure, name: str) -> Markup:
-    """A figure as a part of a section; `name` is its id, once on a page."""
-    return markup("figure.html", figure=figure, name=name)
+def file_text(name: str) -> str:
+    """A file beside the templates as it is."""
+    loader = templates().loader
+    assert loader is not None
+    return loader.get_source(templates(), name)[0]
+
+
+def html_of(page: Page) -> str:
+    """The page as the text of a file."""
+    scripts = [file_text("page.js"), *dict.fromkeys(each.script for each in page.sections if each.script)]
+    styles = [file_text("page.css"), *dict.fromkeys(each.style for each in page.sections if each.style)]
+    hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts)
+    allowed = " ".join(f"'sha256-{each}'" for each in hashes)  # these scripts alone run, and nothing is loaded
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}; "
+    policy += "base-uri 'none'; form-action 'none'"
+    return str(markup("page.html", page=page, policy=policy, scripts=map(Markup, scripts), styles=map(Markup, styles)))
 
 
 def table(
@@ -105,3 +146,96 @@ def notes(texts: Sequence[str], kind: str = "warning") -> Markup:
 def json_data(name: str, value: Any) -> Markup:
     """Data for a section's script as an inert element with the id `name`."""
     return Markup('<script type="application/json" id="{}">{}</script>').format(name, htmlsafe_json_dumps(value))
+
+
+def sentence(text: str) -> str:
+    """The text with a capital at its beginning and a full stop at its end."""
+    whole = text.strip()
+    return f"{whole[:1].upper()}{whole[1:]}{'' if whole.endswith(('.', '!', '?')) or not whole else '.'}"
+
+
+def figure_html(figure: PageFigure, name: str) -> Markup:
+    """A figure as a part of a section; `name` is its id, once on a page."""
+    return markup("figure.html", figure=figure, name=name)
+
+
+def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
+    """A figure of the package as a part of a section, the lines of its header as its caption.
+
+    Parameters
+    ----------
+    name : str
+        Its id, once on a page.
+    draw : callable
+        Makes it, as the functions `..._figure` of `flexfem.plot` do.
+    description : str
+        What a screen reader says of it.
+    data : Markup, optional
+        A table of its numbers.
+    """
+    with headless() as lines:
+        figure = draw()
+    svg = inline_svg(figure, name)
+    return figure_html(PageFigure(svg, " ".join(map(sentence, lines)), description, data), name)
+
+
+def inline_svg(figure: Figure, name: str) -> Markup:
+    """A figure as an SVG element of a page, as wide as its column and at most as wide as it was drawn.
+
+    Its ids begin with `name`; points of marked curves and bars tell their values when they are pointed at.
+    """
+    text = NOT_XML.sub("\ufffd", rendered(figure, "svg").decode())
+    text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
+    text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
+    text = text.replace("'DejaVu Sans'", FONTS)
+    width = figure.get_figwidth() * 96.0  # px an inch
+    opening = f'<svg class="drawn" style="max-width: {width:.0f}px" '
+    text = re.sub(r'<svg |\s(width|height)="[\d.]+pt"', lambda m: opening if m[0] == "<svg " else "", text, count=3)
+    targets = "".join(
+        Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*each)
+        for each in _targets(figure)
+    )
+    return Markup(text.replace("</svg>", f'<g class="spots">{targets}</g></svg>' if targets else "</svg>"))
+
+
+def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
+    """Left, top, width, height in points from the upper left corner, and text, of all marked points and bars."""
+    for ax in figure.axes:
+        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel()
+        for line in ax.lines:
+            xy = np.asarray(line.get_xydata(), dtype=float)
+            if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MOST:
+                continue
+            label = str(line.get_label())
+            for (x, y), (left, top) in zip(xy.tolist(), places_on(ax, xy).tolist(), strict=True):
+                text = f"{x_name}: {significant(x)}\n{y_name}: {significant(y)}"
+                text = text if label.startswith("_") else f"{label.strip()}\n{text}"
+                if np.isfinite(left + top):
+                    yield left - LEAST, top - LEAST, 2 * LEAST, 2 * LEAST, text
+        names = [label.get_text() for label in ax.get_yticklabels()]
+        rows = dict(zip(map(round, ax.get_yticks()), names, strict=True))
+        for bars in ax.containers:
+            for bar in getattr(bars, "patches", ()):
+                (left, low), (right, high) = places_on(ax, bar.get_corners()[[0, 2]]).tolist()
+                label = str(bars.get_label())
+                name = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
+                name = name if label.startswith("_") else f"{name}, {label}"
+                if np.isfinite(left + low + right + high):
+                    yield (
+                        min(left, right),
+                        min(low, high),
+                        abs(right - left),
+                        abs(high - low),
+                        (f"{name}\n{x_name}: {significant(bar.get_width())}"),
+                    )
+
+
+def places_on(ax: Axes, points: Array) -> Array:
+    """Points (n, 2) of the data of axes in points from the upper left corner of their figure; nan outside the axes."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    places = ax.transData.transform(points)
+    low, high = ax.get_window_extent().get_points()
+    inside = ((places >= low - 1.0) & (places <= high + 1.0)).all(axis=1)
+    shown = np.where(inside[:, None], places * POINTS / figure.dpi, np.nan)
+    return np.asarray(np.abs([0.0, figure.get_figheight() * POINTS] - shown))

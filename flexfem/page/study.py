@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from markupsafe import Markup
 
-from flexfem.page.assemble import file_text
-from flexfem.page.inline import inline_svg
-from flexfem.page.section import PageFigure, PageSection, figure_html, notes, table
+from flexfem.page.section import PageFigure, PageSection, figure_html, file_text, inline_svg, notes, table
 from flexfem.page.study_asked import asked_section, marked
 from flexfem.page.study_designs import columns_shown, drawn_designs, farthest
 from flexfem.page.study_pointed import designs_data, pointed_html

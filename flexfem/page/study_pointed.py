@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
-from flexfem.page.inline import inline_svg
-from flexfem.page.section import json_data, markup
+from flexfem.page.section import POINTS, inline_svg, json_data, markup, places_on
 from flexfem.page.study_designs import PARTS, DrawnDesign, ShownColumns, values_at, written
 from flexfem.plot.study_chart import HEIGHT, WIDTH, chart_figure
 from flexfem.plot.text import SPACE, round_factor
-from flexfem.plot.vector import POINTS, Spot, placed_spots
 from flexfem.units import LENGTH
 
 if TYPE_CHECKING:
@@ -71,9 +70,12 @@ def _targets(source: Source, figure: Figure, axes: Axes, points: PointedDesigns)
     values = values_at(source, names, points.rows)
     numbers = source.table.design[points.rows].tolist()
     told = [f"Design {number}: {_told(quantities, row)}" for number, row in zip(numbers, values, strict=True)]
-    spots = [Spot(axes, x, y, str(place)) for place, (x, y) in enumerate(points.at.tolist())]
-    placed = ((int(one.text), one) for one in placed_spots(axes, spots))
-    return [Target(numbers[place], f"{one.x:.1f}", f"{one.y:.1f}", told[place]) for place, one in placed]
+    places = places_on(axes, points.at).tolist()
+    return [
+        Target(number, f"{x:.1f}", f"{y:.1f}", text)
+        for number, (x, y), text in zip(numbers, places, told, strict=True)
+        if np.isfinite(x)  # inside the axes
+    ]
 
 
 def _told(quantities: Sequence[Quantity], row: Array) -> str:

@@ -11,31 +11,22 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "accuracy": ("plot_budget", "plot_convergence"),
-    "command": ("plot_forces", "plot_open_loop", "plot_strokes"),
-    "curves": ("plot_displaced", "plot_errors"),
     "design": ("plot_history", "plot_margins", "plot_tradeoff"),
     "design_front": ("plot_objectives",),
-    "dimensions": ("plot_dimensions",),
-    "displacement": ("plot_displacement",),
-    "drift": ("plot_drift",),
-    "drive_sketch": ("plot_drive",),
+    "drive": ("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
+    "errors": ("plot_budget", "plot_convergence", "plot_displaced", "plot_errors"),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
-    "hinge_chart": ("plot_formulas", "plot_thickness"),
-    "hinge_sketch": ("plot_hinge", "plot_hinge_table"),
+    "fields": ("plot_displacement", "plot_drift"),
+    "hinge": ("plot_formulas", "plot_hinge", "plot_hinge_table", "plot_thickness"),
     "life": ("plot_life",),
-    "model_sketch": ("plot_model",),
-    "modes": ("plot_mode",),
-    "reach": ("plot_section", "plot_solid"),
-    "frequency_response": ("plot_response",),
-    "solid_modes": ("plot_solid_mode",),
+    "modes": ("plot_mode", "plot_response", "plot_solid_mode"),
     "sensitivity": ("plot_sensitivity",),
-    "stage": ("plot_mesh", "plot_neck", "plot_notch", "plot_stage"),
+    "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
     "study_map": ("plot_map",),
     "study_pareto": ("plot_front",),
     "study_scatter": ("plot_histogram", "plot_shares"),
-    "workspace": ("plot_across", "plot_along", "plot_tangents"),
 }
+_HOMES["drive"] += ("plot_solid", "plot_strokes", "plot_tangents")
 __all__ = sorted(name for names in _HOMES.values() for name in names)
 
 

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import Outline, draw_outline, outline_of
-from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels, wrapped
+from flexfem.plot.style import COLOURS, GREY, INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.synthesis.result import Designed, Stated
 from flexfem.units import LENGTH

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import wide
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.curves import COLOURS
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_labels import log_ticks
 from flexfem.plot.study_pareto import (
@@ -26,7 +25,7 @@ from flexfem.plot.study_pareto import (
     draw_scale,
     rows_for,
 )
-from flexfem.plot.style import INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
+from flexfem.plot.style import COLOURS, INK, add_axes, header, in_house_style, new_axes, new_figure, wrapped
 from flexfem.plot.text import significant
 from flexfem.synthesis.result import Designed, FrontDesign
 

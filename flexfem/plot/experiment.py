@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
-from flexfem.plot.curves import COLOURS, MARKERS, NAMES
-from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
+from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, in_house_style, legend_below, panels
 from flexfem.plot.text import significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
 from flexfem.questions.identify import Identification
@@ -40,13 +39,8 @@ def experiment_figure(found: Experiment) -> Figure:
         plot_push(every[k], found, direction)
         every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
         plot_remains(every[3 + k], found, direction)
-    figure.legend(*_legend(*every[:6]), loc="outside lower center", ncols=5, frameon=False, handlelength=3.4)
+    legend_below(figure, every[:6], 5, handlelength=3.4)
     return figure
-
-
-def _legend(*axes: Axes) -> tuple[list[Any], list[str]]:
-    named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    return list(named.values()), list(named)
 
 
 def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
@@ -116,7 +110,7 @@ def identification_figure(found: Identification) -> Figure:
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
     figure, (ax,) = panels(REGION, title, lines, 1, 1, (of.assumed, of.not_stated))
     plot_region(ax, found)
-    figure.legend(*_legend(ax), loc="outside lower center", ncols=2, frameon=False)
+    legend_below(figure, [ax], 2)
     return figure
 
 

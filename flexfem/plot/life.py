@@ -11,8 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import HINGE_NAMES
-from flexfem.plot.curves import COLOURS
-from flexfem.plot.style import GREY, INK, PALE, in_house_style, panels
+from flexfem.plot.style import COLOURS, GREY, INK, PALE, in_house_style, panels
 from flexfem.plot.text import scientific, significant
 from flexfem.questions.life import Life
 from flexfem.results import ANALYTIC

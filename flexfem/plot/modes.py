@@ -1,93 +1,112 @@
-"""Mode shapes: the stage displaced in each mode, coloured by how far it moves; a grid of them, and animations."""
+"""Vibration: mode shapes coloured by how far they move, animations of them, and the frequency response."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
-from flexfem.plot.marks import edges_of, loops_of, polygon, quarters
-from flexfem.plot.style import INK, MARGIN, house_style, in_house_style, new_axes, new_figure, panels, wrapped
+from flexfem.plot.stage import boundary_of, curves, draw_boundary, draw_hub, fit, quarters
+from flexfem.plot.style import (
+    COLOURS,
+    DASHES,
+    INK,
+    MARGIN,
+    NAMES,
+    house_style,
+    in_house_style,
+    legend_beside,
+    new_axes,
+    new_figure,
+    panels,
+    wrapped,
+)
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
-from flexfem.units import UNITS
+from flexfem.units import DIRECTIONS, UNITS, Direction
+from flexfem.verify.dynamic_model import DynamicModel
 from flexfem.verify.modes import NaturalModes, Vibration
-from flexfem.verify.result import OfStage
+from flexfem.verify.solid_modes import SolidVibration
 
-KILOGRAM = UNITS["kg"].name
 DRAWN = 0.07  # largest drawn displacement, per size of the stage
-COLOURS = "viridis"
-PANEL, TITLE, SCALE = 3.6, 0.55, 0.8  # in, width of a panel, heights of its title and of the scale
+SHAPES = "viridis"
+PANEL = 3.6  # in, width
 FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames of a cycle, per second, and its size in inches
-CYCLE_DOTS = 90  # per inch, of an animation
+CONTOURS = np.array([-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8])  # of w over its largest size
+POINTS = 1500
+LOWEST, HIGHEST = 0.05, 1.2  # of the drawn frequencies, over the first and the last natural one
+Part = Literal["magnitude", "phase"]
+Kind = Literal["load", "stroke"]
 
 
 @in_house_style
-def modes_figure(found: Vibration) -> Figure:
+def modes_figure(found: Vibration | SolidVibration) -> Figure:
     """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
-    of = found.record
-    lines = [
-        f"{said_of(of)} Titles: the largest effective modal mass, of the whole mass or, "
-        "in theta, moment of inertia. Displacements are exaggerated, each mode by its own factor; grey: at rest."
-    ]
+    of, mesh, solid = found.record, _mesh(found), isinstance(found, SolidVibration)
     titles = [title_of(of, number) for number in range(1, len(of.modes) + 1)]
-    return grid_of(of, found.structure.mesh, lines, titles, lambda ax, number: plot_mode(ax, found, number))
-
-
-def grid_of(
-    of: OfStage, mesh: StageMesh, lines: list[str], titles: list[str], draw: Callable[[Axes, int], Axes]
-) -> Figure:
-    """A panel for each title, drawn by number from 1, above one scale of displacements."""
     columns = min(3, len(titles))
     rows = -(-len(titles) // columns)
-    height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + TITLE
-    size = (max(columns * PANEL + 0.3, 7.4), rows * height + SCALE)
-    name = f"{of.name}: natural modes"  # type: ignore[attr-defined]
-    figure, axes = panels(size, name, lines, rows, columns, (of.assumed, of.not_stated))
+    height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + 0.55
+    size, doubts = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), (of.assumed, of.not_stated)
+    figure, axes = panels(size, f"{of.name}: natural modes", [_said_of(of)], rows, columns, doubts)
     for spare in axes[len(titles) :]:
         spare.remove()
-    used = axes[: len(titles)]
-    for number, (each, title) in enumerate(zip(used, titles, strict=True), start=1):
-        draw(each, number)
-        each.set_title(wrapped(title, PANEL - 0.2, 10), size=10)
-    place = {"location": "bottom", "aspect": 38, "shrink": 6.0 / figure.get_figwidth()}
-    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), COLOURS), ax=used, **place)  # type: ignore[arg-type]
+    draw: Any = plot_solid_mode if solid else plot_mode
+    for number, (each, title) in enumerate(zip(axes, titles, strict=False), start=1):
+        draw(each, found, number).set_title(wrapped(title, PANEL - 0.2, 10), size=10)
+    place: dict[str, Any] = {"location": "bottom", "aspect": 38, "shrink": 6.0 / size[0]}
+    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), SHAPES), ax=figure.axes, **place)
     bar.set_label("displacement, over the largest of the mode")
     return figure
 
 
-def said_of(of: NaturalModes) -> str:
+def _mesh(found: Vibration | SolidVibration) -> StageMesh:
+    return found.mesh if isinstance(found, SolidVibration) else found.structure.mesh
+
+
+def _said_of(of: Any) -> str:
     """What the modes are of, and what is not in them."""
-    payload = ""
-    if of.payload_mass or of.payload_inertia:
-        payload = f" payload {of.payload_mass:g} {KILOGRAM}, {of.payload_inertia:g} {UNITS['kg_mm2']};"
-    return (
-        f"Plane finite elements, motion in the plane only; drives {of.drives};{payload} mass {of.mass:.4g} {KILOGRAM}."
+    solid, inertia = hasattr(of, "payload_tilting"), f"{of.payload_inertia:g}"
+    inertia += f" and, tilting, {of.payload_tilting:g}" if solid else ""
+    payload = f" payload {of.payload_mass:g} {UNITS['kg']}, {inertia} {UNITS['kg_mm2']};"
+    said = "Finite elements in three dimensions; drives disengaged;"
+    if not solid:
+        said = f"Plane finite elements, motion in the plane only; drives {of.drives};"
+    said += payload if of.payload_mass or of.payload_inertia else ""
+    said += (
+        f" mass {of.mass:.4g} {UNITS['kg']}. Titles: the largest effective modal mass, of the whole mass or, in theta, "
+        "moment of inertia. Displacements are exaggerated, each mode by its own factor; grey: at rest."
     )
+    if solid:
+        said += (
+            " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
+            "opposite, thick where it is zero."
+        )
+    return said
 
 
-def title_of(of: NaturalModes, number: int) -> str:
-    """Number, frequency with band and the largest share of the mass of a mode."""
+def title_of(of: Any, number: int) -> str:
+    """Number, kind, frequency with band and the largest share of the mass of a mode."""
     one = of.modes[number - 1]
-    return f"mode {number}: {said_of_mode(one.frequency, one.band, one.share.model_dump())}"
-
-
-def said_of_mode(frequency: float, band: float, shares: Mapping[str, float]) -> str:
-    """Frequency with band, Hz, and the largest of the shares of the mass, %, by name."""
+    kind = f", {one.kind}" if hasattr(one, "kind") else ""
+    shares: Mapping[str, float] = one.share.model_dump()
     most = max(shares, key=lambda name: shares[name])
-    return f"{frequency:.5g} ± {significant(band, 1)} {UNITS['hz']}; moves {shares[most]:.2g} % in {most}"
+    frequency = f"{one.frequency:.5g} ± {significant(one.band, 1)} {UNITS['hz']}"
+    return f"mode {number}{kind}: {frequency}; moves {shares[most]:.2g} % in {most.replace('_', ' ')}"
 
 
 def plot_mode(ax: Axes | None, found: Vibration, number: int, *, phase: float = math.pi / 2) -> Axes:
@@ -96,51 +115,58 @@ def plot_mode(ax: Axes | None, found: Vibration, number: int, *, phase: float = 
     Colours are the size of the displacement over the largest, at any phase. Raises BadInput for a mode that is not
     there.
     """
-    if not 1 <= number <= len(found.record.modes):
-        raise BadInput(f"mode {number!r}, expected 1 to {len(found.record.modes)}")
-    return draw_shape(ax or new_axes(), found.structure.mesh, found.fields[number - 1], math.sin(phase))
+    _check_mode(found, number)
+    return _draw_shape(ax or new_axes(), found.structure.mesh, found.fields[number - 1], math.sin(phase))
 
 
-def draw_shape(ax: Axes, mesh: StageMesh, field: Array, phase: float = 1.0) -> Axes:
-    """Draw a mesh displaced by so much of a field (n, 2) that is exaggerated, coloured by how far it moves."""
-    size = np.linalg.norm(field, axis=1)
-    moved = mesh.nodes + phase * exaggerated(mesh, field)
-    loops = loops_of(edges_of(mesh.triangles).boundary)
-    at_rest = LineCollection([polygon(mesh.nodes, loop) for loop in loops], colors="#8A8A8A", linewidths=0.8)
-    ax.add_collection(at_rest, autolim=False)
-    grid = Triangulation(moved[:, 0], moved[:, 1], quarters(mesh.triangles))
-    shade(ax, grid, size / size.max())
-    outline(ax, mesh, moved)
+def plot_solid_mode(ax: Axes | None, found: SolidVibration, number: int) -> Axes:
+    """Draw the mid-plane in one mode (from 1): displaced in its plane, or contours of w; returns `ax`, or new axes.
+
+    Colours are the size of the displacement over the largest. Raises BadInput for a mode that is not there.
+    """
+    _check_mode(found, number)
+    ax, mesh, field = ax or new_axes(), found.mesh, found.field(number - 1)[:, 0]
+    if found.record.modes[number - 1].kind == "in plane":
+        return _draw_shape(ax, mesh, field[:, :2])
+    w = field[:, 2] / np.abs(field[:, 2]).max()
+    linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero and its contour says nothing
+    looks: dict[str, Any] = {"colors": INK, "linewidths": np.where(CONTOURS == 0.0, 1.6, 0.6), "zorder": 2.5}
+    if w.min() < 0.0 < w.max():
+        looks["negative_linestyles"] = "dashed"
+    _shade(ax, mesh, mesh.nodes, np.abs(w))
+    ax.tricontour(
+        Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], quarters(mesh.triangles[linked])), w, levels=CONTOURS, **looks
+    )
     return ax
 
 
-def shade(ax: Axes, grid: Triangulation, values: Array) -> None:
-    """Colour triangles by values from 0 to 1."""
-    colours = Normalize(0, 1)
-    ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=colours, rasterized=True, zorder=2)
+def _check_mode(found: Vibration | SolidVibration, number: int) -> None:
+    if not 1 <= number <= len(found.record.modes):
+        raise BadInput(f"mode {number!r}, expected 1 to {len(found.record.modes)}")
 
 
-def outline(ax: Axes, mesh: StageMesh, nodes: Array) -> None:
-    """Draw the boundary and the hub of a mesh with its nodes at these places, and frame it at rest."""
-    loops = loops_of(edges_of(mesh.triangles).boundary)
-    lines = LineCollection([polygon(nodes, loop) for loop in loops], colors=INK, linewidths=0.5, zorder=3)
-    hub = [polygon(nodes, loop) for loop in loops_of(mesh.edges["hub"])]
-    for collection in (lines, PolyCollection(hub, facecolors="#D0D0D0", edgecolors=INK, linewidths=0.5)):
-        ax.add_collection(collection, autolim=False)
-    _frame(ax, mesh.nodes)
+def _draw_shape(ax: Axes, mesh: StageMesh, field: Array, phase: float = 1.0) -> Axes:
+    """Draw a mesh displaced by so much of a field (n, 2) that is exaggerated, coloured by how far it moves."""
+    size = np.linalg.norm(field, axis=1)
+    draw_boundary(ax, mesh.nodes, boundary_of(mesh.triangles), "#8A8A8A", 0.8, zorder=1)
+    _shade(ax, mesh, mesh.nodes + phase * _exaggerated(mesh, field), size / size.max())
+    return ax
 
 
-def exaggerated(mesh: StageMesh, field: Array) -> Array:
+def _shade(ax: Axes, mesh: StageMesh, nodes: Array, values: Array) -> None:
+    """Draw a mesh with its nodes at these places, coloured by values from 0 to 1, framed at rest."""
+    grid, colours = Triangulation(nodes[:, 0], nodes[:, 1], quarters(mesh.triangles)), Normalize(0, 1)
+    ax.tripcolor(grid, values, shading="gouraud", cmap=SHAPES, norm=colours, rasterized=True, zorder=2)
+    draw_boundary(ax, nodes, boundary_of(mesh.triangles), INK, 0.5)
+    draw_hub(ax, mesh.nodes, nodes, float(np.hypot(*mesh.nodes[mesh.edges["hub"][0, 0]])))
+    fit(ax, mesh.nodes, DRAWN + 0.01)
+    ax.set_axis_off()
+
+
+def _exaggerated(mesh: StageMesh, field: Array) -> Array:
     """A field (n, 2) made so large that its largest displacement is visible, mm."""
     largest = float(np.linalg.norm(field, axis=1).max())
     return np.asarray(DRAWN * float(np.ptp(mesh.nodes, axis=0).max()) / largest * field)
-
-
-def _frame(ax: Axes, nodes: np.ndarray) -> None:
-    low, high, pad = nodes.min(axis=0), nodes.max(axis=0), (DRAWN + 0.01) * np.ptp(nodes, axis=0)
-    ax.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(low[1] - pad[1], high[1] + pad[1]))
-    ax.set_aspect("equal", anchor="N")
-    ax.set_axis_off()
 
 
 def write_animation(found: Vibration, number: int, path: Path) -> Path:
@@ -148,24 +174,86 @@ def write_animation(found: Vibration, number: int, path: Path) -> Path:
 
     Raises BadInput when the folder takes no file.
     """
-    mesh = found.structure.mesh
-    field = exaggerated(mesh, found.fields[number - 1])
-    loops = loops_of(edges_of(mesh.triangles).boundary)
+    mesh, title = found.structure.mesh, f"{found.record.name}: {title_of(found.record, number)}"
+    field, boundary = _exaggerated(mesh, found.fields[number - 1]), boundary_of(mesh.triangles)
     figure = new_figure(*SIZE)
     ax = figure.add_axes((0.02, 0.02, 0.96, 0.86))
-    title = wrapped(f"{found.record.name}: {title_of(found.record, number)}", SIZE[0] - MARGIN, 9)
-    figure.text(0.5, 0.98, title, size=9, ha="center", va="top")
-    ax.add_collection(LineCollection([polygon(mesh.nodes, loop) for loop in loops], colors="#9A9A9A", linewidths=0.7))
-    moving = LineCollection([], colors=INK, linewidths=1.1)
+    figure.text(0.5, 0.98, wrapped(title, SIZE[0] - MARGIN, 9), size=9, ha="center", va="top")
+    draw_boundary(ax, mesh.nodes, boundary, "#9A9A9A", 0.7)
+    moving = LineCollection([], colors=INK, linewidths=1.1, zorder=4)
     ax.add_collection(moving)
-    _frame(ax, mesh.nodes)
+    fit(ax, mesh.nodes, DRAWN + 0.01)
+    ax.set_axis_off()
 
     def draw(frame: int) -> list[LineCollection]:
         moved = mesh.nodes + math.sin(2 * math.pi * frame / FRAMES) * field
-        moving.set_segments([polygon(moved, loop) for loop in loops])
+        moving.set_segments(list(curves(moved, boundary)))
         return [moving]
 
     with house_style(), replacing(path, ".gif") as temporary:
         animation = FuncAnimation(figure, draw, frames=FRAMES, interval=1000 / RATE)
-        animation.save(str(temporary), writer=PillowWriter(fps=RATE), dpi=CYCLE_DOTS)
+        animation.save(str(temporary), writer=PillowWriter(fps=RATE), dpi=90)
     return path
+
+
+@in_house_style
+def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
+    """Draw magnitude and phase of all three poses, each under its own load and under every stroke."""
+    kinds: tuple[Kind, ...] = ("load", "stroke") if _strokes(model) else ("load",)
+    lines = [
+        f"Plane finite elements, {len(model.frequencies)} modes and what the others do at rest; drives {of.drives}. "
+        f"Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in the plane only."
+    ]
+    size, doubts = (12.6, 5.0 * len(kinds)), (of.assumed, of.not_stated)
+    figure, axes = panels(size, f"{of.name}: frequency response", lines, 2 * len(kinds), 3, doubts)
+    for row, kind in enumerate(kinds):
+        for column, name in enumerate(DIRECTIONS):
+            upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]
+            plot_response(upper, model, name, kind, "magnitude")
+            plot_response(lower, model, name, kind, "phase")
+            upper.set_title(f"{NAMES[name]} under {'its load' if kind == 'load' else 'strokes'}", loc="left", size=11)
+            if kind == "stroke" and column == 2:
+                legend_beside(upper, fontsize=8)
+    return figure
+
+
+def plot_response(
+    ax: Axes | None, model: DynamicModel, direction: Direction, kind: Kind = "load", part: Part = "magnitude"
+) -> Axes:
+    """Draw the response of one direction of the pose under its own load, or under every stroke; returns `ax`.
+
+    Raises BadInput for a direction, kind or part that is not there.
+    """
+    if direction not in DIRECTIONS or part not in ("magnitude", "phase"):
+        raise BadInput(f"response {direction!r}, {part!r}, expected x, y or theta, and magnitude or phase")
+    row = DIRECTIONS.index(direction)
+    inputs = [row] if kind == "load" else _strokes(model)
+    if not inputs:
+        raise BadInput("no strokes: the drives are not engaged")
+    ax = ax or new_axes()
+    natural = model.frequencies
+    w = np.geomspace(LOWEST * natural[0], HIGHEST * natural[-1], POINTS)
+    w = np.unique(np.concatenate([w, *(each * np.linspace(0.9, 1.1, 201) for each in natural)]))
+    found, plain = model.response(w)[:, row], FuncFormatter(lambda value, _: f"{value:g}")
+    for k, column in enumerate(inputs):
+        values = found[:, column]
+        drawn = np.abs(values) if part == "magnitude" else np.rad2deg(np.unwrap(np.angle(values)))
+        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+        ax.semilogx(w / (2 * math.pi), drawn, linewidth=1.2, label=model.inputs.names[column], **look)
+    ax.set_xlabel(f"frequency ({UNITS['hz']})")
+    ax.xaxis.set_major_formatter(plain)
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    if part == "magnitude":
+        unit = model.inputs.units[inputs[0]]
+        ax.set(yscale="log", ylabel=f"magnitude ({model.outputs.units[row]}/{f'({unit})' if ' ' in unit else unit})")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0e}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+    else:
+        ax.set_ylabel(f"phase ({UNITS['deg']})")
+    ax.grid(which="major")
+    return ax
+
+
+def _strokes(model: DynamicModel) -> list[int]:
+    """Which inputs are strokes."""
+    return [k for k, name in enumerate(model.inputs.names) if name.startswith("stroke")]

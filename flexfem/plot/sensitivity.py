@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.files.refusals import shown
-from flexfem.plot.curves import COLOURS
-from flexfem.plot.style import GREY, INK, in_house_style, new_axes, panels, wrapped
+from flexfem.plot.style import COLOURS, GREY, INK, in_house_style, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
 from flexfem.synthesis.result import Designed, Goal, Requirement, Stated

@@ -1,54 +1,191 @@
-"""A stage by its outline, with its mesh, and its necks close up."""
+"""Drawings of a stage: outline with dimensions, mesh, necks close up, and the pseudo-rigid model."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import sys
+from collections.abc import Sequence
+from itertools import pairwise
+from os import environ
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
 
-from flexfem.arrays import Array, Index
-from flexfem.mechanism.bodies import Segment, draw_sector, polygon_points, turn
-from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.plot.marks import (
-    Edges,
-    arrow,
-    clamped_edges,
-    clear_spot,
-    drawn_edges,
-    edges_of,
-    frame_cross,
-    hatch_ground,
-    loops_of,
-    polygon,
-    write,
+from flexfem.arrays import AnyArray, Array, Index
+from flexfem.files.refusals import shown
+from flexfem.mechanism.bodies import Segment, draw_sector, necks, polygon_points, turn
+from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.drawing import LETTER as NARROW
+from flexfem.mechanism.drawing import Dimensions, dimensions_of, part_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
+from flexfem.plot.style import (
+    GREY,
+    INK,
+    LETTER,
+    NOTE_COLOUR,
+    PALE,
+    in_house_style,
+    inches,
+    new_axes,
+    panels,
 )
-from flexfem.plot.style import GREY, INK, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import SPACE
-from flexfem.units import LENGTH
+from flexfem.refused import BadInput
+from flexfem.units import DEGREE, LENGTH
 from flexfem.verify.result import CurveModels, Fields, HingeDrawing
+from flexfem.verify.stage_report import StageReport
 
-MESH_COLOUR = "#5B7FA6"
+Point = Sequence[float] | Array
+HasHinges: TypeAlias = Stage | StageReport | CurveModels
+MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
 STEP = np.pi / 24  # rad of arc between two points of a small drawing
-MOST_VECTORS = 2500  # sides of triangles; more are rasterised in a PDF
+SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # ends and middle of the sides of a triangle
+QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+SYMBOL = 0.017  # radius of a joint's circle, per size of the stage, where the links leave room for it
+PITCH, ENDS = 3.1, 3.0  # distance of a joint's symbols, and what two joints take of a link besides, per radius
+MEANING = {
+    "rotation": "revolute joint: rotation",
+    "axial": "slider along the neck: axial elongation",
+    "shear": "slider across the neck: shear",
+}
+PLAIN = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
 
 
-def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
-    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`, or new axes.
+def arrow(axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0) -> None:
+    """A slim arrow from `tail` to `head`, in data coordinates."""
+    points: Any = [(float(p[0]), float(p[1])) for p in (tail, head)]
+    shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
+    axes.add_patch(FancyArrowPatch(*points, color=colour, linewidth=width, **shape))
 
-    Raises BadInput when its bodies cannot be drawn.
+
+def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any) -> None:
+    """A text centred at a place, in data coordinates."""
+    axes.text(float(at[0]), float(at[1]), text, ha="center", va="center", size=size, color=colour, zorder=8, **style)
+
+
+def place_label(axes: Axes, anchor: Array, text: str, taken: list[Array], distance: float, **style: Any) -> Array:
+    """Write a text around an anchor, at 1 to 2 times the distance, where it is clearest of points taken (n, 2).
+
+    Returns its place (2,), which is taken then.
     """
-    outline = outline_of(stage)
-    ax = ax or new_axes()
-    draw_outline(ax, outline)
-    fit(ax, np.concatenate(outline.bodies))
-    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
-    return ax
+    lines = text.replace(r"\varphi", "m").replace("$", "").split("\n")
+    inch = float(np.max([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())] / inches(axes)))  # of the data
+    half = style.get("size", 9.0) / 144 * inch * np.array([LETTER["normal"] * max(map(len, lines)), 1.2 * len(lines)])
+    across, up = np.meshgrid(np.linspace(-1.0, 1.0, 5), [0.0] if len(lines) == 1 else [-1.0, 0.0, 1.0])
+    extent = half * np.column_stack([across.ravel(), up.ravel()])
+    angles = np.arange(24) * (2 * np.pi / 24)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    spots = np.concatenate([anchor + reach * distance * ring for reach in (1.0, 1.35, 1.7, 2.0)])
+    every = np.concatenate(taken)
+    near = every[np.linalg.norm(every - anchor, axis=1) < 4.0 * distance + half[0]]
+    clearance = np.linalg.norm((spots[:, None] + extent)[:, :, None] - near, axis=-1).min(axis=(1, 2), initial=np.inf)
+    spot = spots[int(np.argmax(np.round(np.minimum(clearance, 0.6 * distance), 9)))]
+    taken.append(spot + extent)
+    write(axes, spot, text, **style)
+    return np.asarray(spot)
+
+
+def boundary_of(triangles: AnyArray) -> Index:
+    """Sides (k, 3) of triangles (m, 6) that have a triangle on one side only: ends and middle."""
+    sides = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    _, first, count = np.unique(sides[:, 2], return_index=True, return_counts=True)
+    return np.asarray(sides[first[count == 1]])
+
+
+def curves(nodes: Array, edges: Index, pieces: int = 4) -> Array:
+    """Points (k, pieces + 1, 2) along quadratic edges (k, 3)."""
+    s = np.linspace(0.0, 1.0, pieces + 1)
+    shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+    return np.asarray(np.einsum("sp,ksi->kpi", shapes, nodes[edges]))
+
+
+def quarters(triangles: AnyArray) -> Index:
+    """Linear triangles (4 m, 3) on the nodes of quadratic ones (m, 6)."""
+    return np.concatenate([triangles[:, list(quarter)] for quarter in QUARTERS])
+
+
+def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: float, zorder: float = 3) -> None:
+    """Draw quadratic edges (k, 3) as curves."""
+    lines = LineCollection(list(curves(nodes, edges)), colors=colour, linewidths=width, zorder=zorder)
+    axes.add_collection(lines, autolim=False)
+
+
+def draw_hub(axes: Axes, nodes: Array, moved: Array, radius: float) -> None:
+    """Fill the hub, whose rim is of the nodes at its radius about the origin, where these have moved."""
+    rim = np.flatnonzero(np.abs(np.hypot(*nodes.T) - radius) < 0.01 * radius)
+    if len(rim) > 2:
+        order = rim[np.argsort(np.arctan2(nodes[rim, 1], nodes[rim, 0]))]
+        axes.add_patch(Polygon(list(moved[order]), facecolor="#D0D0D0", edgecolor=INK, linewidth=0.5, zorder=2.5))
+
+
+def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
+    """Draw filled triangles with their curved sides, and their boundary in a thicker line."""
+    sides = [curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES]
+    look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width, "zorder": 2}
+    axes.add_collection(PolyCollection(list(np.concatenate(sides, axis=1)), rasterized=True, **look), autolim=False)
+    draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
+
+
+def hatch_ground(axes: Axes, ends: Array, depth: float) -> None:
+    """Hatch a strip of ground so deep, in mm, to the right of lines (k, 2, 2), which have the body on their left."""
+    along = ends[:, 1] - ends[:, 0]
+    outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    strips = np.concatenate([ends, (ends + depth * outward[:, None])[:, ::-1]], axis=1)
+    look: dict[str, Any] = {"facecolors": "none", "edgecolors": INK, "linewidths": 0.0, "hatch": "//////", "zorder": 4}
+    axes.add_collection(PolyCollection(list(strips), **look), autolim=False)
+    axes.add_collection(LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4), autolim=False)
+
+
+def frame_cross(axes: Axes, length: float) -> None:
+    """The platform's frame at the origin: X, Y."""
+    for head, beside, name in (((1.0, 0.0), (0.9, -0.3), "X"), ((0.0, 1.0), (-0.3, 0.9), "Y")):
+        arrow(axes, (0.0, 0.0), length * np.array(head), colour=NOTE_COLOUR, width=1.2)
+        write(axes, length * np.array(beside), name, NOTE_COLOUR)
+
+
+def fit(axes: Axes, nodes: Array, room: float = 0.1) -> float:
+    """Equal scales with room for labels around the nodes; returns the size of the stage, mm."""
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    size = float(max(high - low))
+    axes.set_xlim(low[0] - room * size, high[0] + room * size)
+    axes.set_ylim(low[1] - room * size, high[1] + room * size)
+    axes.set_aspect("equal", anchor="N")  # else a layout engine sees room above the stage that its title does not have
+    return size
+
+
+def hinges_of(given: HasHinges) -> list[HingeDrawing]:
+    """The hinges of a stage, of the record of `flexfem.check` or of a stored model, chain by chain. Raises BadInput."""
+    if isinstance(given, CurveModels):
+        return given.hinges
+    if isinstance(given, StageReport):
+        return [
+            _hinge(one.chain, one.hinge, one.centre_mm, np.deg2rad(one.axis_deg), one.radius_mm, one.neck_mm,
+                   one.prismatic)
+            for one in given.hinges
+        ]  # fmt: skip
+    if not isinstance(given, Stage):
+        raise BadInput(f"{shown(given)}: expected a stage, or the record of flexfem.check")
+    check_feasible(given)
+    frames = stage_frames(given)
+    found = []
+    for chain, k in np.ndindex(3, 3):
+        one, (x, y) = given.hinge(chain + 1, HINGE_NAMES[k]), frames.centres[chain, k].tolist()
+        axis = frames.axes[chain, k]
+        found.append(_hinge(chain + 1, HINGE_NAMES[k], (x, y), axis, one.radius, one.neck, one.prismatic))
+    return found
+
+
+def _hinge(chain: int, name: Any, at: Any, axis: Any, radius: float, neck: float, prismatic: bool) -> HingeDrawing:
+    freedoms = ["rotation", *(["axial"] * prismatic)]
+    place: dict[str, Any] = {"chain": chain, "hinge": name, "centre": at, "axis": float(axis), "freedoms": freedoms}
+    return HingeDrawing(radius=radius, neck=neck, **place)
 
 
 class Outline(NamedTuple):
@@ -74,22 +211,32 @@ def outline_of(stage: Stage) -> Outline:
     return outline
 
 
-def draw_outline(axes: Axes, outline: Outline, at: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Draw an outline with the platform centre at a place, in mm; its grounds heavy, its hub as a disc."""
-    place = np.array(at)
-    fill = PolyCollection(
-        [body + place for body in outline.bodies], facecolors=PALE, edgecolors=PALE, linewidths=0.4, zorder=1
-    )
-    rims = LineCollection([line + place for line in outline.rims], colors=INK, linewidths=0.7, zorder=2)
-    grounds = LineCollection([line + place for line in outline.grounds], colors=INK, linewidths=2.4, zorder=3)
-    for collection in (fill, rims, grounds):
-        axes.add_collection(collection, autolim=False)
-    axes.add_patch(Circle(at, outline.hub, facecolor="#C9CED6", edgecolor=INK, linewidth=0.6, zorder=2.5))
-
-
 def _points(segment: Segment) -> Array:
     z = np.append(segment.points(STEP), segment.end)
     return np.column_stack([z.real, z.imag])
+
+
+def draw_outline(axes: Axes, outline: Outline, at: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Draw an outline with the platform centre at a place, in mm; its grounds heavy, its hub as a disc."""
+    bodies, rims, grounds = ([line + np.array(at) for line in lines] for lines in outline[:3])
+    fill = PolyCollection(bodies, facecolors=PALE, edgecolors=PALE, linewidths=0.4, zorder=1)
+    axes.add_collection(fill, autolim=False)
+    for lines, width, order in ((rims, 0.7, 2), (grounds, 2.4, 3)):
+        axes.add_collection(LineCollection(lines, colors=INK, linewidths=width, zorder=order), autolim=False)
+    axes.add_patch(Circle(at, outline.hub, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
+
+
+def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
+    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`, or new axes.
+
+    Raises BadInput when its bodies cannot be drawn.
+    """
+    outline = outline_of(stage)
+    ax = ax or new_axes()
+    draw_outline(ax, outline)
+    fit(ax, np.concatenate(outline.bodies))
+    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    return ax
 
 
 @in_house_style
@@ -98,24 +245,37 @@ def stage_figure(model: CurveModels, fields: Fields) -> Figure:
 
     Parameters
     ----------
-    model, fields : of one curve of a stored verification; nodes in mm.
+    model : CurveModels
+        The models of one curve of a stored verification.
+    fields : Fields
+        Nodes, mm, triangles and displacement of the same curve.
     """
     across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
     size, doubts = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7), (model.assumed, model.not_stated)
     figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=doubts)
+    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_mesh(axes, model, fields)
     return figure
 
 
 def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     """Draw the mesh of a stage, the numbers of its hinges and chains, clamped edges and hub, in mm; returns `ax`."""
-    edges = edges_of(fields.triangles)
-    draw_mesh(ax, fields.nodes, edges, width=0.18)
-    size = fit(ax, fields.nodes)
-    hatch_ground(ax, fields.nodes, clamped_edges(edges.boundary, fields.displacement), 0.025 * size)
-    ax.add_patch(Circle((0, 0), model.hub_radius, facecolor="#C9CED6", edgecolor=INK, linewidth=0.9, zorder=2.5))
-    frame_cross(ax, max(0.6 * model.hub_radius, 0.04 * size))
-    _number_hinges(ax, model, fields.nodes, size)
+    nodes, triangles, hub = fields.nodes, fields.triangles, model.hub_radius
+    draw_mesh(ax, nodes, triangles, width=0.18)
+    size = fit(ax, nodes)
+    boundary, held = boundary_of(triangles), ~np.any(fields.displacement != 0.0, axis=1)
+    hatch_ground(ax, nodes[boundary[held[boundary].all(axis=1), :2]], 0.025 * size)
+    ax.add_patch(Circle((0, 0), hub, facecolor=HUB, edgecolor=INK, linewidth=0.9, zorder=2.5))
+    frame_cross(ax, max(0.6 * hub, 0.04 * size))
+    taken = [nodes[::4]]
+    for number, hinge in enumerate(model.hinges, start=1):
+        colour, at = CHAIN_COLOURS[hinge.chain - 1], np.array(hinge.centre)
+        box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
+        spot = place_label(ax, at, str(number), taken, 0.06 * size, colour=colour, weight="bold", bbox=box)
+        ax.plot(*np.transpose([at, spot]), "o-", color=colour, linewidth=0.9, markersize=3.5, markevery=[0], zorder=6)
+    for chain, colour in zip(CHAINS, CHAIN_COLOURS, strict=True):
+        middle = np.mean([hinge.centre for hinge in model.hinges[3 * chain - 2 : 3 * chain]], axis=0)
+        place_label(ax, middle, f"chain {chain}", taken, 0.09 * size, colour=colour, size=10, weight="bold")
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return ax
 
@@ -128,59 +288,14 @@ def mesh_size(model: CurveModels) -> str:
     return f"{triangles} curved quadratic triangles, {unknowns} unknowns, {across}."
 
 
-def draw_mesh(axes: Axes, nodes: Array, edges: Edges, width: float) -> None:
-    """Draw filled bodies, every side of the triangles in a thin line and the outline in a thicker one."""
-    loops = [polygon(nodes, loop) for loop in loops_of(edges.boundary)]
-    fill = PolyCollection([loops[0]], facecolors=PALE, edgecolors="none", zorder=1)
-    holes = PolyCollection(loops[1:], facecolors="white", edgecolors="none", zorder=1.1)
-    lines = drawn_edges(nodes, edges.every, 6)
-    mesh = LineCollection(lines, linewidths=width, colors=MESH_COLOUR, zorder=2, rasterized=True)
-    outline = LineCollection(loops, linewidths=max(0.8, 2 * width), colors=INK, zorder=3)
-    for collection in (fill, holes, mesh, outline):
-        axes.add_collection(collection, autolim=False)
-
-
-def fit(axes: Axes, nodes: Array) -> float:
-    """Equal scales with room for labels around the nodes; returns the size of the stage, mm."""
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
-    size = float(max(high - low))
-    axes.set_xlim(low[0] - 0.1 * size, high[0] + 0.1 * size)
-    axes.set_ylim(low[1] - 0.1 * size, high[1] + 0.1 * size)
-    axes.set_aspect("equal", anchor="N")
-    return size
-
-
-def _number_hinges(axes: Axes, model: CurveModels, nodes: Array, size: float) -> None:
-    """Write the hinges' numbers and the chains' names where there is room."""
-    taken = [nodes[::4], *(np.array([hinge.centre]) for hinge in model.hinges)]
-    for number, hinge in enumerate(model.hinges, start=1):
-        colour = CHAIN_COLOURS[hinge.chain - 1]
-        at = np.array(hinge.centre)
-        spot = clear_spot(at, 0.06 * size, np.concatenate(taken), 0.05 * size)
-        taken.append(np.linspace(at, spot, 4))
-        axes.plot(*np.transpose([at, spot]), color=colour, linewidth=0.9, zorder=5)
-        axes.plot(*at, "o", color=colour, markersize=3.5, zorder=6)
-        box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
-        write(axes, spot, str(number), colour, weight="bold", bbox=box)
-    for chain in (1, 2, 3):
-        elbow, platform = (np.array(hinge.centre) for hinge in model.hinges[3 * chain - 2 : 3 * chain])
-        spot = clear_spot((elbow + platform) / 2, 0.09 * size, np.concatenate(taken), 0.05 * size, 0.05 * size)
-        taken.append(spot + size * np.array([[-0.05, 0.0], [0.0, 0.0], [0.05, 0.0]]))
-        colour = CHAIN_COLOURS[chain - 1]
-        write(axes, spot, f"chain {chain}", colour, size=10, weight="bold")
-
-
 @in_house_style
 def neck_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm.
 
-    Parameters
-    ----------
-    model, fields : of one curve of a stored verification; nodes in mm. Coordinates run along and across each neck.
+    Coordinates run along and across each neck.
     """
-    line = f"{mesh_size(model)} Curved sides are drawn as curves."
-    doubts = (model.assumed, model.not_stated)
-    figure, found = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [line], 2, 3, doubts)
+    doubts, title = (model.assumed, model.not_stated), f"{model.stage}: necks of chain 1"
+    figure, found = panels((10.0, 7.1), title, [mesh_size(model)], 2, 3, doubts)
     for column, hinge in enumerate(model.hinges[:3]):
         plot_notch(found[column], fields, hinge).set_title(f"{hinge.hinge} hinge")
         plot_neck(found[3 + column], fields, hinge)
@@ -193,64 +308,280 @@ def neck_figure(model: CurveModels, fields: Fields) -> Figure:
 def plot_notch(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
     """Draw the mesh about a notch, seen along its neck, with the radius, in mm; returns `ax`."""
     _draw_close(ax, fields, hinge, 1.2 * (hinge.radius + hinge.neck))
-    _dimension_notch(ax, hinge)
+    middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
+    ax.plot(*middle, "+", color=INK, markersize=8, zorder=5)
+    arrow(ax, middle, middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)]))
+    ax.text(0.0, middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top")
     return ax
 
 
 def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
     """Draw the mesh at the narrowest section of a neck, seen along it, with its width, in mm; returns `ax`."""
     _draw_close(ax, fields, hinge, 1.1 * hinge.neck)
-    _dimension_neck(ax, hinge)
+    arrow(ax, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
+    box = PLAIN | {"edgecolor": GREY, "linewidth": 0.5}
+    ax.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)
     return ax
-
-
-def _along_neck(nodes: Array, hinge: HingeDrawing) -> Array:
-    """Nodes (n, 2) seen from the centre of a neck: along and across it."""
-    c, s = np.cos(hinge.axis), np.sin(hinge.axis)
-    return np.asarray((nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
 
 
 def _draw_close(axes: Axes, fields: Fields, hinge: HingeDrawing, half: float) -> None:
     """Draw the part of the mesh in a window so wide to each side of the neck's centre, along and across the neck."""
+    c, s = np.cos(hinge.axis), np.sin(hinge.axis)
+    local = np.asarray((fields.nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
+    near = (np.abs(local[fields.triangles]) < 1.5 * half).all(axis=2).any(axis=1)
+    draw_mesh(axes, local, fields.triangles[near], width=0.45)
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.set(xlabel=f"along the neck ({LENGTH})", ylabel=f"across the neck ({LENGTH})")
     axes.locator_params(nbins=4)
-    local, edges = _along_neck(fields.nodes, hinge), edges_of(fields.triangles)
-    near = Edges(*(_inside(local, group, 1.5 * half) for group in edges))
-    outer, *holes = (_clipped(polygon(local, loop, 8), 2.0 * half) for loop in loops_of(edges.boundary))
-    axes.add_collection(PolyCollection([outer], facecolors=PALE, edgecolors="none", zorder=1), autolim=False)
-    axes.add_collection(PolyCollection(holes, facecolors="white", edgecolors="none", zorder=1.1), autolim=False)
-    lines, many = drawn_edges(local, near.every, 12), len(near.every) > MOST_VECTORS
-    mesh = LineCollection(lines, linewidths=0.45, colors=MESH_COLOUR, zorder=2, rasterized=many)
-    outline = LineCollection(drawn_edges(local, near.boundary, 12), linewidths=1.3, colors=INK, zorder=3)
-    for collection in (mesh, outline):
-        axes.add_collection(collection, autolim=False)
 
 
-def _clipped(points: Array, reach: float) -> Array:
-    """A polygon (n, 2) with what is beyond the window pushed to its border, where it does no harm and is left out."""
-    pushed = np.clip(points, -reach, reach)
-    return np.asarray(pushed[np.any(pushed != np.roll(pushed, 1, axis=0), axis=1)]).reshape(-1, 2)
+@in_house_style
+def model_sketch(model: CurveModels) -> Figure:
+    """Draw the pseudo-rigid-body model: links, joints with their freedoms, ground, platform and its frame.
+
+    Notes
+    -----
+    Figs. 3 and 4 of the paper. Lengths and angles of (19) and (20) are written at chain 1.
+    """
+    span = np.ptp([hinge.centre for hinge in model.hinges], axis=0)
+    height = 7.6 * min(max(np.divide(*(span + 0.3 * max(span))[::-1]), 0.5), 1.4) + 1.0
+    title, doubts = f"{model.stage}: model of mobility {model.mobility}", (model.assumed, model.not_stated)
+    figure, (axes,) = panels((8.27, height), title, [mobility_line(model)], 1, doubts=doubts)
+    axes.set_axis_off()
+    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
+    plot_model(axes, model)
+    kinds = [kind for kind in MEANING if any(kind in hinge.freedoms for hinge in model.hinges)]
+    ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
+    handles: list[Any] = [Line2D([], [], linestyle="none", label=MEANING["rotation"], **ring)]
+    handles += [Patch(facecolor="white", edgecolor=SLIDER, linewidth=1.6, label=MEANING[kind]) for kind in kinds[1:]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    return figure
 
 
-def _inside(local: Array, edges: Index, reach: float) -> Index:
-    seen = np.asarray((np.abs(local[edges]) < reach).all(axis=2))
-    return np.asarray(edges[seen.any(axis=1)])
-
-
-def _dimension_notch(axes: Axes, hinge: HingeDrawing) -> None:
-    """Radius, from the centre of the lower arc."""
-    middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
-    tip = middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)])
-    axes.plot(*middle, "+", color=INK, markersize=8, zorder=5)
-    arrow(axes, middle, tip)
-    axes.text(
-        middle[0], middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top"
+def mobility_line(model: CurveModels) -> str:
+    """Mobility by (1), in words."""
+    count = sum(len(hinge.freedoms) for hinge in model.hinges)
+    return (
+        f"Mobility by (1): M = 3 (8 \N{MINUS SIGN} 1) + {count} \N{MINUS SIGN} 3 · 9 = {count - 6}, "
+        f"with {count} joint freedoms in nine hinges and eight links with the ground."
     )
 
 
-def _dimension_neck(axes: Axes, hinge: HingeDrawing) -> None:
-    """Width of the narrowest section, between two arrows."""
-    arrow(axes, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
-    box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
-    axes.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)
+def links_of_chain(hinges: Sequence[HingeDrawing]) -> tuple[Array, Array]:
+    """Lengths l1, l2, l3 (3,), mm, and angles phi_1 to phi_3 (3,), rad in (-pi, pi], of chain 1 as in (19), (20)."""
+    links = np.diff([*(hinge.centre for hinge in hinges[:3]), (0.0, 0.0)], axis=0)
+    relative = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    return np.linalg.norm(links, axis=1), -((-relative + np.pi) % (2 * np.pi) - np.pi)  # half a turn counts as +pi
+
+
+def plot_model(ax: Axes, stage: HasHinges) -> Axes:
+    """Draw links, joints with their freedoms, ground, platform and its frame, with the lengths and angles of chain 1.
+
+    `stage` may be the record of `flexfem.check`. Labels stand where there is room at the size that `ax` has when this
+    is called; returns `ax`. Raises BadInput when it is no stage.
+    """
+    hinges = hinges_of(stage)
+    points = np.array([hinge.centre for hinge in hinges]).reshape(3, 3, 2)
+    size = fit(ax, points.reshape(-1, 2), 0.17)
+    ax.set_axis_off()
+    shortest = np.linalg.norm(np.diff(points, axis=1), axis=2).min()
+    radius = min(SYMBOL * size, shortest / (ENDS + 2 * PITCH * (max(len(hinge.freedoms) for hinge in hinges) - 1)))
+    corners: Any = points[:, 2]
+    ax.add_patch(Polygon(corners, facecolor="#DDE3EA", edgecolor=LINK, linewidth=2.0, joinstyle="round", zorder=1))
+    frame_cross(ax, 0.09 * size)
+    ax.plot(0, 0, "o", color=NOTE_COLOUR, markersize=4, zorder=6)
+    for chain in points:
+        ax.plot(*chain.T, color=LINK, linewidth=4.0, solid_capstyle="round", zorder=2)
+    for hinge in hinges:
+        _draw_joint(ax, hinge, radius)
+    _label_model(ax, hinges, points, size, radius)
+    return ax
+
+
+def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
+    """A circle for the rotation with its sliders: ahead of a base hinge, which has its ground behind, else behind."""
+    at, along = np.array(hinge.centre), np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+    across = np.array([-along[1], along[0]])
+    if hinge.hinge == "base":
+        foot = at - 3.2 * radius * along
+        corners = [at, foot + 1.7 * radius * across, foot - 1.7 * radius * across]
+        axes.add_patch(Polygon(corners, facecolor="white", edgecolor=LINK, linewidth=1.5, zorder=2.5))
+        hatch_ground(axes, np.array([[foot + 2.6 * radius * across, foot - 2.6 * radius * across]]), 1.4 * radius)
+    sliders = [way for kind, way in (("axial", along), ("shear", across)) if kind in hinge.freedoms]
+    for place, way in enumerate(sliders, start=1):
+        middle = at + (1 if hinge.hinge == "base" else -1) * place * PITCH * radius * along
+        half, thick = 1.05 * radius * way, 0.62 * radius * np.array([-way[1], way[0]])
+        block = [middle + half + thick, middle - half + thick, middle - half - thick, middle + half - thick]
+        axes.add_patch(Polygon(block, facecolor="white", edgecolor=SLIDER, linewidth=1.6, zorder=4))
+        for rail in (1.65 * thick, -1.65 * thick):
+            ends = [middle + rail - 1.45 * half, middle + rail + 1.45 * half]
+            axes.plot(*np.transpose(ends), color=SLIDER, linewidth=1.6, zorder=4)
+    axes.add_patch(Circle((at[0], at[1]), radius, facecolor="white", edgecolor=INK, linewidth=1.8, zorder=5))
+
+
+def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: float, radius: float) -> None:
+    """Write lengths and angles at chain 1 and the chains' numbers at their ground."""
+    corners = np.array([*points[0], (0.0, 0.0)])
+    lengths, angles = links_of_chain(hinges)
+    headings, arc = np.cumsum(angles), min(0.1 * size, 0.45 * float(lengths.min()))
+    axes.plot(*corners[2:].T, color=GREY, linewidth=1.2, linestyle=(0, (6, 2, 1.5, 2)), zorder=3)
+    around = 2.0 * radius * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    taken = [(corners[:, None] + around).reshape(-1, 2), (points[:, :, None] + around).reshape(-1, 2)]
+    cross = 0.09 * size * np.array([[-0.3, 0.9], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.9, -0.3]])
+    lines: list[Array] = [*points, corners, np.vstack([points[:, 2], points[:1, 2]]), cross]
+    taken += [np.linspace(a, b, 24) for line in lines for a, b in pairwise(line)]
+    for at, heading, angle in zip(corners, headings, angles, strict=False):
+        reference = at + 1.35 * arc * np.array([[0.0, 0.0], [np.cos(heading - angle), np.sin(heading - angle)]])
+        axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
+        turned = heading - angle + angle * np.linspace(0, 1, 60)
+        curve = at + arc * np.column_stack([np.cos(turned), np.sin(turned)])
+        axes.plot(*curve.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
+        arrow(axes, curve[-4], curve[-1], colour=NOTE_COLOUR, width=0.01)
+        taken += [curve[::3], np.linspace(reference[0], reference[1], 12)]
+    style: dict[str, Any] = {"size": 10, "parse_math": True}
+    for k, (at, heading, angle) in enumerate(zip(corners, headings, angles, strict=False), start=1):
+        middle = at + arc * np.array([np.cos(heading - angle / 2), np.sin(heading - angle / 2)])
+        text = rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
+        place_label(axes, middle, text, taken, 0.05 * size, colour=NOTE_COLOUR, **style)
+        text = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
+        place_label(axes, (corners[k - 1] + corners[k]) / 2, text, taken, 0.05 * size, colour=LINK, **style)
+    for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
+        foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+        taken.append(foot + 1.5 * around)
+        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, colour=INK, **style)
+
+
+def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
+    """Draw a stage to scale with its dimensions, in mm; returns `ax`, or new axes.
+
+    missing : key paths that its file does not give; of such a stage only what does not need them is drawn.
+
+    Raises BadInput when nothing is missing and its bodies cannot be drawn.
+    """
+    found = PartialStage(stage, list(missing))
+    ax = ax or new_axes()
+    if found.whole:
+        part = part_of(stage)
+        plot_stage(ax, stage)
+        corners = np.concatenate([_draw_dimensions(ax, dimensions_of(stage, part)), polygon_points(part.outer)])
+    else:
+        corners = _draw_partial(ax, found)
+    fit(ax, corners, 0.03)
+    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    return ax
+
+
+def _xy(z: complex) -> tuple[float, float]:
+    return float(z.real), float(z.imag)
+
+
+def _draw_dimensions(ax: Axes, of: Dimensions) -> Array:
+    """Draw lengths and labels; returns places (n, 2) that must be seen."""
+    seen, style = list[complex](), {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
+    for span in of.spans:
+        start, end = span.line
+        for foot, head in ((span.start, start), (span.end, end)):
+            ax.plot(*np.transpose([_xy(foot), _xy(head)]), color=DIMENSION, linewidth=0.5, zorder=6)
+        arrow(ax, _xy(start), _xy(end), "<|-|>", DIMENSION, 0.8)
+        short = abs(end - start) < 2 * NARROW * of.height * len(span.text)  # its text goes beside the line
+        aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * of.height * 1.5 if short else 0j
+        heading = float(np.rad2deg(np.angle(end - start)))
+        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=heading, **style)  # type: ignore[arg-type]
+        seen += [start + 2 * aside, end + 2 * aside]
+    for label in of.labels:
+        ax.plot(*np.transpose([_xy(end) for end in label.line]), color=DIMENSION, linewidth=0.5, zorder=6)
+        write(ax, _xy(label.place), label.text, **style)  # type: ignore[arg-type]
+        seen += [label.place - label.half, label.place + label.half]
+    return np.array([_xy(z) for z in seen])
+
+
+def _draw_partial(ax: Axes, found: PartialStage) -> Array:
+    """Draw what does not need what is missing; returns places (n, 2) that must be seen."""
+    stage, seen = found.stage, [np.zeros((1, 2))]
+    style: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
+    for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
+        if found.given(f"platform.{key}_mm"):
+            radius = getattr(stage.platform, key)
+            ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
+            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **style)
+            seen.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+    if not found.given("chain.link_lengths_mm", "chain.joint_angles_deg"):
+        return np.concatenate(seen)
+    centres = stage_frames(stage).centres
+    lines = np.concatenate([centres, np.zeros((3, 1, 2))], axis=1)
+    size = fit(ax, 1.05 * lines.reshape(-1, 2), 0.03)
+    taken = [np.linspace(line[:-1], line[1:], 9).reshape(-1, 2) for line in lines]
+    labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
+    labels += [(f"l{k + 1} {x:.6g}", lines[0, k : k + 2].mean(axis=0)) for k, x in enumerate(stage.chain.link_lengths)]
+    for line in lines:
+        ax.plot(*line.T, "o-", color=INK, linewidth=1.2, markersize=3.5, zorder=4)
+    for k, name in enumerate(HINGE_NAMES):
+        texts = [f"{name} hinge {_draw_notches(ax, found, chain, name)}".strip() for chain in CHAINS]
+        labels += [(text, lines[chain, k]) for chain, text in enumerate(texts) if chain == 0 or text != texts[0]]
+    for text, anchor in labels:
+        place_label(ax, anchor, text, taken, 0.05 * size, **style)
+    return np.concatenate([*seen, *taken, 1.05 * lines.reshape(-1, 2)])
+
+
+def _draw_notches(ax: Axes, found: PartialStage, chain: int, name: str) -> str:
+    """Draw the circles of a hinge's notches where its file gives them; returns what it gives."""
+    stage, given = found.stage, dict[str, float]()
+    for key, letter in (("radius", "R"), ("neck", "t")):
+        own = any(each.place == (chain, name) and getattr(each, key) is not None for each in stage.override)
+        if own or found.given(f"hinges.{name}.{key}_mm"):
+            given[letter] = getattr(stage.hinge(chain, name), key)
+    pose, turned = necks(stage, chain)[HINGE_NAMES.index(name)], np.exp(1j * (chain - 1) * CHAIN_TURN)
+    for side in (1, -1) if len(given) == 2 else ():
+        middle = turned * (pose.point + side * (given["R"] + given["t"] / 2) * 1j * np.exp(1j * pose.heading))
+        ax.add_patch(Circle(_xy(middle), given["R"], fill=False, edgecolor=GREY, linewidth=0.9, zorder=3))
+    return ", ".join(f"{letter} {value:.6g}" for letter, value in given.items())
+
+
+@in_house_style
+def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
+    """A page with the stage, its dimensions, what the drawing does not show, and what is missing."""
+    found = PartialStage(stage, list(missing))
+    angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles))
+    facts = {
+        "thickness_mm": f"thickness {stage.thickness:.6g} {LENGTH}",
+        "chain.link_width_mm": f"link width {stage.chain.link_width:.6g} {LENGTH}",
+        "chain.joint_angles_deg": f"joint angles {angles} deg",
+        "material.name": stage.material.name,
+    }
+    lines = ["; ".join(text for key, text in facts.items() if found.given(key))]
+    if missing:
+        lines.append(f"missing: {', '.join(missing)}")
+    elif stage.chains_alike:
+        lines.append("Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees.")
+    if found.whole:
+        lines.append("Heavy lines: clamped. Disc: the hub, rigid in the models.")
+    title = stage.name if found.given("name") else str(stage.origin)
+    figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, doubts=found.doubts)
+    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
+    plot_dimensions(axes, stage, missing)
+    return figure
+
+
+def has_display() -> bool:
+    """Whether matplotlib can open a window here."""
+    if sys.platform.startswith("linux") and not (environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY")):
+        return False
+    import matplotlib as mpl
+    from matplotlib.backends.registry import BackendFilter, backend_registry
+
+    known: Any = backend_registry
+    try:
+        return mpl.get_backend().lower() in known.list_builtin(BackendFilter.INTERACTIVE)
+    except ImportError:  # of the backend that the user asks for
+        return False
+
+
+def show_window(stage: Stage, missing: Sequence[str] = ()) -> None:
+    """Open the drawing in a window, and wait until it is closed."""
+    from matplotlib import pyplot
+
+    figure, ax = pyplot.subplots(figsize=(8.27, 8.27), layout="constrained")
+    plot_dimensions(ax, stage, missing)
+    ax.set_title(f"{stage.origin}: missing {', '.join(missing)}" if missing else stage.name, wrap=True)
+    pyplot.show()
+    pyplot.close(figure)

@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flexfem.arrays import Array
-from flexfem.plot.curves import DASHES
 from flexfem.plot.study_labels import Caption, Quantity, name_axis
-from flexfem.plot.style import INK, NOTE_COLOUR, in_house_style, legend_beside, panels
+from flexfem.plot.style import DASHES, INK, NOTE_COLOUR, in_house_style, legend_beside, panels
 from flexfem.plot.text import SPACE, significant
 from flexfem.study.findings import Indices, Percentile
 

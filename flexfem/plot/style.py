@@ -1,13 +1,14 @@
-"""One look for all figures, whatever the user's matplotlibrc says, and the same bytes every time."""
+"""One look for all figures, whatever the user's matplotlibrc says: colours, panels, headers, and files of figures."""
 
 from __future__ import annotations
 
 import io
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache, wraps
+from functools import wraps
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
@@ -15,13 +16,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.textpath import text_to_path
-from matplotlib.transforms import Bbox
 
 from flexfem.arrays import Array
 from flexfem.plot.text import doubt_note
+from flexfem.units import Direction
 
 P = ParamSpec("P")
 
@@ -39,20 +37,35 @@ STYLE: Any = {
     "legend.fontsize": 8.5,
     "hatch.linewidth": 0.7,
     "path.simplify": False,
-    "pdf.fonttype": 3,
     "text.parse_math": False,  # a label of the user may hold a dollar
     "agg.path.chunksize": 0,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "flexfem",
 }
 NOTE_COLOUR = "#B00000"
 INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
-PLACES = 9  # decimals of places in parts of a figure: round-off is far below them, and pixels far above
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
+DASHES: tuple[Any, ...] = (
+    "solid",
+    (0, (5, 2)),
+    (0, (1.2, 1.2)),
+    (0, (7, 2, 1.2, 2)),
+    (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2)),
+    (0, (10, 3)),
+    (0, (2.5, 2.5)),
+)
+HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
+NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
+LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter, over the size of the text
 MARGIN = 0.3  # in, left and right of the header
-RESOLUTION = {"png": 150, "pdf": 200}  # dots per inch, in a PDF of the rasterised meshes only
-_SAID: ContextVar[list[str] | None] = ContextVar("said", default=None)
-METADATA: dict[str, dict[str, Any]] = {
+RESOLUTION = {"png": 150, "pdf": 200, "svg": 120}  # dots per inch, in vector files of rasterised meshes only
+METADATA: dict[str, dict[str, Any]] = {  # without dates, so that equal figures are equal files
     "png": {"Software": None},
-    "pdf": {"CreationDate": None, "Creator": "flexfem", "Producer": "matplotlib"},
+    "pdf": {"CreationDate": None},
+    "svg": {"Date": None},
 }
+_HIDDEN: ContextVar[list[str] | None] = ContextVar("hidden", default=None)
 
 
 @contextmanager
@@ -79,29 +92,11 @@ def in_house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def headless() -> Iterator[list[str]]:
     """Let figures drawn meanwhile have no header; yields the lines that the last one would have had below its title."""
     lines: list[str] = []
-    token = _SAID.set(lines)
+    token = _HIDDEN.set(lines)
     try:
         yield lines
     finally:
-        _SAID.reset(token)
-
-
-class SteadyLayout(ConstrainedLayoutEngine):
-    """Constrained layout with the places of axes rounded: its solver adds in the order of addresses in memory."""
-
-    def execute(self, fig: Any) -> Any:
-        """As of any layout engine."""
-        found = super().execute(fig)
-        for axes in fig.axes:  # those of its subfigures, too
-            axes._set_position(Bbox(_steady(axes.get_position(original=True))))
-        for part in fig.subfigs:
-            part.bbox_relative.set_points(_steady(part.bbox_relative))
-        return found
-
-
-def _steady(box: Any) -> Array:
-    """Corners (2, 2) of a box, in parts of a figure."""
-    return np.asarray(np.round(box.get_points(), PLACES))
+        _HIDDEN.reset(token)
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -112,7 +107,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def rendered(figure: Figure, form: str) -> bytes:
-    """The figure as the bytes of a file, `form` png or pdf; the same figure gives the same bytes."""
+    """The figure as the bytes of a file, `form` png, pdf or svg."""
     buffer = io.BytesIO()
     with house_style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box stands for it
@@ -120,55 +115,29 @@ def rendered(figure: Figure, form: str) -> bytes:
     return buffer.getvalue()
 
 
-@cache  # notes and captions are broken anew whenever a figure is laid out again
-def text_width(text: str, size: float, weight: str = "normal") -> float:
-    """Width, in inches, of a line of text at a size in points."""
-    font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
-    return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0]) / 72.0
-
-
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:
-    """The text broken into lines no wider than `width`, in inches; a word that is too long is broken too."""
-    lines = [""]
-    for word in text.split(" "):
-        longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if _fits(longer, width, size, weight):
-            lines[-1] = longer
-            continue
-        if lines[-1]:
-            lines.append("")
-        for letter in word:
-            if lines[-1] and text_width(lines[-1] + letter, size, weight) > width:
-                lines.append("")
-            lines[-1] += letter
-    return "\n".join(lines)
-
-
-def _fits(line: str, width: float, size: float, weight: str) -> bool:
-    """Whether a line is no wider: half an em is more than a blank, and words, unlike lines, were measured before."""
-    at_most = sum(text_width(word, size, weight) + size / 144 for word in line.split(" "))
-    return at_most <= width or text_width(line, size, weight) <= width
+    """The text broken into lines about as wide as `width`, in inches, in letters of a size in points."""
+    return textwrap.fill(text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False)
 
 
 def header(
     figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str], not_stated: Sequence[str] = ()
 ) -> float:
     """Write title, lines below it and the note on numbers in doubt; returns the height used, in inches."""
-    said = _SAID.get()
-    if said is not None:
-        said[:] = lines
+    hidden = _HIDDEN.get()
+    if hidden is not None:
+        hidden[:] = lines
         return 0.0
     width, height = figure.get_size_inches()
-    note = doubt_note(assumed, not_stated)
-    room = width - 2 * MARGIN
-    beside = room - (text_width(note, 11, "bold") + 0.5 if note else 0.0)
+    note, room = doubt_note(assumed, not_stated), width - 2 * MARGIN
+    beside = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
+    texts = [(wrapped(title, beside, 13, "bold"), 13, "bold", INK)]
+    texts += [(wrapped(line, room, 9), 9, "normal", "#404040") for line in lines]
     used = 0.22
-    for text, size, weight, colour in [(title, 13, "bold", INK), *((line, 9, "normal", "#404040") for line in lines)]:
-        shown = wrapped(text, beside if weight == "bold" else room, size, weight)
-        figure.text(
-            MARGIN / width, 1 - used / height, shown, size=size, weight=weight, color=colour, va="top", linespacing=1.25
-        )
-        used += (shown.count("\n") + 1) * size * 1.32 / 72 + 0.06
+    for text, size, weight, colour in texts:
+        style: dict[str, Any] = {"size": size, "weight": weight, "color": colour, "va": "top", "linespacing": 1.25}
+        figure.text(MARGIN / width, 1 - used / height, text, **style)
+        used += (text.count("\n") + 1) * size * 1.32 / 72 + 0.06
     if note:
         box = {"boxstyle": "round,pad=0.35", "facecolor": "#FFF3E0", "edgecolor": NOTE_COLOUR, "linewidth": 1.2}
         at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / height)
@@ -200,8 +169,13 @@ def below_header(size: tuple[float, float], title: str, lines: Sequence[str], do
     figure = new_figure(width, height + used)
     header(figure, title, lines, *doubts)
     rect = (0.0, 0.0, 1.0, height / (height + used))
-    figure.set_layout_engine(SteadyLayout(rect=rect, w_pad=0.18, h_pad=0.1))
+    figure.set_layout_engine("constrained", rect=rect, w_pad=0.18, h_pad=0.1)
     return figure
+
+
+def titled(axes: Axes, letter: str, text: str, **style: Any) -> None:
+    """A title at the left of a panel: (a) and its text."""
+    axes.set_title(f"({letter}) {text}", loc="left", **style)
 
 
 def inches(ax: Axes) -> Array:
@@ -221,6 +195,18 @@ def new_axes() -> Axes:
 def legend_beside(axes: Axes, **look: Any) -> None:
     """The legend to the right of the axes, without a frame."""
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, **look)
+
+
+def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any) -> None:
+    """One legend below the panels, each label once."""
+    named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns, frameon=False, **look)
+
+
+def boxed(axes: Axes, y: float, text: str) -> None:
+    """A remark in a box, in the middle of a panel at a share of its height."""
+    box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
+    axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
 
 
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

@@ -1,21 +1,51 @@
-"""Numbers as people read them, and what the verifications found as a page of text; no matplotlib."""
+"""Numbers as people read them, and the tables of stored verifications; no matplotlib."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.files.writing import markdown_table
-from flexfem.plot.driven_text import COMMANDED, EXTRUDED, METHOD, OF_STAGE
-from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, Unit, unit_for
-from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.result import CurveModels, Result
+from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, unit_for
+from flexfem.verify.case import DIRECTIONS, Drive, Elements
+from flexfem.verify.result import Result
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
 SPACE = "\N{NO-BREAK SPACE}"
+SYMBOLS = ("X", "Y", "θ")
+OF_STAGE: dict[Elements, str] = {"fe": "", "three_dimensional": ", in three dimensions"}
+BANDS: dict[Elements, str] = {"fe": "mesh band", "three_dimensional": "band of mesh and layers"}
+SHOWN_OF_SOLID = "Displacement of the mid-plane; stress: the highest through the thickness."
+EXTRUDED = (
+    "In three dimensions the stage is extruded: wedges of 18 nodes in layers, both faces free. Bands are then of the "
+    "mesh in the plane and of the layers, whose share is the change from fewer to more of them times 1.25."
+)
+COMMANDED: dict[Drive, str] = {"force": "", "joints": ", joints imposed", "strokes": ", strokes commanded"}
+BRIEF: dict[Drive, str] = {
+    "force": "force by (18)",
+    "joints": "joints imposed by (29)",
+    "strokes": "strokes commanded by (29)",
+}
+METHOD: dict[Drive, str] = {
+    "force": (
+        "The force that the analytic model predicts for a platform displacement by (18){exact} is applied to the "
+        "finite-element stage."
+    ),
+    "joints": (
+        "Where joints are imposed, the hinges of the finite-element stage are given the rotations that the model "
+        "computes for the displacement by (29) and (30), those of the base with mobility three, else of base and "
+        "elbow, and no force is on the platform. A hinge turns by the mean rotation of the sections directly beyond "
+        "its notch less that of those directly before."
+    ),
+    "strokes": (
+        "Where strokes are commanded, the stacks of the finite-element stage are given the strokes that the model "
+        "computes for the displacement by least energy, and no force is on the platform."
+    ),
+}
 
 
 def significant(value: float, digits: int = 4) -> str:
@@ -24,7 +54,7 @@ def significant(value: float, digits: int = 4) -> str:
         return "0"
     power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if -4 <= power < max(digits, 6):
-        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "\N{MINUS SIGN}")
+        return minus(f"{value:.{max(digits - 1 - power, 0)}f}")
     return scientific(value, digits)
 
 
@@ -33,7 +63,7 @@ def scientific(value: float, digits: int = 1) -> str:
     if value == 0:
         return "0"
     mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-    return mantissa.replace("-", "\N{MINUS SIGN}") + "×10" + str(int(power)).translate(SUPERSCRIPTS)
+    return minus(mantissa) + "×10" + str(int(power)).translate(SUPERSCRIPTS)
 
 
 def percent(value: float) -> str:
@@ -48,46 +78,18 @@ def banded(value: float, band: float) -> str:
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     digits = min(max(1 - math.floor(math.log10(band)), 0), 9)
-    number = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
-    return f"{number}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+    return f"{minus(f'{value:.{digits}f}')}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+
+
+def minus(text: str) -> str:
+    """The text with minus signs for its hyphens."""
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def round_factor(limit: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above `limit` (positive)."""
     power = 10.0 ** math.floor(math.log10(limit))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= limit * (1 + ROUND_DOWN))
-
-
-def markdown_report(results: Sequence[Result]) -> str:
-    """A page in Markdown: error percentages, forces, stiffness, meshes, versions, warnings and numbers in doubt.
-
-    Parameters
-    ----------
-    results : stored verifications, in the order in which they are to appear.
-    """
-    forced = [each for each in results if each.drive == "force"]
-    joints = [each for each in results if each.drive != "force"]
-    parts = ["# Verification: analytic stage against finite elements", _opening(results)]
-    parts += ["## Errors at the largest command", _errors(results), _normalisation(results)]
-    parts += ["## Uncertainty of the meshes", UNCERTAINTY_NOTE, _uncertainty(results)]
-    parts += ["## Forces of the analytic model at the largest command", _forces(forced)] if forced else []
-    parts += ["## Rotations and strokes imposed at the largest command", _imposed(joints)] if joints else []
-    parts += ["## Stiffness of the platform", STIFFNESS_NOTE, _stiffness(results)]
-    parts += ["## Meshes", _meshes(results), "## Versions", _versions(results)]
-    parts += ["## Warnings", _warnings(results)] if any(result.warnings for result in results) else []
-    parts += ["## Assumed numbers, and numbers without a source", _doubts(results)]
-    return "\n\n".join(parts) + "\n"
-
-
-UNCERTAINTY_NOTE = (
-    "Half-width, in percentage points, of the band about each of the errors above that holds it for ever finer meshes, "
-    "by Richardson extrapolation from three meshes; across the command from the error of the whole compliance matrix, "
-    "as one number may agree on two meshes by chance. In brackets how the three meshes behave."
-)
-STIFFNESS_NOTE = (
-    "Diagonal of the analytic stiffness, and of the inverse of the finite-element compliance. The difference is the "
-    "analytic one relative to the finite elements."
-)
 
 
 def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
@@ -103,154 +105,167 @@ def _what(keys: Sequence[str]) -> str:
     return "commands" if all(key.startswith("case: ") for key in keys) else "dimensions"
 
 
+class TextTable(NamedTuple):
+    """A table to print: title, a sentence below it, headings, rows, and how many of the last columns are numbers."""
+
+    title: str
+    note: str
+    head: list[str]
+    rows: list[list[str]]
+    numbers: int = 0
+
+
+def markdown_report(results: Sequence[Result]) -> str:
+    """A page in Markdown: errors, forces, stiffness, meshes, versions, warnings and numbers in doubt of verifications.
+
+    Parameters
+    ----------
+    results : list of Result
+        Stored verifications, in the order in which they are to appear.
+    """
+    parts = ["# Verification: analytic stage against finite elements", _opening(results)]
+    for each in verification_tables(results):
+        align = "l" * (len(each.head) - each.numbers) + "r" * each.numbers
+        shown = markdown_table(each.head, each.rows, align) if each.rows else "None: every number has a source."
+        parts += [f"## {each.title}", each.note, shown]
+    warnings = [f"- {result.case}: {text}" for result in results for text in result.warnings]
+    parts += ["## Warnings", "\n".join(warnings)] if warnings else []
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def verification_tables(results: Sequence[Result]) -> list[TextTable]:
+    """What verifications found, as tables for Markdown and pages; the last is of numbers in doubt and may be empty."""
+    forced = [each for each in results if each.drive == "force"]
+    imposed = [each for each in results if each.drive != "force"]
+    levers = ", ".join(f"{lever:g} {LENGTH}" for lever in sorted({m.lever for r in results for m in r.models.values()}))
+    tables = [
+        TextTable("Errors at the largest command", NORMALISATION.format(levers), ERRORS, list(_errors(results)), 3),
+        TextTable("Uncertainty of the meshes", UNCERTAINTY, UNCERTAIN, list(_uncertainty(results)), 3),
+        TextTable("Forces of the analytic model at the largest command", "", FORCED, list(_forces(forced)), 4),
+        TextTable("Rotations and strokes imposed at the largest command", "", IMPOSED, list(_imposed(imposed)), 1),
+        TextTable("Stiffness of the platform", STIFFNESS_NOTE, STIFF, _once(_stiffness(results)), 3),
+        TextTable("Meshes", "", MESHES, _once(_meshes(results)), 3),
+        TextTable("Versions", "", ["case", "computed (UTC)", "time", "versions"], list(_versions(results))),
+    ]
+    doubts = doubt_rows([(each.case, each) for each in results])
+    last = TextTable("Assumed numbers, and numbers without a source", "", ["key of the file", "kind", "in"], doubts)
+    return [*(each for each in tables if each.rows), last]
+
+
+NORMALISATION = (
+    "The commanded direction is relative to the command. In the cross directions a translation is relative to the "
+    "commanded translation, a rotation is first multiplied by l₃ ({}), and for a commanded rotation the command is "
+    "multiplied by l₃. Percentages below 10⁻⁷ are round-off."
+)
+UNCERTAINTY = (
+    "Half-width, in percentage points, of the band about each of the errors above that holds it for ever finer meshes, "
+    "by Richardson extrapolation from three meshes; across the command from the error of the whole compliance matrix, "
+    "as one number may agree on two meshes by chance. In brackets how the three meshes behave."
+)
+STIFFNESS_NOTE = (
+    "Diagonal of the analytic stiffness, and of the inverse of the finite-element compliance. The difference is the "
+    "analytic one relative to the finite elements."
+)
+ERRORS = ["case", "command", "curve", *SYMBOLS]
+UNCERTAIN = ["case", "curve", "triangles across a neck", *SYMBOLS]
+FORCED = ["case", "curve", "F_x", "F_y", "M", "largest stress at the necks (finite elements)"]
+IMPOSED = ["case", "curve", "imposed", "largest stress at the necks (finite elements)"]
+STIFF = ["stage", "curve", "mobility", "hinge formula", "stiffness", "analytic", "finite elements", "difference"]
+MESHES = ["stage", "hash", "triangles across a neck", "triangles", "unknowns"]
+
+
 def _opening(results: Sequence[Result]) -> str:
     note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in ("assumed", "not_stated")))
-    warning = f"**{note}**: these numbers are listed at the end."
-    exact = (
-        ", in nonlinear cases by its exact equilibrium,"
-        if any(each.analysis == "nonlinear" for each in results)
-        else ""
-    )
-    text = " ".join(METHOD[kind] for kind in METHOD if any(each.drive == kind for each in results)).format(exact=exact)
+    nonlinear = any(each.analysis == "nonlinear" for each in results)
+    exact = ", in nonlinear cases by its exact equilibrium," if nonlinear else ""
+    drives = {each.drive for each in results}
+    text = " ".join(said for drive, said in METHOD.items() if drive in drives).format(exact=exact)
     text += " The error is the finite-element displacement minus the commanded one."
     text += f" {EXTRUDED}" if any(each.elements == "three_dimensional" for each in results) else ""
-    return f"{text}\n\n{warning}" if note else text
+    return f"{text}\n\n**{note}**: these numbers are listed at the end." if note else text
 
 
-def _errors(results: Sequence[Result]) -> str:
-    rows = []
+def _once(rows: Iterator[list[str]]) -> list[list[str]]:
+    return [list(row) for row in dict.fromkeys(map(tuple, rows))]
+
+
+def _errors(results: Sequence[Result]) -> Iterator[list[str]]:
     for result in results:
         for label, error in result.error_percent.items():
-            bands = result.uncertainty[label]
-            cells = [banded(getattr(error, key), bands[key].band) for key in DIRECTIONS]
-            rows.append([result.case, _command(result), label, *cells])
-    return _numbered(["case", "command", "curve", "X", "Y", "θ"], rows, 3)
+            cells = [banded(getattr(error, key), result.uncertainty[label][key].band) for key in DIRECTIONS]
+            yield [result.case, command_text(result), label, *cells]
 
 
-def _command(result: Result) -> str:
+def command_text(result: Result) -> str:
+    """The largest command, and what the finite elements are given."""
     largest = max(result.commanded)
-    unit = unit_for(result.direction, largest)
-    name = {"x": "X", "y": "Y", "theta": "θ"}[result.direction]
-    return f"{name} = {largest * unit.factor:.6g} {unit.name}{COMMANDED[result.drive]}{OF_STAGE[result.elements]}"
+    unit, symbol = unit_for(result.direction, largest), SYMBOLS[DIRECTIONS.index(result.direction)]
+    return f"{symbol} = {largest * unit.factor:.6g} {unit}{COMMANDED[result.drive]}{OF_STAGE[result.elements]}"
 
 
-def _normalisation(results: Sequence[Result]) -> str:
-    levers = sorted({model.lever for result in results for model in result.models.values()})
-    l3 = ", ".join(f"{lever:g} {LENGTH}" for lever in levers)
-    return (
-        "The commanded direction is relative to the command. In the cross directions a translation is relative to the "
-        "commanded translation, a rotation is first multiplied by l₃ "
-        f"({l3}), and for a commanded rotation the command is multiplied by l₃. Percentages below 10⁻⁷ are round-off."
-    )
-
-
-def _uncertainty(results: Sequence[Result]) -> str:
-    rows = []
+def _uncertainty(results: Sequence[Result]) -> Iterator[list[str]]:
     for result in results:
         for label, found in result.uncertainty.items():
             layers = result.models[label].band_layers
             part = {key: f"; layers {significant(getattr(layers, key), 2)}" if layers else "" for key in DIRECTIONS}
             bands = [f"± {significant(found[k].band, 2)} ({found[k].verdict}{part[k]})" for k in DIRECTIONS]
-            rows.append([result.case, label, ", ".join(map(str, found["x"].resolutions)), *bands])
-    return _numbered(["case", "curve", "triangles across a neck", "X", "Y", "θ"], rows, 3)
+            yield [result.case, label, ", ".join(map(str, found["x"].resolutions)), *bands]
 
 
-def _forces(results: Sequence[Result]) -> str:
-    rows = []
+def _forces(results: Sequence[Result]) -> Iterator[list[str]]:
     for result in results:
         for label, model in result.models.items():
-            force = model.force[int(np.argmax(result.commanded))]
-            tiny = 1e-9 * max(abs(value) / scale for value, scale in zip(force, _scales(model), strict=True))
+            force = np.array(model.force[int(np.argmax(result.commanded))])
+            size = np.abs(force) / [1.0, 1.0, model.lever]
+            shown = np.where(size > 1e-9 * size.max(), force, 0.0).tolist()
             cells = [
-                _force(value, tiny * scale, unit)
-                for value, scale, unit in zip(force, _scales(model), FORCES, strict=True)
+                f"{significant(value)} {unit}" if value else "0" for value, unit in zip(shown, FORCES, strict=True)
             ]
-            stress = significant(float(np.max(model.neck_stress)), 3)
-            rows.append([result.case, label, *cells, f"{stress} {STRESS}"])
-    head = ["case", "curve", "F_x", "F_y", "M", "largest stress at the necks (finite elements)"]
-    return _numbered(head, rows, 4)
+            yield [result.case, label, *cells, f"{significant(float(np.max(model.neck_stress)), 3)} {STRESS}"]
 
 
-def _imposed(results: Sequence[Result]) -> str:
-    rows = []
-    for result in results:
-        last = int(np.argmax(result.commanded))
-        for label, model in result.models.items():
-            stress = significant(float(np.max(model.neck_stress)), 3)
-            said = "; ".join(f"{name}: {joint_value(result, model, last, k)}" for k, name in enumerate(model.joints))
-            rows.append([result.case, label, said, f"{stress} {STRESS}"])
-    return _numbered(["case", "curve", "imposed", "largest stress at the necks (finite elements)"], rows, 1)
-
-
-def joint_value(result: Result, model: CurveModels, point: int, joint: int) -> str:
-    """A rotation or stroke that the finite elements were given, with its unit; one that is round-off is 0."""
-    values = model.imposed[point]
-    unit = unit_for("theta" if result.drive == "joints" else "x", max(map(abs, values)))
-    tiny = abs(values[joint]) <= 1e-9 * max(map(abs, values))
-    return "0" if tiny else f"{significant(values[joint] * unit.factor)} {unit.name}"
-
-
-def _scales(model: CurveModels) -> tuple[float, float, float]:
-    return (1.0, 1.0, model.lever)
-
-
-def _force(value: float, round_off: float, unit: Unit) -> str:
-    return "0" if abs(value) <= round_off else f"{significant(value)} {unit}"
-
-
-def _stiffness(results: Sequence[Result]) -> str:
-    rows: list[list[str]] = []
+def _imposed(results: Sequence[Result]) -> Iterator[list[str]]:
     for result in results:
         for label, model in result.models.items():
-            elements = np.diag(np.linalg.inv(np.array(model.compliance)))
+            values = model.imposed[int(np.argmax(result.commanded))]
+            largest = max(map(abs, values))
+            unit = unit_for("theta" if result.drive == "joints" else "x", largest)
+            cells = [f"{significant(v * unit.factor)} {unit}" if abs(v) > 1e-9 * largest else "0" for v in values]
+            said = "; ".join(f"{name}: {cell}" for name, cell in zip(model.joints, cells, strict=True))
+            yield [result.case, label, said, f"{significant(float(np.max(model.neck_stress)), 3)} {STRESS}"]
+
+
+def _stiffness(results: Sequence[Result]) -> Iterator[list[str]]:
+    for result in results:
+        for label, model in result.models.items():
+            elements = np.diag(np.linalg.inv(np.array(model.compliance))).tolist()
+            formula = model.formula if model.formula_in_range else f"{model.formula}, outside its range"
+            formula += ", elastic links" if model.links else ""
+            formula += "" if model.plane == "plane_stress" else f", {model.plane.replace('_', ' ')}"
             for k, (name, unit) in enumerate(zip(("K_xx", "K_yy", "K_θθ"), STIFFNESSES, strict=True)):
                 analytic = model.stiffness[k][k]
-                difference = percent(100.0 * (analytic / float(elements[k]) - 1.0))
-                formula = model.formula if model.formula_in_range else f"{model.formula}, outside its range"
-                formula += ", elastic links" if model.links else ""
-                formula += "" if model.plane == "plane_stress" else f", {model.plane.replace('_', ' ')}"
-                row = [model.stage, label, f"{model.mobility}", formula, f"{name} ({unit})"]
-                row += [significant(analytic, 5), significant(float(elements[k]), 5), difference]
-                if row not in rows:
-                    rows.append(row)
-    head = ["stage", "curve", "mobility", "hinge formula", "stiffness", "analytic", "finite elements", "difference"]
-    return _numbered(head, rows, 3)
+                numbers = [significant(analytic, 5), significant(elements[k], 5)]
+                difference = percent(100.0 * (analytic / elements[k] - 1.0))
+                yield [model.stage, label, f"{model.mobility}", formula, f"{name} ({unit})", *numbers, difference]
 
 
-def _meshes(results: Sequence[Result]) -> str:
-    rows: list[list[str]] = []
-    for result in results:
-        for model in result.models.values():
-            across = f"{model.resolution}{f', {model.layers} layers' if model.layers else ''}"
-            row = [model.stage, model.hash[:12], across, f"{model.triangles}", f"{model.unknowns}"]
-            if row not in rows:
-                rows.append(row)
-    return _numbered(["stage", "hash", "triangles across a neck", "triangles", "unknowns"], rows, 3)
+def _meshes(results: Sequence[Result]) -> Iterator[list[str]]:
+    for model in (model for result in results for model in result.models.values()):
+        across = f"{model.resolution}{f', {model.layers} layers' if model.layers else ''}"
+        yield [model.stage, model.hash[:12], across, f"{model.triangles}", f"{model.unknowns}"]
 
 
-def _versions(results: Sequence[Result]) -> str:
-    rows = []
+def _versions(results: Sequence[Result]) -> Iterator[list[str]]:
     for result in results:
         versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-        rows.append([result.case, result.written, f"{result.seconds:g} s", versions])
-    return _numbered(["case", "computed (UTC)", "time", "versions"], rows, 0)
+        yield [result.case, result.written, f"{result.seconds:g} s", versions]
 
 
-def _doubts(results: Sequence[Result]) -> str:
-    sources: dict[tuple[str, str], list[str]] = {}
-    for result in results:
-        for said, keys in (("assumed", result.assumed), ("source not stated", result.not_stated)):
-            for key in keys:
-                sources.setdefault((key, said), []).append(result.case)
-    if not sources:
-        return "None: every number has a source."
-    return "\n".join(f"- `{key}`: {said} ({', '.join(cases)})" for (key, said), cases in sorted(sources.items()))
-
-
-def _warnings(results: Sequence[Result]) -> str:
-    return "\n".join(f"- {result.case}: {text}" for result in results for text in result.warnings)
-
-
-def _numbered(head: list[str], rows: list[list[str]], numbers: int) -> str:
-    """A table whose last so many columns are numbers."""
-    return markdown_table(head, rows, "l" * (len(head) - numbers) + "r" * numbers)
+def doubt_rows(named: Sequence[tuple[str, object]]) -> list[list[str]]:
+    """Keys of numbers in doubt with their kind and the names of the records that list them."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, record in named:
+        for kind, attribute in (("assumed", "assumed"), ("source not stated", "not_stated")):
+            for key in getattr(record, attribute):
+                found.setdefault((key, kind), []).append(name)
+    return [[key, kind, ", ".join(names)] for (key, kind), names in sorted(found.items())]

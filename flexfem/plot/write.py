@@ -12,14 +12,13 @@ from matplotlib.figure import Figure
 
 from flexfem.files.inputs import require_unread
 from flexfem.files.writing import write_atomically
-from flexfem.plot.curves import error_figure
 from flexfem.plot.design import design_figure
 from flexfem.plot.design_front import front_figure
-from flexfem.plot.displacement import deformed_figure
-from flexfem.plot.hinge_sketch import hinge_sketch
-from flexfem.plot.model_sketch import model_sketch
+from flexfem.plot.errors import error_figure
+from flexfem.plot.fields import deformed_figure
+from flexfem.plot.hinge import hinge_sketch
 from flexfem.plot.sensitivity import sensitivity_figure
-from flexfem.plot.stage import neck_figure, stage_figure
+from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
 from flexfem.synthesis.result import Designed
@@ -47,18 +46,30 @@ def write_figures(
 
     Parameters
     ----------
-    results : stored verifications, each with its fields by label.
-    folder : where the files go; made when missing.
-    each : applies a function to every figure, in order, as `map` does; that of a pool of processes draws side by side.
-    displacement : show displacements in the commanded direction instead of errors, see `curves.error_figure`.
+    results : list of (Result, dict of Fields)
+        Stored verifications, each with its fields by label.
+    folder : Path
+        Where the files go; made when missing.
+    each : callable
+        Applies a function to every figure, in order, as `map` does; that of a pool of processes draws side by side.
+    displacement : bool
+        Show displacements in the commanded direction instead of errors, see `errors.error_figure`.
 
-    Returns the paths written. Raises BadInput when the folder does not take a file.
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    BadInput
+        When the folder does not take a file.
     """
     planned, paths = plans(results, displacement), []
-    require_unread(*(file for plan in planned for file in figure_files(folder / f"{plan.name}.png")), folder / PAGE)
-    for plan, contents in zip(planned, each(drawn, planned), strict=True):
-        for path, content in zip(figure_files(folder / f"{plan.name}.png"), contents, strict=True):
-            paths.append(_written(path, content))
+    stored = [folder / f"{plan.name}.json" for plan in planned]
+    require_unread(*figure_files(*stored), folder / PAGE)
+    for path, contents in zip(stored, each(drawn, planned), strict=True):
+        paths += [_written(file, content) for file, content in zip(figure_files(path), contents, strict=True)]
     pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in planned)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
@@ -113,12 +124,12 @@ def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, 
 
 def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Mesh, necks and hinge of every distinct stage, the model of every distinct mobility of it."""
-    drawn = [(model, fields[label]) for result, fields in results for label, model in result.models.items()]
+    models = [(model, fields[label]) for result, fields in results for label, model in result.models.items()]
     hashes: dict[str, set[str]] = {}
-    for model, _ in drawn:
+    for model, _ in models:
         hashes.setdefault(_stem(model).casefold(), set()).add(model.hash)
     seen = set()
-    for model, field in drawn:
+    for model, field in models:
         stem = _stem(model)
         if len(hashes[stem.casefold()]) > 1:
             stem = f"{stem}-{model.hash[:6]}"

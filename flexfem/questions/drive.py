@@ -75,7 +75,7 @@ class Drive(Result):
     title = "strokes and forces for a pose"
     labels: ClassVar = {"limit": LIMITS}
     columns = ("criterion", "direction")
-    figure = "command.command_figure"
+    figure = "drive.command_figure"
     drawn_from_fields = True
     reading = (
         "strokes and rotations beyond rest, forces and stress with the preloads; stiffness with the other directions "

@@ -61,7 +61,7 @@ class Drift(Result):
 
     title = "change of temperature"
     labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
-    figure = "drift.drift_figure"
+    figure = "fields.drift_figure"
     drawn_from_fields = True
     reading = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, in stage and frame alike",

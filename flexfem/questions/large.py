@@ -53,7 +53,7 @@ class Large(Result):
         "within": ("a tenth of the amplitudes", "the amplitudes"),
     }
     columns = ("theory",)
-    figure = "workspace.workspace_figure"
+    figure = "drive.large_figure"
     reading = (
         "each theory against its own linear answer, at per cent of the amplitude; position errors: the linear position "
         "under the load that holds the stage at the command, less the command, in per cent of it; across: the larger "

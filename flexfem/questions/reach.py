@@ -60,7 +60,7 @@ class Reach(Result):
 
     title = "poses that the drive reaches within all limits"
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
-    figure = "reach.reach_figure"
+    figure = "drive.reach_figure"
     drawn_from_fields = True
     reading = (
         "limits: stroke, contacts that only push, blocking force, yield at the necks of the analytic model; linear",

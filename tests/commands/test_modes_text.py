@@ -9,8 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexfem.commands.modes import print_modes
-from flexfem.plot.frequency_response import plot_response
-from flexfem.plot.modes import title_of
+from flexfem.plot.modes import plot_response, title_of
 from flexfem.verify.dynamic_model import Channels, CraigBampton, DynamicModel
 from flexfem.verify.modes import Mode, NaturalModes
 from flexfem.verify.result import Triple, Uncertainty, about

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.stage import load_stage
-from flexfem.page.assemble import Page, html_of
+from flexfem.page.section import Page, html_of
 from flexfem.page.study import study_parts
 from flexfem.page.study_asked import range_of
 from flexfem.page.study_designs import outline_paths, path_of
@@ -183,8 +183,8 @@ def test_designs_of_a_map_are_where_its_axes_have_their_ticks(tmp_path):
     found = {
         which: {float(value): float(place) for place, value in re.findall(pattern, html, re.S)}
         for which, pattern in (
-            ("x", r'-xtick_\d+">.*?<use x="([\d.]+)".*?>([\d.]+)</text>'),
-            ("y", r'-ytick_\d+">.*?<use x="[\d.]+" y="([\d.]+)".*?>([\d.]+)</text>'),
+            ("x", r'-xtick_\d+">.*?<use [^>]*?x="([\d.]+)".*?>([\d.]+)</text>'),
+            ("y", r'-ytick_\d+">.*?<use [^>]*?y="([\d.]+)".*?>([\d.]+)</text>'),
         )
     }
     targets = targets_of(html)

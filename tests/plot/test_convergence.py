@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from flexfem.plot.accuracy import convergence_figure
+from flexfem.plot.errors import convergence_figure
 
 DISTANCE = {  # relative, of the meshes 1/2, 1/3, 1/5, 1/8
     "X": 0.3 * np.array([2.0, 3.0, 5.0, 8.0]) ** -4,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from flexfem.plot.curves import HONEST, error_figure, normalisation, panel_of
-from flexfem.plot.displacement import deformed_figure
+from flexfem.plot.errors import HONEST, error_figure, normalisation, panel_of
+from flexfem.plot.fields import deformed_figure
 from flexfem.plot.stage import mesh_size
 from flexfem.plot.text import markdown_report
 from flexfem.verify.case import DIRECTIONS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.hinge_chart import FLOOR, FREEDOMS, hinge_chart_figure, merged
+from flexfem.plot.hinge import FLOOR, FREEDOMS, hinge_chart_figure, merged
 from flexfem.plot.text import SPACE
 from flexfem.verify.hinges import FormulaCurve, HingeReview
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.hinge_chart import thickness_figure
+from flexfem.plot.hinge import thickness_figure
 from flexfem.plot.text import SPACE
 from flexfem.verify.hinges import ThicknessReview
 

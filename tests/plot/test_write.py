@@ -7,16 +7,10 @@ import subprocess
 import sys
 
 import pytest
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.transforms import Bbox
 
-from flexfem.plot.design import design_figure
-from flexfem.plot.style import below_header, rendered
 from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
 from flexfem.verify.result_files import write_result
-
-from ..synthesis.recorded import recorded
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
@@ -102,25 +96,3 @@ def test_displacements_are_drawn_beside_the_figure_of_errors_and_not_over_it(mad
     stored = [(made.result({"one": (0.1, 0.2, 0.3)}), {"one": made.fields()})]
     shown, errors = ([plan.name for plan in plans(stored, displacement)] for displacement in (True, False))
     assert shown[0] == "fig-displacement" and errors[0] == "fig" and shown[1:] == errors[1:]
-
-
-@pytest.mark.parametrize("form", ["pdf", "png"])
-def test_round_off_of_the_layout_reaches_no_file(monkeypatch, form):
-    """Matplotlib's solver adds in the order of addresses in memory, which differ from run to run: 1e-16 of a figure."""
-    execute, drawn = ConstrainedLayoutEngine.execute, set()
-
-    def noisy(engine, figure):
-        found = execute(engine, figure)
-        for axes in figure.axes:
-            axes._set_position(Bbox(axes.get_position(original=True).get_points() + noise))
-        for part in figure.subfigs:
-            part.bbox_relative.set_points(part.bbox_relative.get_points() - noise)
-        return found
-
-    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", noisy)
-    for noise in (0.0, 3e-14, -5e-14):  # noqa: B007  read by `noisy`
-        figure = below_header((6.0, 3.0), "a title", [])
-        for part in figure.subfigures(1, 2):
-            part.subplots(2, 1)[0].plot([0.1, 0.7, 0.3], [1.0, 10.0, 3.0])
-        drawn.add(rendered(design_figure(recorded()), form) + rendered(figure, form))
-    assert len(drawn) == 1

@@ -17,8 +17,7 @@ from flexfem.fem.response import plate_of
 from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.command import command_figure, plot_forces, plot_open_loop, plot_strokes
-from flexfem.plot.drive_sketch import plot_drive
+from flexfem.plot.drive import command_figure, plot_drive, plot_forces, plot_open_loop, plot_strokes
 from flexfem.questions.drive import Drive, engaged_stiffness
 from flexfem.questions.driven import CRITERIA, driven
 from flexfem.results import ANALYTIC, ELEMENTS

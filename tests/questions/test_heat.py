@@ -13,8 +13,7 @@ from matplotlib.text import Annotation
 import flexfem
 from flexfem.commands import cli
 from flexfem.fem.heat import largest_within
-from flexfem.plot.displacement import exaggeration
-from flexfem.plot.drift import drift_figure, plot_drift
+from flexfem.plot.fields import drift_figure, exaggeration, plot_drift
 from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, pose_bands
 from flexfem.questions.heat import CASES, layer_bands
@@ -174,7 +173,7 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
     (arrow,) = [each for each in ax.texts if isinstance(each, Annotation)]
     np.testing.assert_allclose(np.subtract(arrow.xyann, arrow.xy), [0.0, -0.1])
     fields, ground = found.fields.cases["gradient in y"], found.fields.ground
-    moved = fields.nodes + exaggeration({"": fields}) * fields.displacement
+    moved = fields.nodes + exaggeration(fields) * fields.displacement
     (bars,) = [each for each in ax.collections if each.get_linewidth()[0] == 3.0]
     np.testing.assert_allclose([line[0] for line in bars.get_segments()], moved[ground[:, 0]])
     with pytest.raises(flexfem.BadInput, match="expected one of: uniform"):

@@ -13,7 +13,7 @@ from flexfem.analytic.model import analyse, assemble
 from flexfem.commands import cli
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import plate_of
-from flexfem.plot.workspace import workspace_figure
+from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
 from flexfem.questions.setup import solved
@@ -119,7 +119,7 @@ def test_a_finer_mesh_moves_the_compliance_and_not_the_nonlinearity(name):
 
 
 def test_the_figure_draws_every_theory_over_the_command(found):
-    figure = workspace_figure(found)
+    figure = large_figure(found)
     along = figure.axes[1]
     lines = {line.get_label(): line.get_xydata() for line in along.get_lines()}
     exact = np.column_stack([np.linspace(-500, 500, 41), found.at("errors", direction="x")[:, EXACT, 0]])
@@ -127,7 +127,7 @@ def test_the_figure_draws_every_theory_over_the_command(found):
     np.testing.assert_allclose(lines["finite elements held at the command"][:, 0], [-500, -50, 0, 50, 500], atol=1e-9)
     loaded = lines["finite elements under the load of exact equilibrium"]
     np.testing.assert_allclose(loaded[:, 1], found.at("error", direction="x")[:, LOADED])
-    figure = workspace_figure(flexfem.large(flexfem.load(PATH), models="analytic"))
+    figure = large_figure(flexfem.large(flexfem.load(PATH), models="analytic"))
     assert not [line for line in figure.axes[1].get_lines() if "finite elements" in str(line.get_label())]
 
 

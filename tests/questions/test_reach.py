@@ -18,7 +18,7 @@ from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.plot.reach import reach_figure
+from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements, neck_stresses
 from flexfem.questions.driven import Driven, commands_for, drive_ranges, driven, limits_of, moved, shares
 from flexfem.questions.reach import (

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 import flexfem as package
-from flexfem.plot.solid_modes import plot_solid_mode, solid_modes_figure
+from flexfem.plot.modes import modes_figure, plot_solid_mode
 from flexfem.verify import solid_modes as verify
 
 from ..conftest import annular_vibration, annulus_for_stage
@@ -109,7 +109,7 @@ def test_the_command_prints_and_writes(small: None, flexfem: Any, tmp_path: Path
 
 
 def test_contours_are_of_what_leaves_the_plane_and_the_rest_is_displaced(found: Any) -> None:
-    figure = solid_modes_figure(found)
+    figure = modes_figure(found)
     for number, (kind, _) in enumerate(found.chosen, start=1):
         ax = plot_solid_mode(None, found, number)
         levels = [each for each in ax.collections if hasattr(each, "levels")]

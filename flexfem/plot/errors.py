@@ -1,0 +1,299 @@
+"""Errors of the analytic model: Figures 5 to 7, error budgets as waterfalls, and the convergence of meshes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexfem.arrays import Array
+from flexfem.files.refusals import shown
+from flexfem.plot.style import (
+    COLOURS,
+    DASHES,
+    GREY,
+    HATCHES,
+    INK,
+    MARKERS,
+    NAMES,
+    boxed,
+    in_house_style,
+    legend_beside,
+    panels,
+    titled,
+    wrapped,
+)
+from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
+from flexfem.refused import BadInput
+from flexfem.units import LENGTH, Unit, unit_for
+from flexfem.verify.budget import Budget
+from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.verify.converge import MeshStudy
+from flexfem.verify.result import Result
+
+ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
+HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
+THINNEST, THICKEST = 1.4, 3.4  # points: earlier curves are broader and show below later ones
+WIDTH = 8.27  # in
+LEGEND, NAME = 1.65, 2.1  # in, of a legend's text, and of the name of a share
+ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
+
+
+class Panel(NamedTuple):
+    """What one panel shows.
+
+    unit : of the errors.  half : half the height of the axis, in that unit.
+    largest : largest |error|, in that unit.  round_off : whether all of it is round-off.
+    """
+
+    unit: Unit
+    half: float
+    largest: float
+    round_off: bool
+
+
+def _comparable(result: Result, label: str, freedom: Direction) -> float:
+    """What a command is in another direction, by the lever l3."""
+    lever = result.models[label].lever
+    return (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
+
+
+def panel_of(result: Result, freedom: Direction) -> Panel:
+    """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
+    amplitude = max(map(abs, result.commanded))
+    sizes = {label: max(map(abs, getattr(series, freedom))) for label, series in result.curves.items()}
+    commands = {label: amplitude * _comparable(result, label, freedom) for label in sizes}
+    largest, honest = max(sizes.values()), HONEST * max(commands.values())
+    round_off = all(size < ROUND_OFF * commands[label] for label, size in sizes.items())
+    unit = unit_for(freedom, honest if round_off else largest)
+    half = honest if round_off else 1.1 * largest
+    return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
+
+
+def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
+    """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
+    share = result.uncertainty[label][freedom].band / 100.0
+    return np.abs(result.commanded) * _comparable(result, label, freedom) * share
+
+
+def normalisation(result: Result) -> str:
+    """How the percentages of the figure are normalised, in words."""
+    levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
+    command, l3 = NAMES[result.direction], f"l₃ = {levers} {LENGTH}"
+    if result.direction == "theta":
+        cross = f"X and Y relative to the commanded rotation times {l3}"
+    else:
+        other = "Y" if command == "X" else "X"
+        cross = f"{other} relative to the commanded translation; {NAMES['theta']} times {l3} likewise"
+    return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
+
+
+@in_house_style
+def error_figure(result: Result, displacement: bool = False) -> Figure:
+    """Draw a verification as one page of three panels, X, Y and theta.
+
+    Parameters
+    ----------
+    result : Result
+        A stored verification; mm and rad, shown with the SI prefix that suits the numbers.
+    displacement : bool
+        Draw the displacement itself in the commanded direction, as the captions of the paper's Figs. 5(a) and 7(c)
+        have it, instead of its error.
+
+    Notes
+    -----
+    Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
+    """
+    what = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
+    where = OF_STAGE[result.elements].replace(",", "")
+    given = "large displacements in both models" if result.analysis == "nonlinear" else BRIEF[result.drive]
+    lines = [
+        f"Finite-element displacement{where} {what}, {given}. ±, shaded: {BANDS[result.elements]}.",
+        normalisation(result),
+    ]
+    doubts = (result.assumed, result.not_stated)
+    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, doubts=doubts)
+    for letter, axes, freedom in zip("abc", found, DIRECTIONS, strict=True):
+        along = freedom == result.direction
+        titled(axes, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
+        if along and displacement:
+            plot_displaced(axes, result)
+        else:
+            plot_errors(axes, result, freedom)
+        axes.label_outer()
+    figure.align_ylabels()
+    return figure
+
+
+def plot_displaced(ax: Axes, result: Result) -> Axes:
+    """Draw displacement over command of every curve in the commanded direction; returns `ax`.
+
+    The grey line is the command itself, where an exact model has every curve. Mesh bands are drawn, and errors stated,
+    as by `plot_errors`.
+    """
+    freedom = result.direction
+    unit = unit_for(freedom, max(map(abs, result.commanded)))
+    x = np.array(result.commanded) * unit.factor
+    ax.plot(x, x, color=GREY, linewidth=0.8, zorder=1, label="_command")
+    ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
+    _draw_curves(ax, result, freedom, unit, x, f"displacement in {NAMES[freedom]} ({unit})", "error ")
+    return ax
+
+
+def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
+    """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
+
+    The legend beside states the percentages at the largest command.
+    """
+    panel = panel_of(result, freedom)
+    ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
+    _draw_curves(ax, result, freedom, panel.unit, 0.0, f"error in {NAMES[freedom]} ({panel.unit})")
+    if panel.half > 0:
+        ax.set_ylim(-panel.half, panel.half)
+    ax.locator_params(axis="y", nbins=7)
+    if panel.round_off:
+        boxed(ax, 0.8, f"round-off only: largest {scientific(panel.largest)} {panel.unit}")
+    return ax
+
+
+def _draw_curves(
+    ax: Axes, result: Result, freedom: Direction, unit: Unit, base: Any, ylabel: str, said: str = ""
+) -> None:
+    """Draw every curve above `base` with its band, its percentage in the legend."""
+    command = unit_for(result.direction, max(map(abs, result.commanded)))
+    x, lines, texts = np.array(result.commanded) * command.factor, [], []
+    round_off = panel_of(result, freedom).round_off
+    size = 9.0 if len(result.curves) < 5 else 6.5 if len(result.curves) < 9 else 5.0
+    for index, (label, series) in enumerate(result.curves.items()):
+        y, band = base + np.array(getattr(series, freedom)) * unit.factor, mesh_band(result, label, freedom)
+        lines += ax.plot(x, y, label=f"{label} ", **curve_style(index, len(result.curves), len(x)))
+        if not round_off:
+            ends = y - band * unit.factor, y + band * unit.factor
+            ax.fill_between(x, *ends, color=lines[-1].get_color(), alpha=0.3, linewidth=0, zorder=1.5)
+        percentage = banded(getattr(result.error_percent[label], freedom), result.uncertainty[label][freedom].band)
+        text = wrapped(f"{label}: {said}{percentage}", LEGEND, size)
+        texts.append(f" {text}" if text.startswith("_") else text)  # matplotlib hides "_..."
+    ax.margins(x=0.03)
+    ax.grid()
+    ax.set(ylabel=ylabel, xlabel=f"commanded {NAMES[result.direction]} ({command})")
+    legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
+
+
+def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
+    """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
+    step = max(1, points // 7)
+    return {
+        "color": COLOURS[index % len(COLOURS)],
+        "linestyle": DASHES[index % len(DASHES)],
+        "marker": MARKERS[index % len(MARKERS)],
+        "markevery": (index * max(1, step // 2) % step, step),
+        "markersize": 6.0,
+        "markerfacecolor": "white",
+        "markeredgewidth": 1.2,
+        "linewidth": THINNEST + min(1.0, (THICKEST - THINNEST) / max(1, curves - 1)) * (curves - 1 - index),
+        "zorder": 2 + index / 100,
+    }
+
+
+@in_house_style
+def budget_figure(budget: Budget) -> Figure:
+    """Draw the shares of the error in the commanded direction, one panel a direction."""
+    lines = [
+        f"Error of the finite elements under the force of (18), mobility {budget.mobility}, {budget.formula}, and what "
+        "it is made of. The shares add up to the total; the bar there is the band of the meshes.",
+        _outside(budget),
+    ]
+    doubts = (budget.assumed, budget.not_stated)
+    figure, found = panels((WIDTH, 7.7), f"{budget.stage}: error budget", lines, 3, doubts=doubts)
+    for letter, axes, direction in zip("abc", found, DIRECTIONS, strict=True):
+        plot_budget(axes, budget, direction)
+        titled(axes, letter, f"command in {NAMES[direction]}")
+        axes.label_outer()
+    return figure
+
+
+def _outside(budget: Budget) -> str:
+    """What is outside the planar total, in words."""
+    charted = {axis: split.out_of_plane for axis, split in budget.split.items()}
+    plane, solid = budget.plane.replace("_", " "), budget.three_dimensional
+    found = [
+        "by the chart " + ", ".join(f"{NAMES[axis]} {getattr(share, axis):+.2f}" for axis, share in charted.items())
+        if all(charted.values())
+        else "not known by the chart, which does not hold a hinge"
+    ]
+    if solid is not None:
+        points = {axis: f"{getattr(solid.points[axis], axis):+.2f} ± {solid.band[axis]:.2f}" for axis in charted}
+        found.append("measured on the stage " + ", ".join(f"{NAMES[axis]} {text}" for axis, text in points.items()))
+    said = f"Outside the planar total, three dimensions against {plane}, percentage points: {'; '.join(found)}."
+    return said.replace(" -", " \N{MINUS SIGN}")
+
+
+def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
+    """Draw the shares of the error of the command in one direction, their total and its band; returns `ax`.
+
+    Raises BadInput for another direction than x, y or theta.
+    """
+    if direction not in DIRECTIONS:
+        raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
+    split = budget.split[direction]
+    values = np.array([getattr(share.points, direction) for share in split.shares])
+    names, total, band = [share.name for share in split.shares], float(getattr(split.total, direction)), split.band
+    ends = np.cumsum(values)
+    starts = ends - values
+    reach = float(np.max(np.abs([*starts, *ends, total])))
+    for place, (start, end, value) in enumerate(zip(starts, ends, values, strict=True)):
+        look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": HATCHES[place % len(HATCHES)]}
+        ax.barh(place, value, left=start, height=0.62, edgecolor="white", **look)
+        ax.plot([end] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
+        ax.text(max(start, end) + 0.015 * reach, place, minus(f"{value:+.3f}"), va="center", color=INK)
+    ax.barh(len(names), total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
+    text = minus(f"{total:.3f} ± {band:.3f} %")
+    ax.text(max(total, 0.0) + band + 0.015 * reach, len(names), text, va="center", color=INK)
+    ax.set_yticks(range(len(names) + 1), [*(wrapped(name, NAME, 8.5) for name in names), "total"])
+    ax.invert_yaxis()
+    low = min(0.0, float(np.min([*starts, *ends])))
+    ax.set(xlim=(1.05 * low, 1.3 * reach), xlabel="error in the commanded direction (per cent of the command)")
+    ax.axvline(0.0, color=GREY, linewidth=0.8)
+    ax.grid(axis="x")
+    return ax
+
+
+@in_house_style
+def convergence_figure(study: MeshStudy) -> Figure:
+    """Draw the relative distance of each diagonal compliance from its extrapolated value over the triangle size."""
+    lines = [
+        f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]} to {study.unknowns[-1]} "
+        "unknowns: distance from the value extrapolated to vanishing triangles. "
+        "Bar: the band of the finest mesh by its grid convergence index."
+    ]
+    doubts = (study.assumed, study.not_stated)
+    figure, (axes,) = panels((WIDTH, 4.8), f"{study.stage}: mesh convergence", lines, 1, doubts=doubts)
+    plot_convergence(axes, study)
+    return figure
+
+
+def plot_convergence(ax: Axes, study: MeshStudy) -> Axes:
+    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh; returns `ax`."""
+    resolutions, found = study.resolutions, study.uncertainty
+    size, largest = 1 / np.array(resolutions, dtype=float), 0.0
+    for index, axis in enumerate(DIRECTIONS):
+        one = found[axis]
+        distance, spread = np.abs(np.array(one.values) / one.extrapolated - 1), one.band / abs(one.extrapolated)
+        largest = max(largest, float(distance[0]))
+        style = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
+        order = "no order" if one.observed is None else f"order {one.observed:.2f}"
+        text = f"{NAMES[axis]}: {one.verdict}, {order}, band {spread:.1e}"
+        ax.plot(size, distance, label=wrapped(text, LEGEND, 8.5), **style)
+        above = [[max(0.0, spread - distance[-1])], [0.0]]
+        ax.errorbar(size[-1:], [spread], above, color=style["color"], capsize=3 + 2 * index)
+    slope = 2 * largest * (size / size[0]) ** ORDER
+    ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
+    ax.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
+    ax.set_xticks(size, [f"1/{n}" for n in resolutions])
+    ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
+    ax.minorticks_off()
+    ax.grid()
+    legend_beside(ax, handlelength=4.4)
+    return ax

@@ -1,0 +1,263 @@
+"""Drawings of a stage show its dimensions, mesh, necks and model at their places, and say when numbers are assumed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from unittest.mock import patch
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+import flexfem
+from flexfem.plot import stage as drawing
+from flexfem.plot.fields import deformed_figure, largest_stress, name_of_place
+from flexfem.plot.hinge import hinge_rows, hinge_sketch
+from flexfem.plot.stage import (
+    boundary_of,
+    curves,
+    drawing_figure,
+    links_of_chain,
+    mobility_line,
+    model_sketch,
+    neck_figure,
+    plot_dimensions,
+    plot_stage,
+    stage_figure,
+)
+
+from ..conftest import UNLIKE, with_changes
+
+STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+PICTURES = {
+    "stage": lambda made, model: stage_figure(model, made.fields()),
+    "neck": lambda made, model: neck_figure(model, made.fields()),
+    "hinge": lambda made, model: hinge_sketch(model),
+    "model": lambda made, model: model_sketch(model),
+}
+
+
+def texts(ax) -> dict[str, np.ndarray]:
+    return {text.get_text(): np.array(text.get_position()) for text in ax.texts if text.get_text()}
+
+
+@pytest.mark.parametrize("assumed", [[], ["chain.link_lengths_mm"]])
+@pytest.mark.parametrize("name", PICTURES)
+def test_assumed_numbers_are_announced_exactly_when_there_are_some(made, name, assumed):
+    said = made.texts(PICTURES[name](made, made.model(assumed=assumed)))
+    assert ("assumed dimensions" in said) == bool(assumed)
+
+
+def test_settings_of_the_user_change_nothing(made):
+    plain = model_sketch(made.model()).axes[0].texts[0].get_size()
+    with mpl.rc_context({"font.size": 30.0, "text.parse_math": True}):
+        assert model_sketch(made.model()).axes[0].texts[0].get_size() == plain
+        assert mpl.rcParams["font.size"] == 30.0
+
+
+def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
+    axes, (model, fields) = stage_figure(made.model(), made.fields()).axes[0], (made.model(), made.fields())
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("x (mm)", "y (mm)", 1.0)
+    labels = texts(axes)
+    for number in range(1, 10):
+        distances = [np.linalg.norm(labels[str(number)] - other.centre) for other in model.hinges]
+        assert np.argmin(distances) == number - 1
+    mesh = axes.collections[0].get_paths()
+    assert len(mesh) == len(fields.triangles)
+    sides = [{tuple(np.round(point, 9)) for point in path.vertices} for path in mesh]
+    assert all(tuple(np.round(fields.nodes[n], 9)) in sides[k] for k, t in enumerate(fields.triangles) for n in t)
+    (ground,) = [each for each in axes.collections if isinstance(each, PolyCollection) and each.get_hatch()]
+    assert len(ground.get_paths()) == 3  # one clamped side of each chain
+    (hub,) = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    assert hub.radius == 7.0
+
+
+def test_necks_are_seen_along_themselves_with_their_own_dimensions(made):
+    hinges = [
+        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k}) for k, one in enumerate(made.hinges())
+    ]
+    figure = neck_figure(made.model(hinges=hinges), made.fields())
+    assert [ax.texts[0].get_text() for ax in figure.axes] == [
+        "R = 1.3 mm", "R = 1.4 mm", "R = 1.5 mm", "t = 0.4 mm", "t = 0.5 mm", "t = 0.6 mm",
+    ]  # fmt: skip
+    for ax, hinge in zip(figure.axes[:3], hinges, strict=False):
+        corner = np.array(made.fields().nodes[made.fields().triangles[hinges.index(hinge), 0]]) - hinge.centre
+        along = corner @ [np.cos(hinge.axis), np.sin(hinge.axis)], corner @ [-np.sin(hinge.axis), np.cos(hinge.axis)]
+        shown = np.concatenate([path.vertices for path in ax.collections[0].get_paths()])
+        assert np.linalg.norm(shown - along, axis=1).min() < 1e-9
+
+
+def test_hinges_alike_share_a_row(made):
+    assert [row[0] for row in hinge_rows(made.model())] == ["1, 4, 7", "2, 5, 8", "3, 6, 9"]
+    assert hinge_rows(made.model())[1][1:] == ("1.5", "0.4", "3.4", "0.267")
+    said = texts(hinge_sketch(made.model()).axes[1])
+    assert {"R (mm)", "1, 4, 7", "1.3", "0.4", "3"} <= said.keys()
+
+
+def test_lengths_and_angles_of_the_model_close_the_chain_and_are_written(made):
+    lengths, angles = links_of_chain(made.hinges())
+    heading = np.cumsum(angles)
+    end = made.hinges()[0].centre + lengths @ np.column_stack([np.cos(heading), np.sin(heading)])  # (19), (20)
+    np.testing.assert_allclose(end, 0.0, atol=1e-12)
+    labels = texts(model_sketch(made.model()).axes[0])
+    wanted = {"$l_1$ = 27.02 mm", "$l_2$ = 34.23 mm", "$l_3$ = 21.21 mm", "chain 1", "chain 2", "chain 3"}
+    angles_written = {rf"$\varphi_{k}$ = {angle}°" for k, angle in enumerate(("−177.9", "−85.41", "91.42"), start=1)}
+    assert wanted | angles_written <= labels.keys()
+    hinges = made.hinges()
+    hinges[1] = hinges[1].model_copy(update={"centre": (20.0, hinges[0].centre[1])})
+    assert links_of_chain(hinges)[1][0] == pytest.approx(np.pi)  # half a turn counts as positive
+
+
+@pytest.mark.parametrize(("mobility", "sliders"), [(3, 0), (6, 3), (12, 9), (21, 18)])
+def test_joints_of_the_model_have_its_freedoms(made, mobility, sliders):
+    hinges = made.hinges(mobility)
+    model = made.model(hinges=hinges, mobility=mobility)
+    figure = model_sketch(model)
+    axes = figure.axes[0]
+    circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    np.testing.assert_allclose([circle.center for circle in circles], [hinge.centre for hinge in hinges])
+    blocks = [patch.get_xy() for patch in axes.patches if to_hex(patch.get_edgecolor()) == "#0072b2"]
+    assert f"= {mobility}," in mobility_line(model) and len(blocks) == sliders
+    if mobility == 21:  # along the neck for axial, across it for shear
+        for k, hinge in enumerate(hinges):
+            along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+            for block, way in zip(blocks[2 * k : 2 * k + 2], (along, [-along[1], along[0]]), strict=True):
+                assert abs((block[0] - block[1]) @ way) == pytest.approx(np.linalg.norm(block[0] - block[1]))
+    meant = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [text.split(":")[0].split()[0] for text in meant] == [
+        "revolute",
+        *["slider"] * {3: 0, 21: 2}.get(mobility, 1),
+    ]
+
+
+def test_a_stage_is_drawn_on_axes_of_the_users():
+    """The chains of the reference stage are alike: its outline turned by 120 degrees is itself."""
+    figure = Figure()
+    ax = figure.subplots(1, 2)[1]
+    assert plot_stage(ax, flexfem.load(STAGE)) is ax and not figure.axes[0].patches
+    points = np.concatenate([path.vertices for path in ax.collections[0].get_paths()])
+    turned = points @ np.array([[-0.5, 0.75**0.5], [-(0.75**0.5), -0.5]])
+    assert np.linalg.norm(turned[:, None] - points, axis=2).min(axis=1).max() < 1.2  # half of 7.5 degrees at 17 mm
+    (hub,) = [patch for patch in ax.patches if isinstance(patch, Circle)]
+    assert hub.radius == 8.0 and (ax.get_xlabel(), ax.get_ylabel()) == ("x (mm)", "y (mm)")
+
+
+def test_curves_pass_through_their_middles_and_boundaries_have_one_triangle(made):
+    fields = made.fields()
+    edges = boundary_of(fields.triangles)
+    np.testing.assert_allclose(curves(fields.nodes, edges, 2)[:, 1], fields.nodes[edges[:, 2]], atol=1e-12)
+    two = boundary_of(np.array([[0, 1, 2, 3, 4, 5], [1, 6, 2, 7, 8, 4]]))
+    assert sorted(two[:, 2].tolist()) == [3, 5, 7, 8]
+
+
+def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
+    one, models = made.fields(), {"a": made.model(), "b": made.model()}
+    other = one.model_copy(update={"displacement": -0.7 * one.displacement, "stress": 1.4 * one.stress[::-1]})
+    result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
+    figure = deformed_figure(result, {"a": one, "b": other})
+    assert "full command Y = 50.0 µm, displacements × 100; grey: undeformed" in " ".join(made.texts(figure))
+    *shown, bar = figure.axes
+    for axes, fields, value in zip(shown, (one, other), ("31.7", "44.4"), strict=True):
+        lines = [each for each in axes.collections if isinstance(each, LineCollection)]
+        rest, moved = (np.concatenate(each.get_segments()) for each in lines)
+        corners = [np.argmin(np.linalg.norm(rest - node, axis=1)) for node in fields.nodes]
+        np.testing.assert_allclose(moved[corners] - rest[corners], 100 * fields.displacement, atol=1e-9)
+        colours = axes.collections[0]
+        np.testing.assert_allclose(colours.get_array(), np.clip(fields.stress, 44.38e-4, None))
+        assert any(text.get_text().startswith(f"largest {value} MPa at ") for text in axes.texts)
+        node = int(np.argmax(fields.stress))
+        np.testing.assert_allclose(axes.lines[0].get_xydata()[0], fields.nodes[node] + 100 * fields.displacement[node])
+    assert bar.get_xlabel() == "von Mises stress (MPa)"
+
+
+def test_the_largest_stress_is_at_a_hinge_or_a_body_and_round_off_does_not_choose(made):
+    fields, model = made.fields(), made.model()
+    nodes = fields.nodes.copy()
+    nodes[0] = np.array(model.hinges[4].centre) + 0.1
+    assert name_of_place(model, fields, 0) == "pad of chain 1"
+    assert name_of_place(model, fields.model_copy(update={"nodes": nodes}), 0) == "hinge 5 (elbow, chain 2)"
+    for high in (0, 18, 36):
+        stress = np.ones(len(fields.nodes))
+        stress[[0, 18, 36]] = 5.0
+        stress[high] += 1e-12
+        found = largest_stress(model, fields.model_copy(update={"stress": stress}))
+        assert found == (0, "pad of chain 1 and 2 more alike")
+
+
+def test_every_dimension_is_on_the_drawing_beside_what_it_measures():
+    ax, stage = Figure(figsize=(8, 8)).add_subplot(), with_changes({"override": UNLIKE})
+    plot_dimensions(ax, stage)
+    said = texts(ax)
+    assert set(said) == {
+        *("l1 31", "l2 33.5", "l3 25", "w 8.9", "platform R 16.3", "hub R 7.7"),
+        *("R 2.3, t 0.53", "R 1.6, t 0.47", "R 1.4, t 0.61", "R 3.9, t 0.53", "R 1.6, t 0.83", "R 1.9, t 0.41"),
+    }
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    assert all(left < x < right and low < y < high for x, y in said.values())
+    steps = np.array([31.0, 33.5, 25.0]) * np.exp(1j * np.cumsum(np.deg2rad([175.0, -85.0, 92.0])))
+    ends = np.array([-steps.sum(), -steps[1:].sum(), -steps[2]])
+    for k, name in enumerate(("l1 31", "l2 33.5", "l3 25")):
+        along = (complex(*said[name]) - ends[k]) / (steps[k] / abs(steps[k]))
+        assert along.real == pytest.approx(abs(steps[k]) / 2, abs=1e-9)
+
+
+def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
+    """Overrides stand for what is missing on their chain; hinges that differ are labelled on theirs."""
+    missing = ["thickness_mm", "hinges.elbow.neck_mm", "hinges.platform.radius_mm", "hinges.platform.neck_mm"]
+    missing += ["chain.link_width_mm", "platform.radius_mm"]
+    ax = Figure(figsize=(8, 8)).add_subplot()
+    plot_dimensions(ax, with_changes(), missing)
+    assert set(texts(ax)) == {
+        *("l1 31", "l2 33.5", "l3 25", "chain 1", "chain 2", "chain 3", "hub R 7.7"),
+        *("base hinge R 3.9, t 0.53", "elbow hinge R 1.6", "platform hinge"),
+    }
+    bases = [np.mean([complex(*patch.center) for patch in ax.patches[1:][k : k + 2]]) for k in (0, 2, 4)]
+    np.testing.assert_allclose(bases, bases[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
+    assert bases[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
+    ax = Figure(figsize=(8, 8)).add_subplot()
+    plot_dimensions(ax, with_changes({"override": UNLIKE}), ["hinges.base.radius_mm", *missing])
+    assert {"base hinge R 2.3, t 0.53", "base hinge t 0.53", "platform hinge R 1.9, t 0.41"} < set(texts(ax))
+
+
+def test_a_drawing_says_what_it_does_not_show():
+    def said(stage, missing=()):
+        return " ".join(" ".join(text.get_text() for text in drawing_figure(stage, missing).texts).split())
+
+    whole, partly = said(flexfem.load(STAGE)), said(flexfem.load(STAGE), ["thickness_mm"])
+    assert "thickness 10 mm; link width 9 mm; joint angles 180, -90, 90 deg; aluminium 7075-T6" in whole
+    assert "assumed dimensions" in whole and "missing" not in whole
+    assert "missing: thickness_mm" in partly and "thickness 10" not in partly
+
+
+def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with_changes().save("stage.toml")
+    opened = []
+    monkeypatch.setattr(drawing, "has_display", lambda: True)
+    with patch.object(pyplot, "show", lambda: opened.append(pyplot.gcf().axes[0].get_title())):
+        found = flexfem.view("stage.toml")
+    assert found.window and found.written == [] and opened == ["generic stage"]
+    assert [path.name for path in tmp_path.iterdir()] == ["stage.toml"] and pyplot.get_fignums() == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('name = "x"\n', r"nothing to draw, expected chain\.link_lengths_mm and chain\.joint_angles_deg"),
+        ("[chain]\nlink_lengths_mm = [31.0]\n", r"link_lengths_mm = \[31.0\], expected 3 values"),
+        ("[hinges.base]\nneckmm = 1.0\n", r"hinges\.base\.neckmm is an unknown key"),
+        ('[[curve]]\ndirection = "x"\npoints = 3\n', "this is a case file, expected a stage file"),
+    ],
+)
+def test_what_is_wrong_in_an_unfinished_file_is_refused(tmp_path, text, said):
+    (tmp_path / "half.toml").write_text(text)
+    with pytest.raises(flexfem.BadInput, match=said) as refused:
+        flexfem.view(tmp_path / "half.toml", output=tmp_path)
+    assert "\n" not in str(refused.value) and len(list(tmp_path.iterdir())) == 1
+    assert re.match(r".*half\.toml", str(refused.value))
