@@ -24,8 +24,9 @@ from random_stages import dimensions, scattered
 from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.clock import Limit
+from flexfem.design.proof import OF_CORNERS, quantity_band
 from flexfem.fem.heat import heat_response
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
@@ -43,7 +44,6 @@ from flexfem.study.columns import (
     outputs_of,
     values_of,
 )
-from flexfem.synthesis.mapping import OF_CORNERS, quantity_band
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
 
@@ -165,7 +165,11 @@ def judged(found: Solved) -> dict[str, Judged]:
 def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
     values = found.columns[:, :, [COLUMNS.index(name) for name in names]]
     bands = [
-        [quantity_band(frozenset({name}), RESOLUTIONS, each[:3, k]) for k, name in enumerate(names)] for each in values
+        [
+            quantity_band(frozenset({name}), np.array(RESOLUTIONS, dtype=float), each[:3, k])
+            for k, name in enumerate(names)
+        ]
+        for each in values
     ]
     order = CORNER_ORDER if names[0] in OF_CORNERS else STRESS_ORDER
     sizes = np.max(np.abs(values[:, -1]), axis=1, keepdims=True) if names == DRIFTS else np.abs(values[:, -1])

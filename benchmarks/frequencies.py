@@ -22,14 +22,14 @@ from random_stages import unlike
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
+from flexfem.fem.mesh import build_mesh
 from flexfem.fem.modes import modes
-from flexfem.fem.sectors import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import ORDER
+from flexfem.questions.modes import frequency_convergence, vibrating
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.modes import uncertainty, vibration
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh
 FINE = (11, 16)
@@ -75,7 +75,7 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, st
 
 def by_elements(stage: Stage, resolution: int) -> Array:
     """Frequencies (6,), rad/s."""
-    return modes(vibration(stage, build_mesh(stage, resolution), Payload(), "disengaged"), COUNT).frequencies
+    return modes(vibrating(stage, build_mesh(stage, resolution), Payload(), "disengaged"), COUNT).frequencies
 
 
 def truth(elements: Array) -> Array:
@@ -87,7 +87,9 @@ def truth(elements: Array) -> Array:
 def ratios(elements: Array) -> Array:
     """Band over actual error (6,) of the frequencies (levels, 6) of one stage on its default mesh."""
     count = len(RESOLUTIONS)
-    bands = [uncertainty(RESOLUTIONS[-1], list(values[:count])).band for values in elements.T]
+    bands = [
+        frequency_convergence(np.array(RESOLUTIONS[:count], dtype=float), values[:count]).band for values in elements.T
+    ]
     return np.asarray(bands / np.abs(elements[count - 1] - truth(elements)))
 
 

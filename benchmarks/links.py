@@ -17,9 +17,9 @@ import numpy as np
 
 from flexfem.analytic.model import analyse
 from flexfem.clock import Limit
-from flexfem.fem.cyclic import cyclic_response
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import mesh_sectors
+from flexfem.fem.mesh import mesh_sectors
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage, load_stage
 from flexfem.mechanism.stage_file import Override
 
@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[1]
 MODELS: dict[str, Callable[[Stage], object]] = {
     "rigid links": lambda stage: analyse(stage, 21, "calibrated"),
     "elastic links": lambda stage: analyse(stage, 21, "calibrated", links=True),
-    "finite elements": lambda stage: cyclic_response(mesh_sectors(stage, 4, Limit(60.0), True), plate_of(stage)),
+    "finite elements": lambda stage: unit_response(mesh_sectors(stage, 4, Limit(60.0), True), plate_of(stage)),
 }
 
 

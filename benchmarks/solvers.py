@@ -29,16 +29,16 @@ PLATE = (71700.0, 0.33, 10.0)  # the material and thickness of that stage
 
 def flexfem(sectors: Any, plate: Any) -> Any:
     """Three alike chains: one sector is solved."""
-    from flexfem.fem.cyclic import cyclic_response
+    from flexfem.fem.response import unit_response
 
-    return cyclic_response(sectors, plate).compliance
+    return unit_response(sectors, plate).compliance
 
 
 def flexfem_unlike(sectors: Any, plate: Any) -> Any:
     """As for chains that differ: the welded stage is solved, here of the same triangles."""
-    from flexfem.fem.cyclic import cyclic_response
+    from flexfem.fem.response import unit_response
 
-    return cyclic_response(sectors * 3, plate).compliance
+    return unit_response(sectors * 3, plate).compliance
 
 
 def flexfem_superlu(mesh: Any, plate: Any) -> Any:
@@ -55,8 +55,8 @@ def scikit_fem(mesh: Any, plate: Any) -> Any:
     from skfem import Basis, BilinearForm, ElementTriP2, ElementVector
     from skfem.helpers import ddot, eye, sym_grad, trace
 
-    from flexfem.fem.plane_stress import skfem_mesh
-    from flexfem.fem.response import tie_hub
+    from flexfem.fem.elements import skfem_mesh
+    from flexfem.fem.structure import tie_hub
 
     lame, mu = plate.lame
 
@@ -128,7 +128,7 @@ def installed() -> list[str]:
 
 def child(name: str, path: Path) -> None:
     from flexfem.commands.baseline.committed import read_mesh
-    from flexfem.fem.plane_stress import Plate
+    from flexfem.fem.elements import Plate
 
     with path.with_suffix(".pickle").open("rb") as file:
         mesh = pickle.load(file) if name in OF_SECTORS else read_mesh(path)
@@ -155,8 +155,8 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
     from flexfem.commands.baseline.committed import write_mesh
-    from flexfem.fem.response import tie_hub
-    from flexfem.fem.sectors import mesh_sectors, welded
+    from flexfem.fem.mesh import mesh_sectors, welded
+    from flexfem.fem.structure import tie_hub
     from flexfem.mechanism.stage import load_feasible
 
     path = folder / f"{resolution}.npz"

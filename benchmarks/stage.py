@@ -39,11 +39,11 @@ def run() -> dict[str, float]:
     import numpy as np
 
     from flexfem.analytic.model import analyse
+    from flexfem.fem.elements import integration, tied_lower
     from flexfem.fem.factor import factorise
-    from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.plane_stress import integration, tied_lower
-    from flexfem.fem.response import plate_of, platform_response, tie_hub
-    from flexfem.fem.sectors import build_mesh
+    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.response import platform_response
+    from flexfem.fem.structure import plate_of, tie_hub
     from flexfem.mechanism.stage import load_feasible
     from flexfem.verify.errors import compare
 

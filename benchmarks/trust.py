@@ -17,8 +17,7 @@ import numpy as np
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.study_labels import Caption, factor, output
-from flexfem.plot.study_map import StudyMap, map_figure
+from flexfem.plot.study_figures import Caption, StudyMap, factor, map_figure, output
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput

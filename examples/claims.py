@@ -52,12 +52,11 @@ from flexfem.analytic.paper import (
 )
 from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array, inverse
-from flexfem.fem.cyclic import cyclic_response
+from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh
-from flexfem.fem.plane_stress import Plate
-from flexfem.fem.response import plate_of, tie_hub
-from flexfem.fem.sectors import uneven_sectors, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, uneven_sectors, welded
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of, tie_hub
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower
@@ -554,9 +553,9 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     for across in ((1, 2, 2), (3, 4, 4)):  # of the three sectors; their cuts have the same nodes
         sectors, said = uneven_sectors(stage, across), ", ".join(map(str, across))
         yield f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)
-        yield f"asymmetric mesh, {said} quadratic triangles", cyclic_response(sectors, plate).compliance
+        yield f"asymmetric mesh, {said} quadratic triangles", unit_response(sectors, plate).compliance
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
-    strain = cyclic_response(fine.response.sectors, held).compliance
+    strain = unit_response(fine.response.sectors, held).compliance
     yield "finite elements in plane strain, the limit of wide necks", strain
     yield from other_thickness(stage, fine.response.compliance).items()
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexfem.api import solve as solve
     from flexfem.commands.baseline.regression import baseline as baseline
     from flexfem.commands.baseline.regression import regression as regression
-    from flexfem.designs import design as design
+    from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
     from flexfem.hinges.strength import Basquin as Basquin
@@ -50,17 +50,14 @@ if TYPE_CHECKING:
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
+    from flexfem.questions.modes import dynamic_model as dynamic_model
+    from flexfem.questions.modes import modes as modes
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports.modes import dynamic_model as dynamic_model
-    from flexfem.reports.modes import modes as modes
-    from flexfem.reports.modes import modes_solid as modes_solid
-    from flexfem.reports.modes import vibration as vibration
-    from flexfem.reports.modes import vibration_solid as vibration_solid
     from flexfem.reports.stage import check as check
     from flexfem.reports.verification import Verification as Verification
     from flexfem.reports.verification import budget as budget
@@ -87,7 +84,7 @@ __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
     "api": ("Errors", "analyse", "errors", "load", "solve"),
-    "designs": ("design",),
+    "design.run": ("run_design",),
     "models": ("AnalyticModel", "ElementModel"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
@@ -108,7 +105,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.stiffness": ("stiffness",),
     "questions.summary": ("summary",),
     "questions.life": ("life",),
-    "reports.modes": ("dynamic_model", "modes", "modes_solid", "vibration", "vibration_solid"),
+    "questions.modes": ("dynamic_model", "modes"),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
     "reports.stage": ("check",),
     "reports.verification": ("Verification", "budget", "converge", "verification"),
@@ -127,7 +124,7 @@ def home_of(name: str) -> str:
 def __getattr__(name: str) -> Any:
     if home := home_of(name):
         return getattr(import_module(f"flexfem.{home}"), name)
-    if name in ("plot", "study"):
+    if name in ("design", "plot", "study"):
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 

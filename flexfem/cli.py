@@ -38,7 +38,7 @@ GROUPS = {
 ONE_NAME = (
     *("check", "view", "summary", "stiffness"),
     *("drive", "reach", "large"),
-    *("drift", "life"),
+    *("modes", "drift", "life"),
     *("experiment", "identify"),
     *("export", "mesh"),
 )

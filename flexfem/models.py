@@ -14,8 +14,8 @@ from flexfem.analytic.model import AnalyticResult, ModelChoice
 from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array
+from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import load_case
 from flexfem.hinges.strength import range_at_yield
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.dimensioned import once

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
-    from flexfem.plot.study_records import Record, Source
+    from flexfem.plot.study import Record, Source
     from flexfem.study.collect import Collected
     from flexfem.study.findings import Shown
     from flexfem.study.run import Counts, Parts, Progress, Shard
@@ -188,8 +188,7 @@ def collect_study(
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    from flexfem.plot.study import named
-    from flexfem.plot.study_records import Source
+    from flexfem.plot.study import Source, named
     from flexfem.study.answer import nominal, unseen
     from flexfem.study.collect import read_table
     from flexfem.study.findings import findings

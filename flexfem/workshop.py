@@ -191,9 +191,8 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
         The mesh does not pass its checks.
     """
     from flexfem.fem.export import check_format, write_mesh
-    from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.response import plate_of
-    from flexfem.fem.sectors import build_mesh
+    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.structure import plate_of
     from flexfem.mechanism.stage_file import of_stage
     from flexfem.questions import warnings as warning
 

@@ -19,18 +19,12 @@ from typing import Any
 # Read when numpy is loaded: matrices are small here, and threads that wait for work take the processor from others.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
-import numpy as np
 import pytest
 from hypothesis import settings
 from typer.main import get_command
 
-import flexfem as flexfem_package
 from flexfem.commands import cli
-from flexfem.fem.solid_modes import solid_modes
-from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.verify import solid_modes as verify_solid_modes
-
-from .validation.vibration import third
+from flexfem.mechanism.stage import Stage
 
 ROOT = Path(__file__).parent.parent
 gc.set_threshold(50_000)  # by default all that libraries loaded is looked through again and again: a tenth of the time
@@ -162,23 +156,3 @@ def flexfem(monkeypatch: Any, capsys: Any, tmp_path: Path) -> Callable[..., tupl
         return code, captured.out, captured.err
 
     return run
-
-
-def annulus_for_stage(patch: pytest.MonkeyPatch) -> None:
-    """Have modes in three dimensions be those of an annulus with a hub, coarse, whatever the stage."""
-
-    def of_annulus(columns: int, *others: Any) -> Any:
-        sector = third(columns, 3, 0.7)
-        mesh = sector.mesh._replace(bodies=np.full(len(sector.mesh.triangles), 3))
-        return solid_modes((sector._replace(mesh=mesh),), *others)
-
-    patch.setattr(verify_solid_modes, "mesh_sectors", lambda _, level: level)
-    patch.setattr(verify_solid_modes, "solid_modes", of_annulus)
-
-
-@cache
-def annular_vibration() -> Any:
-    """Seven modes of that annulus with a payload, as if it were the reference stage."""
-    with pytest.MonkeyPatch.context() as patch:
-        annulus_for_stage(patch)
-        return flexfem_package.vibration_solid(load_stage(ROOT / "geometry" / "mobility6.toml"), 7, (0.3, 20.0), 16.0)

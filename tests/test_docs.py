@@ -16,10 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.fixture import read_fixture
 from flexfem.study.loaded import load_study
-from flexfem.synthesis.requirements import load_requirements
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("*/README.md"), *ROOT.glob("docs/*.md")]

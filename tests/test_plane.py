@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import analyse, hinge_compliance
-from flexfem.fem.plane_stress import von_mises
-from flexfem.fem.response import load_case, plate_of, platform_response
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.elements import von_mises
+from flexfem.fem.fields import load_case
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.response import platform_response
+from flexfem.fem.structure import plate_of
 from flexfem.hinges.chart import thickness_factors as factors
 from flexfem.mechanism.designs import elastic
 from flexfem.mechanism.stage import Stage, load_stage

@@ -118,9 +118,9 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw figures and the report page from stored results, as PNG and PDF."""
+    from flexfem.design.result import is_design, read_design
     from flexfem.files.refusals import place_of
     from flexfem.plot.write import write_design_figures, write_figures
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_fields, read_result
 
     designs = [(path, read_design(path)) for path in results if is_design(path)]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array, Index
+from flexfem.fem.elements import Plate
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Export
-from flexfem.fem.plane_stress import Plate
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
 

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
+from flexfem.fem.elements import ElementBatch, Plate, integration
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import ElementBatch, Plate, integration
 from flexfem.fem.problem import shape_values
 
 DEGREE = 4  # of the quadrature: products of two quadratic shape functions

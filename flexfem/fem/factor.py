@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import ComputationFailed
 
 SINGULAR = "finite-element equations singular to working precision: a part is not held, or a neck too thin"
@@ -36,11 +36,6 @@ def factorise(lower: sp.coo_array | sp.csc_array) -> Solve:
         return superlu(lower)
     K = to_cvxopt(lower)
     del lower  # its memory is free for the factor, unless the caller keeps it
-    return cholmod(K)
-
-
-def cholmod(K: Any) -> Solve:
-    """As `factorise`, by CHOLMOD's supernodal Cholesky factorisation of what `to_cvxopt` made."""
     return partial(_system, cholmod_factor(K), kind=WHOLE)
 
 
@@ -51,13 +46,6 @@ def to_cvxopt(lower: sp.coo_array | sp.csc_array) -> Any:
     entries = lower.tocoo()
     values, rows, columns = (matrix(part) for part in (entries.data, *(c.astype(np.int64) for c in entries.coords)))
     return spmatrix(values, rows, columns, lower.shape)
-
-
-def ordering(K: Any) -> Index:
-    """Elimination order (m,) with little fill, by AMD."""
-    from cvxopt import amd
-
-    return np.array(amd.order(K, "L")).ravel()
 
 
 def cholmod_factor(K: Any, order: Index | None = None) -> Any:
@@ -80,19 +68,24 @@ def cholmod_factor(K: Any, order: Index | None = None) -> Any:
 
 def superlu(lower: sp.coo_array | sp.csc_array) -> Solve:
     """As `factorise`, by SuperLU without pivoting, which the symmetric ordering needs."""
-    from scipy.sparse.linalg import splu
-
-    half = lower.tocsc()
     try:
-        factor = splu(
-            (half + sp.tril(half, -1).T).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        factor = _symmetric_lu(lower)
     except RuntimeError:
         raise ComputationFailed(SINGULAR) from None
     return lambda b: np.asarray(factor.solve(b))
+
+
+def _symmetric_lu(lower: sp.coo_array | sp.csc_array, **options: bool) -> Any:
+    from scipy.sparse.linalg import splu
+
+    options["SymmetricMode"] = True
+    return splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
+def _whole(lower: sp.coo_array | sp.csc_array) -> sp.csc_array:
+    """A symmetric matrix by its lower triangle."""
+    half = lower.tocsc()
+    return (half + sp.tril(half, -1).T).tocsc()
 
 
 def dense(A: Array) -> Solve:
@@ -131,8 +124,10 @@ def condense(lower: sp.coo_array | sp.csc_array, boundary: int) -> Condensed:
 
 def by_cholmod(K: Any, boundary: int) -> Condensed:
     """As `condense`, of what `to_cvxopt` made."""
+    from cvxopt import amd
+
     size: int = K.size[0]
-    inner, order = size - boundary, ordering(K)
+    inner, order = size - boundary, np.array(amd.order(K, "L")).ravel()
     order = np.concatenate([order[order < inner], np.arange(inner, size)])
     factor = cholmod_factor(K, order)
     last = _system(factor, np.arange(size, dtype=float)[:, None], PERMUTE)[inner:, 0]
@@ -143,12 +138,6 @@ def by_cholmod(K: Any, boundary: int) -> Condensed:
     else:
         L = _trailing(factor, boundary)
         factor = cholmod_factor(K, order)  # again: taking it apart has spent it
-    return _condensed(factor, np.asarray(L, dtype=float))
-
-
-def _condensed(factor: Any, L: Array) -> Condensed:
-    """By the factor of all unknowns and the last block (b, b) of its triangle."""
-    inner = -len(L)
 
     def reduced(loads: Array) -> tuple[Array, Array]:
         y = _system(factor, _system(factor, loads, PERMUTE), FORWARD)
@@ -195,3 +184,74 @@ def by_superlu(lower: sp.csc_array, boundary: int) -> Condensed:
         return np.concatenate([x[:inner] - solve(across.T @ edge), edge])
 
     return Condensed((schur + schur.T) / 2, reduced, expanded)
+
+
+class Factorization(NamedTuple):
+    """A factorised symmetric matrix: `solve`, and whether the matrix is positive definite."""
+
+    solve: Solve
+    definite: bool
+
+
+Factorise: TypeAlias = Callable[[sp.coo_array], Factorization]
+
+
+def factoriser() -> Factorise:
+    """A function that factorises symmetric matrices given by their lower triangles, definite or not.
+
+    Matrices with the pattern of the one before share its ordering and symbolic factorisation (CHOLMOD). A matrix that
+    is not positive definite is factorised by SuperLU with pivoting. Raises ComputationFailed for a singular one.
+    A factor is good until the next one is made.
+    """
+    if find_spec("cvxopt") is None:
+        return _definite_or_not
+    from cvxopt import cholmod, matrix
+
+    cholmod.options["supernodal"] = 2
+    known: list[tuple[tuple[AnyArray, ...], Any, object]] = []
+    places: list[Index] = []
+
+    def factorise(lower: sp.coo_array) -> Factorization:
+        if known and all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
+            places[:] = places or [_places(lower)]
+            known[0][1].V = matrix(np.bincount(places[0], lower.data))
+        else:
+            matrix_in, places[:] = to_cvxopt(lower), []
+            known[:] = [(lower.coords, matrix_in, cholmod.symbolic(matrix_in))]
+        _, matrix_in, symbolic = known[0]
+        try:
+            cholmod.numeric(matrix_in, symbolic)
+        except ArithmeticError:
+            return _pivoted(lower)
+        return Factorization(partial(_system, symbolic, kind=WHOLE), True)
+
+    return factorise
+
+
+def _places(lower: sp.coo_array) -> Index:
+    """Of each entry its place among all that differ, column by column, as cvxopt keeps them."""
+    rows, columns = lower.coords
+    return np.unique(columns.astype(np.int64) * lower.shape[0] + rows, return_inverse=True)[1]
+
+
+def _definite_or_not(lower: sp.coo_array) -> Factorization:
+    """By SuperLU: LU without pivoting has a positive diagonal of U if and only if the matrix is definite."""
+    try:
+        factor = _symmetric_lu(lower, Equil=False)
+    except RuntimeError:
+        return _pivoted(lower)
+    if not (np.array_equal(factor.perm_r, factor.perm_c) and np.all(factor.U.diagonal() > 0)):
+        return _pivoted(lower)
+    return Factorization(lambda b: np.asarray(factor.solve(b)), True)
+
+
+def _pivoted(lower: sp.coo_array) -> Factorization:
+    from scipy.sparse.linalg import splu
+
+    try:
+        factor = splu(_whole(lower))
+    except RuntimeError:
+        raise ComputationFailed(
+            "tangent stiffness singular to working precision: a limit or bifurcation load"
+        ) from None
+    return Factorization(lambda b: np.asarray(factor.solve(b)), False)

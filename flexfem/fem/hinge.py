@@ -26,8 +26,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate, integration, internal_forces, stiffness_matrix
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, integration, internal_forces, stiffness_matrix
 from flexfem.fem.problem import Support, Traction, edge_force, mapped, nodes_on, solve_with
 
 FREEDOMS = ("rotation", "axial", "shear")

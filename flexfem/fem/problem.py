@@ -9,12 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
+from flexfem.fem.elements import Plate, integration, stiffness_matrix, stress_tensor
 from flexfem.fem.factor import factorise
 from flexfem.fem.gmsh_process import run_mesher
-from flexfem.fem.mesh import StageMesh, ordered, quadrature, shape_functions
+from flexfem.fem.mesh import StageMesh, curved, ordered, quadrature, shape_functions
 from flexfem.fem.mesher import Cone, Job
-from flexfem.fem.plane_stress import Plate, integration, stiffness_matrix, stress_tensor
-from flexfem.fem.sectors import curved
 from flexfem.mechanism.bodies import Face
 
 TIME_LIMIT = 60.0  # s, for gmsh

@@ -1,215 +1,310 @@
-"""How the stage answers loads on its rigid hub: one factorisation, any number of load cases, checked balances."""
+"""Static answers of a structure to loads on its rigid hub, to its stacks, and to a ground that is displaced.
+
+One factorisation, any number of cases, iterative refinement with residuals from differences of displacements within the
+elements, and checked balances: reactions against loads, strain energy against work. Of three alike chains one sector is
+solved by cyclic symmetry. A push of a stack on a link is a body force over its station, and the opening of a stack is
+read with the same weights, so that the compliance is symmetric and conjugate to the forces; on the platform both act
+on the hub.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import (
-    QUADRATURE,
-    Plate,
-    integration,
-    internal_forces,
-    matrices_of,
-    nodal_stress,
-    tied_lower,
-    von_mises,
-)
-from flexfem.mechanism.designs import out_of_plane, stage_frames
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import located
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.fem.elements import Layers, Plate, integration, internal_forces, shape_values
+from flexfem.fem.factor import Solve, factorise
+from flexfem.fem.mesh import Sector, StageMesh, joined, welded
+from flexfem.fem.structure import Structure, structure
+from flexfem.fem.symmetry import cyclic, turned_fields, under_loads, whole_fields
+from flexfem.mechanism.actuators import HINGE_NAMES
+from flexfem.mechanism.contacts import Push, Stack, spread
+from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
+from flexfem.refused import ComputationFailed
 
 BALANCE = 1e-9  # of the load: reactions, and energy against work
 MOST_SOLVES = 12  # with iterative refinement; three do for necks of some um and more
 SETTLED = 0.1 * BALANCE  # refined no further: energy and work differ by the error of the compliance
+PUSH_QUADRATURE = 8  # degree, for pushes, whose weights are no polynomials in a triangle
 
 
-class Response(NamedTuple):
+class StaticSolution(NamedTuple):
+    """A structure at rest in k cases; one sector of three alike, or the whole.
+
+    motion : (size, k), unknowns.   fields, forces : (k, n, ...), displacements, mm, and nodal forces, N, of all nodes.
+    pads : (k, pads, 3), force and moment of the ground on each pad of the whole, about the platform's centre.
+    energy : (k, k), N mm, of the whole, `u_i' K u_j`.
+    """
+
+    motion: Array
+    fields: Array
+    forces: Array
+    pads: Array
+    energy: Array
+
+    @property
+    def compliance(self) -> Array:
+        """The pose (3, k)."""
+        return self.motion[-3:]
+
+    @property
+    def reactions(self) -> Array:
+        """Resultants (k, 3) of the clamped edges."""
+        return np.asarray(self.pads.sum(axis=1))
+
+    @property
+    def unknowns(self) -> int:
+        """Number of equations."""
+        return len(self.motion)
+
+
+def settle(
+    of: Structure, solve: Solve, loads: Array, given: Array | None = None, alike: bool = False
+) -> StaticSolution:
+    """Refine the answer to loads until its balances hold. Raises ComputationFailed when they do not.
+
+    Parameters
+    ----------
+    solve : by the stiffness, loads (size, k) -> unknowns (size, k).
+    loads : (size, k), on the unknowns; where `alike`, a third of those of the whole.
+    given : (k, n, ...), displacements imposed on clamped nodes, zero elsewhere; None holds them.
+    alike : the structure is one of three alike sectors, which turn cases (3) as the vector x, y, theta.
+    """
+    turns = [chain_rotation(chain) for chain in range(3)] if alike else [np.eye(loads.shape[1])]
+    lever = float(np.max(np.abs(of.mesh.nodes)))
+    scale = np.ones(3)
+    scale[of.turning[2:] if of.turning[0] == 0 else of.turning[:2]] = 1 / lever  # rotations
+    pads = [np.unique(of.mesh.edges["ground"])] if alike else clamped_nodes(of.mesh)
+    ground, motion = [of.rigid_fields(nodes).reshape(-1, 3) for nodes in pads], np.zeros_like(loads)
+    applied = _resultants(of, loads)
+
+    def whole(values: Array) -> Array:
+        return np.asarray(np.sum([turn @ values @ turn.T for turn in turns], axis=0))
+
+    def around(values: Array) -> list[Array]:
+        """Resultants (k, 3) of every chain from those of one."""
+        back = np.argsort(of.turning)
+        return [(turn @ values[:, of.turning] @ turn.T)[:, back] for turn in turns] if alike else [values]
+
+    residual = loads if given is None else loads - of.loads(of.forces(given))
+    for _ in range(MOST_SOLVES):
+        motion = motion + solve(residual)
+        fields = of.fields(motion) if given is None else given + of.fields(motion)
+        forces = of.forces(fields)
+        residual = loads - of.loads(forces)
+        flat = forces.reshape(len(forces), -1).T
+        energy, work = fields.reshape(len(fields), -1) @ flat, motion.T @ loads
+        if given is not None:
+            work = work + given.reshape(len(given), -1) @ flat
+        held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
+        found = StaticSolution(
+            motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), whole(energy)
+        )
+        loaded = np.sum(around(applied), axis=0)
+        unbalanced = _imbalance(found, whole(work), loaded * scale, scale)
+        if max(unbalanced.values()) <= SETTLED:
+            break
+    if given is not None:  # pads that carry nothing but stress of their own
+        unbalanced = _imbalance(found, whole(work), loaded * scale, scale, np.max(np.abs(flat), axis=0))
+    for name, worst in unbalanced.items():
+        if not worst <= BALANCE:
+            raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
+    return found
+
+
+def _resultants(of: Structure, loads: Array) -> Array:
+    """Force and moment (k, 3) of loads (size, k) on the unknowns."""
+    free = of.rigid_fields(of.tied.free)
+    rigid = free.reshape(len(free), -1, 3) if of.layers is None else free[:, *of.layers.kept]
+    return np.asarray(loads.T @ np.concatenate([rigid.reshape(-1, 3), np.eye(of.poses, 3)]))
+
+
+def _imbalance(
+    found: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
+) -> dict[str, float]:
+    """What reactions and loads differ by over the largest of them, and strain energy and work over the energies.
+
+    nodal : (k,), N, a force that counts as one of them.
+    """
+    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(found.energy)))
+    pads = found.pads * scale
+    largest = np.maximum(np.maximum(np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1)), nodal)
+    forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
+    energies = np.abs(found.energy - work) / np.maximum(np.outer(size, size), tiny)
+    return {"reactions and load": float(np.max(forces)), "strain energy and work": float(np.max(energies))}
+
+
+def clamped_nodes(mesh: StageMesh) -> list[Index]:
+    """Nodes of the clamped edge of each chain's pad."""
+    chain_of = np.full(len(mesh.nodes), -1)
+    for body in range(0, 12, 4):  # pads
+        chain_of[mesh.triangles[mesh.bodies == body]] = body // 4
+    ground = np.unique(mesh.edges["ground"])
+    return [ground[chain_of[ground] == chain] for chain in range(3)]
+
+
+@dataclass(frozen=True)
+class Response:
     """Answer of the stage to a unit force in x, in y and a unit moment on the platform, order x, y, theta.
 
     compliance : (3, 3), mm and rad per N and N mm; column j is the pose under unit load j.
-    fields : (3, n, 2), mm, displacement of every node.
+    sectors, sector_fields : one or three sectors, and the displacements (3 loads, n, 2), mm, of their nodes, with
+        layers (3, n, m, 3); both are in the frame of chain 1, the loads in that of the stage.
     reactions : (3, 3), row j the resultant of the clamped edges about the origin under unit load j, N and N mm.
     energy : (3, 3), N mm, `u_i' K u_j`; half its diagonal is the strain energy under each unit load.
-    unknowns : number of equations solved.
+    unknowns : number of equations that the whole stage would have.
+    extrusion : None in the plane.
+    """
+
+    compliance: Array
+    sectors: tuple[Sector, ...]
+    sector_fields: tuple[Array, ...]
+    reactions: Array
+    energy: Array
+    unknowns: int
+    extrusion: Layers | None = None
+
+    @property
+    def layers(self) -> Layers:
+        """Of an extruded stage."""
+        assert self.extrusion is not None
+        return self.extrusion
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of the whole stage."""
+        return sum(len(sector.mesh.triangles) for sector in self.sectors) * 3 // len(self.sectors)
+
+    @property
+    def mesh(self) -> StageMesh:
+        """The whole stage."""
+        return self._welded[0]
+
+    @cached_property
+    def fields(self) -> Array:
+        """Displacements (3 loads, n, 2), mm, of all nodes of `mesh`; with layers (3, n, m, 3)."""
+        mesh, places = self._welded
+        return whole_fields(len(mesh.nodes), places, under_loads(self.sector_fields))
+
+    @cached_property
+    def _welded(self) -> tuple[StageMesh, list[Index]]:
+        return welded(self.sectors)
+
+
+def unit_response(
+    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+) -> Response:
+    """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature in the plane.
+
+    Raises ComputationFailed as `settle` and `Structure.lower`.
+    """
+    if len(sectors) == 1:
+        one = cyclic(sectors[0], plate, layers, degree)
+        loads = _unit_loads(one.sector)
+        found = settle(one.sector, one.solve, loads / 3, alike=True)
+        fields: tuple[Array, ...] = (found.fields,)
+        unknowns = one.unknowns
+    else:
+        mesh, places = joined(sectors)
+        found = platform_response(mesh, plate, degree, layers)
+        fields = tuple(turned_fields(found.fields[:, place], -chain) for chain, place in enumerate(places))
+        unknowns = found.unknowns
+    return Response(found.compliance, sectors, fields, found.reactions, found.energy, unknowns, layers)
+
+
+def platform_response(
+    mesh: StageMesh, plate: Plate, degree: int | None = None, layers: Layers | None = None
+) -> StaticSolution:
+    """As `unit_response`, of a whole mesh.
+
+    Notes
+    -----
+    The hub's nodes follow the platform, so `u = T q` with the pose as the last three of `q`; the compliance is the pose
+    block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
+    """
+    of = structure(mesh, plate, layers, degree=degree)
+    return settle(of, factorise(of.lower()), _unit_loads(of))
+
+
+def _unit_loads(of: Structure) -> Array:
+    return np.eye(of.size, 3, 3 - of.size)
+
+
+class DrivenResponse(NamedTuple):
+    """Finite-element answer to the loads of the platform and one newton of each of n stacks.
+
+    compliance : (3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
+    fields : (3 + n, nodes, 2), mm, displacement of every node.
     """
 
     compliance: Array
     fields: Array
-    reactions: Array
-    energy: Array
-    unknowns: int
 
 
-class UnitResponse(Protocol):
-    """What `Response` holds, however it was computed."""
+def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> DrivenResponse:
+    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped.
 
-    @property
-    def compliance(self) -> Array: ...
-    @property
-    def fields(self) -> Array: ...
-    @property
-    def reactions(self) -> Array: ...
-    @property
-    def energy(self) -> Array: ...
-    @property
-    def unknowns(self) -> int: ...
+    Raises ComputationFailed as `settle`.
+    """
+    of = structure(mesh, plate)
+    loads = stack_loads(of, stacks)
+    found = settle(of, factorise(of.lower()), loads)
+    compliance = loads.T @ found.motion
+    return DrivenResponse((compliance + compliance.T) / 2, found.fields)
 
 
-class LoadCase(NamedTuple):
-    """One load on the platform: force (3,) N, N, N mm; pose (3,) mm, mm, rad; field (n, 2) mm; energy N mm;
-    stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), the largest in each notch, MPa."""
-
-    force: Array
-    pose: Array
-    field: Array
-    reaction: Array
-    energy: float
-    stress: Array
-    neck_stress: Array
-
-
-def plate_of(stage: Stage) -> Plate:
-    """The stage's sheet. Raises BadInput for a model that finite elements in the plane cannot have."""
-    with located(stage):
-        if stage.model == "corrected":
-            raise BadInput(
-                'model = "corrected", which has hinges of three dimensions, expected "plane_stress" or "plane_strain": '
-                "the finite elements are plane"
-            )
-    E, nu = stage.elastic
-    return Plate(float(E), float(nu), stage.thickness)
+def stack_loads(of: Structure, stacks: Sequence[Stack]) -> Array:
+    """Loads (unknowns, 3 + n) of the platform's three directions and of the stacks."""
+    nodal, hub = np.zeros((3 + len(stacks), *of.mesh.nodes.shape)), np.eye(3, 3 + len(stacks))
+    for j, stack in enumerate(stacks, start=3):
+        for push in stack.pushes:
+            if push.station is not None:
+                nodal[j] += push_forces(of.mesh, stack.chain, push)
+            elif push.body:
+                hub[:, j] += stack.placed(push)
+    loads = of.loads(nodal)
+    loads[-3:] += hub
+    return loads
 
 
-def out_of_plane_ratio_of(stage: Stage) -> float:
-    """The stress out of the plane over the sum of those in it: `pull` of `plane_stress.von_mises`."""
-    return float(out_of_plane(stage.model, stage.material.poissons_ratio))
+def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
+    """Nodal forces (n, 2), N, of one newton of a push on a link of a chain (from 0), its wrench met exactly."""
+    assert push.station is not None
+    mine = mesh.bodies == 4 * chain + push.body  # the numbers of the links are the same
+    part = mesh._replace(triangles=mesh.triangles[mine], bodies=mesh.bodies[mine])
+    N, found = shape_values(PUSH_QUADRATURE), np.zeros((3, *mesh.nodes.shape))
+    for triangles, _, weights in integration(part, PUSH_QUADRATURE):
+        points = np.einsum("eid,iq->eqd", turned(mesh.nodes[triangles], -chain * CHAIN_TURN), N)
+        density = spread(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
+        nodal = np.einsum("keqd,eq,iq->keid", density, weights, N)
+        for force, each in zip(found, nodal, strict=True):
+            np.add.at(force, triangles, each)
+    x, y = turned(mesh.nodes, -chain * CHAIN_TURN).T
+    fx, fy = np.moveaxis(found, -1, 0)
+    resultants = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
+    return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), found, axes=1), chain * CHAIN_TURN)
 
 
-def platform_response(mesh: StageMesh, plate: Plate, degree: int = QUADRATURE) -> Response:
-    """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature.
-
-    Raises ComputationFailed when reactions do not balance the loads, or energy and work differ, beyond `BALANCE`.
+def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
+    """Wrench (3 chains, 3 hinges, 3, k) that each neck carries, at the platform centre, N and N mm, of fields
+    (k, n, 2), mm: that of the bodies beyond it on those before.
 
     Notes
     -----
-    The hub's nodes follow the platform, `u = U + theta x r`, so `u = T q` with the pose as the last three of `q`; the
-    compliance is the pose block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
+    The nodal forces of the triangles of one body on the nodes of its neck: those of its pushes are in the body.
     """
-    batches, tied = integration(mesh, degree), tie_hub(mesh)
-    solve = factorise(tied_lower(mesh.triangles, matrices_of(batches, plate), tied.number, tied.rigid))
-    loads = np.zeros((2 * len(tied.free) + 3, 3))
-    loads[-3:] = np.eye(3)
-    motion, residual, size = np.zeros_like(loads), loads, float(np.max(np.abs(mesh.nodes)))
-    for _ in range(MOST_SOLVES):
-        motion = motion + solve(residual)
-        fields = tied.fields(motion)
-        forces = internal_forces(batches, plate, fields)
-        residual = loads - tied.loads(forces)
-        energy = np.einsum("ind,jnd->ij", fields, forces)
-        response = Response(motion[-3:], fields, resultants(mesh, forces), energy, len(loads))
-        if max(imbalance(response, size).values()) <= SETTLED:
-            break
-    check_balance(response, size)
-    return response
-
-
-class Tied(NamedTuple):
-    """Unknowns of the stage: free nodes (f,), then the pose of the hub, whose nodes (h,) follow it.
-
-    number : (n,), free nodes counted first, then hub nodes; -1 where clamped.
-    rigid : (2h, 3), displacement of the hub's nodes per pose, `u = U + theta x r`.
-    """
-
-    number: Index
-    free: Index
-    hub: Index
-    rigid: Array
-
-    def fields(self, motion: Array) -> Array:
-        """Displacements (k, n, 2) of all nodes from unknowns (2f + 3, k)."""
-        fields = np.zeros((motion.shape[1], len(self.number), 2))
-        fields[:, self.free] = motion[:-3].T.reshape(-1, len(self.free), 2)
-        fields[:, self.hub] = (self.rigid @ motion[-3:]).T.reshape(-1, len(self.hub), 2)
-        return fields
-
-    def loads(self, forces: Array) -> Array:
-        """Loads (2f + 3, k) on the unknowns from nodal forces (k, n, 2)."""
-        free = forces[:, self.free].reshape(len(forces), -1)
-        hub = forces[:, self.hub].reshape(len(forces), -1) @ self.rigid
-        return np.concatenate([free, hub], axis=1).T
-
-
-def tie_hub(mesh: StageMesh) -> Tied:
-    """Number the unknowns: ground clamped, hub rigid."""
-    hub = np.unique(mesh.edges["hub"])
-    number = np.zeros(len(mesh.nodes), dtype=np.int64)
-    number[mesh.edges["ground"]] = -1
-    number[hub] = -1
-    free = np.flatnonzero(number == 0)
-    number[free] = np.arange(len(free))
-    number[hub] = len(free) + np.arange(len(hub))
-    return Tied(number, free, hub, rigid_motion(mesh.nodes[hub]))
-
-
-def rigid_motion(nodes: Array) -> Array:
-    """Displacements (2h, 3) of nodes (h, 2) per pose, `u = U + theta x r`."""
-    x, y = nodes.T
-    one, zero = np.ones(len(nodes)), np.zeros(len(nodes))
-    return np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3)
-
-
-def check_balance(response: UnitResponse, size: float) -> None:
-    """Refuse a response whose reactions or energies do not match its loads; `size` mm makes moments comparable."""
-    for name, worst in imbalance(response, size).items():
-        if not worst <= BALANCE:
-            raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
-
-
-def imbalance(response: UnitResponse, size: float) -> dict[str, float]:
-    """What reactions and loads, and energy and work, differ by relative to the loads; arguments as `check_balance`."""
-    scale = np.array([1.0, 1.0, 1.0 / size])
-    unbalanced = np.max(np.abs((response.reactions + np.eye(3)) * scale), axis=1) / scale
-    work = np.abs(response.energy - response.compliance) / np.sqrt(
-        np.abs(np.outer(np.diag(response.compliance), np.diag(response.compliance)))
-    )
-    return {"reactions and load": float(np.max(unbalanced)), "strain energy and work": float(np.max(work))}
-
-
-def load_case(stage: Stage, mesh: StageMesh, response: UnitResponse, force: Array) -> LoadCase:
-    """Combine the unit responses to one load (3,), N, N and N mm, at the platform centre."""
-    force = np.asarray(force, dtype=float)
-    field = np.tensordot(force, response.fields, axes=1)
-    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
-    return LoadCase(
-        force=force,
-        pose=response.compliance @ force,
-        field=field,
-        reaction=force @ response.reactions,
-        energy=float(force @ response.energy @ force / 2),
-        stress=stress,
-        neck_stress=neck_maxima(stage, mesh, stress),
-    )
-
-
-def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
-    """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
-    centres = stage_frames(stage).centres
-    found = np.empty((3, 3))
-    for chain, position in np.ndindex(3, 3):
-        near = np.hypot(*(mesh.nodes - centres[chain, position]).T)
-        found[chain, position] = np.max(values[near <= stage.hinge(chain + 1, HINGE_NAMES[position]).radius])
+    found = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
+    for chain in range(3):
+        for hinge, name in enumerate(HINGE_NAMES):
+            before = mesh.bodies == 4 * chain + hinge
+            part = mesh._replace(triangles=mesh.triangles[before], bodies=mesh.bodies[before])
+            nodes = np.unique(mesh.edges[f"neck {chain + 1} {name}"])
+            x, y = mesh.nodes[nodes].T
+            fx, fy = np.moveaxis(internal_forces(integration(part), plate, fields)[:, nodes], -1, 0)
+            found[chain, hinge] = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
     return found
-
-
-def resultants(mesh: StageMesh, forces: Array) -> Array:
-    """Force and moment about the origin (3 loads, 3) of nodal forces (3 loads, n, 2) on the clamped edges."""
-    ground = np.unique(mesh.edges["ground"])
-    x, y = mesh.nodes[ground].T
-    fx, fy = np.moveaxis(forces[:, ground], -1, 0)
-    return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y], axis=1)

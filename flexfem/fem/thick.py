@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
+from flexfem.fem.elements import Plate, layered, nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
 from flexfem.fem.extrusion import (
     Line,
     displacement,
@@ -40,11 +41,8 @@ from flexfem.fem.extrusion import (
     solid_stiffness,
 )
 from flexfem.fem.hinge import Extrapolation, richardson
-from flexfem.fem.layers import layered
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate, nodal_stress, von_mises
 from flexfem.fem.problem import edge_force, mapped, nodes_on
-from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
 
 FREEDOMS = ("rotation", "axial")
 LEVELS = (2, 3, 4)  # refinements, coarse to fine

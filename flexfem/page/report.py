@@ -199,8 +199,8 @@ def _study(path: Path, folder: Path) -> Subject:
 
 
 def _stored(files: Sequence[Path]) -> Subject:
+    from flexfem.design.result import is_design, read_design
     from flexfem.page.design import design_parts
-    from flexfem.synthesis.stored import is_design, read_design
     from flexfem.verify.result_files import read_result
 
     drawn = [path for path in files if is_design(path)]
@@ -440,18 +440,11 @@ def _large(stage: Stage) -> PageSection:
 def _modes(stage: Stage) -> PageSection:
     """Natural frequencies in the plane, with their shapes."""
     from flexfem.plot.modes import modes_figure
-    from flexfem.reports.modes import vibration
+    from flexfem.questions.modes import modes
 
-    found = vibration(stage)
-    rows = [
-        [str(number), f"{one.frequency:.6g}", significant(one.band, 2)]
-        + [f"{value:.2f}" for value in one.share.model_dump().values()]
-        for number, one in enumerate(found.record.modes, start=1)
-    ]
-    head = ["mode", f"frequency ({UNITS['hz']})", f"± ({UNITS['hz']})", "mass in X (%)", "in Y (%)", "inertia in θ (%)"]
-    data = table(head, rows, numbers=5, caption="Natural frequencies in the plane, effective modal masses")
+    found = modes(stage)
     figure = shown_figure("modes-figure", partial(modes_figure, found), "Shapes of the modes listed in the table.")
-    return _section("modes", "Natural modes", data, figure, notes(found.record.warnings))
+    return _section("modes", "Natural modes", Markup(found.to_html()), figure)
 
 
 def _drift(stage: Stage) -> PageSection:

@@ -11,20 +11,16 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "design": ("plot_history", "plot_margins", "plot_tradeoff"),
-    "design_front": ("plot_objectives",),
+    "design": ("plot_history", "plot_margins", "plot_sensitivity", "plot_tradeoff"),
     "drive": ("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
     "errors": ("plot_budget", "plot_convergence", "plot_displaced", "plot_errors"),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
     "fields": ("plot_displacement", "plot_drift"),
     "hinge": ("plot_formulas", "plot_hinge", "plot_hinge_table", "plot_thickness"),
     "life": ("plot_life",),
-    "modes": ("plot_mode", "plot_response", "plot_solid_mode"),
-    "sensitivity": ("plot_sensitivity",),
+    "modes": ("plot_mode", "plot_response"),
     "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
-    "study_map": ("plot_map",),
-    "study_pareto": ("plot_front",),
-    "study_scatter": ("plot_histogram", "plot_shares"),
+    "study_figures": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
 }
 _HOMES["drive"] += ("plot_solid", "plot_strokes", "plot_tangents")
 __all__ = sorted(name for names in _HOMES.values() for name in names)

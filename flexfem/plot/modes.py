@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,11 +36,10 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import significant
+from flexfem.questions.dynamic_model import DynamicModel
+from flexfem.questions.modes import NaturalModes, PlaneVibration, SolidVibration
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, UNITS, Direction
-from flexfem.verify.dynamic_model import DynamicModel
-from flexfem.verify.modes import NaturalModes, Vibration
-from flexfem.verify.solid_modes import SolidVibration
 
 DRAWN = 0.07  # largest drawn displacement, per size of the stage
 SHAPES = "viridis"
@@ -53,43 +52,52 @@ Part = Literal["magnitude", "phase"]
 Kind = Literal["load", "stroke"]
 
 
+def figures(found: NaturalModes) -> dict[str, Any]:
+    """What is written beside natural modes: their shapes, the frequency response, and an animation of each mode."""
+    drawn: dict[str, Any] = {"": modes_figure(found)}
+    if isinstance(found.fields, PlaneVibration):
+        drawn["-response"] = response_figure(found.fields.reduced, found)
+        for number in range(1, len(found.axes["mode"]) + 1):
+            drawn[f"-{number}"] = partial(write_animation, found, number)
+    return drawn
+
+
 @in_house_style
-def modes_figure(found: Vibration | SolidVibration) -> Figure:
+def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
-    of, mesh, solid = found.record, _mesh(found), isinstance(found, SolidVibration)
-    titles = [title_of(of, number) for number in range(1, len(of.modes) + 1)]
+    of, mesh = found.about, _fields(found).mesh
+    titles = [title_of(found, number) for number in range(1, len(found.axes["mode"]) + 1)]
     columns = min(3, len(titles))
     rows = -(-len(titles) // columns)
     height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + 0.55
     size, doubts = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), (of.assumed, of.not_stated)
-    figure, axes = panels(size, f"{of.name}: natural modes", [_said_of(of)], rows, columns, doubts)
+    figure, axes = panels(size, f"{of.name}: natural modes", [_said_of(found)], rows, columns, doubts)
     for spare in axes[len(titles) :]:
         spare.remove()
-    draw: Any = plot_solid_mode if solid else plot_mode
     for number, (each, title) in enumerate(zip(axes, titles, strict=False), start=1):
-        draw(each, found, number).set_title(wrapped(title, PANEL - 0.2, 10), size=10)
+        plot_mode(each, found, number).set_title(wrapped(title, PANEL - 0.2, 10), size=10)
     place: dict[str, Any] = {"location": "bottom", "aspect": 38, "shrink": 6.0 / size[0]}
     bar = figure.colorbar(ScalarMappable(Normalize(0, 1), SHAPES), ax=figure.axes, **place)
     bar.set_label("displacement, over the largest of the mode")
     return figure
 
 
-def _mesh(found: Vibration | SolidVibration) -> StageMesh:
-    return found.mesh if isinstance(found, SolidVibration) else found.structure.mesh
+def _fields(found: NaturalModes) -> PlaneVibration | SolidVibration:
+    """The modes of finite elements. Raises BadInput when a result has none."""
+    if not isinstance(found.fields, PlaneVibration | SolidVibration):
+        raise BadInput("natural modes without finite elements, expected them for their shapes")
+    return found.fields
 
 
-def _said_of(of: Any) -> str:
+def _said_of(found: NaturalModes) -> str:
     """What the modes are of, and what is not in them."""
-    solid, inertia = hasattr(of, "payload_tilting"), f"{of.payload_inertia:g}"
-    inertia += f" and, tilting, {of.payload_tilting:g}" if solid else ""
-    payload = f" payload {of.payload_mass:g} {UNITS['kg']}, {inertia} {UNITS['kg_mm2']};"
-    said = "Finite elements in three dimensions; drives disengaged;"
-    if not solid:
-        said = f"Plane finite elements, motion in the plane only; drives {of.drives};"
-    said += payload if of.payload_mass or of.payload_inertia else ""
+    solid, asked = isinstance(found.fields, SolidVibration), found.settings
+    said = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
+    said += f" drives {asked['drives']};" + (f" payload {asked['payload']};" if asked["payload"] else "")
     said += (
-        f" mass {of.mass:.4g} {UNITS['kg']}. Titles: the largest effective modal mass, of the whole mass or, in theta, "
-        "moment of inertia. Displacements are exaggerated, each mode by its own factor; grey: at rest."
+        f" mass {UNITS['kg'].factor * float(found.mass):.4g} {UNITS['kg']}. Titles: the largest effective modal mass, "
+        "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
+        "factor; grey: at rest."
     )
     if solid:
         said += (
@@ -99,35 +107,32 @@ def _said_of(of: Any) -> str:
     return said
 
 
-def title_of(of: Any, number: int) -> str:
+def title_of(found: NaturalModes, number: int) -> str:
     """Number, kind, frequency with band and the largest share of the mass of a mode."""
-    one = of.modes[number - 1]
-    kind = f", {one.kind}" if hasattr(one, "kind") else ""
-    shares: Mapping[str, float] = one.share.model_dump()
-    most = max(shares, key=lambda name: shares[name])
-    frequency = f"{one.frequency:.5g} ± {significant(one.band, 1)} {UNITS['hz']}"
-    return f"mode {number}{kind}: {frequency}; moves {shares[most]:.2g} % in {most.replace('_', ' ')}"
+    share, hertz = found.share[number - 1], UNITS["hz"].factor
+    most = int(np.argmax(share))
+    value, band = (hertz * each[number - 1, -1] for each in (found.frequency, found.band("frequency")))
+    name = found.axes["mode"][number - 1]
+    kind = f"mode {number}{f', {name.partition(chr(32))[2]}' if chr(32) in name else ''}"
+    frequency = f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
+    return f"{kind}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
 
 
-def plot_mode(ax: Axes | None, found: Vibration, number: int, *, phase: float = math.pi / 2) -> Axes:
+def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:
     """Draw the stage in one mode (from 1) at a phase, rad, of its vibration; returns `ax`, or new axes.
 
-    Colours are the size of the displacement over the largest, at any phase. Raises BadInput for a mode that is not
-    there.
+    Colours are the size of the displacement over the largest, at any phase. In three dimensions the mid-plane is drawn:
+    displaced in its plane, or contours of how far it leaves it. Raises BadInput for a mode that is not there.
     """
-    _check_mode(found, number)
-    return _draw_shape(ax or new_axes(), found.structure.mesh, found.fields[number - 1], math.sin(phase))
-
-
-def plot_solid_mode(ax: Axes | None, found: SolidVibration, number: int) -> Axes:
-    """Draw the mid-plane in one mode (from 1): displaced in its plane, or contours of w; returns `ax`, or new axes.
-
-    Colours are the size of the displacement over the largest. Raises BadInput for a mode that is not there.
-    """
-    _check_mode(found, number)
-    ax, mesh, field = ax or new_axes(), found.mesh, found.field(number - 1)[:, 0]
-    if found.record.modes[number - 1].kind == "in plane":
-        return _draw_shape(ax, mesh, field[:, :2])
+    fields, count = _fields(found), len(found.axes["mode"])
+    if not 1 <= number <= count:
+        raise BadInput(f"mode {number!r}, expected 1 to {count}")
+    ax, mesh = ax or new_axes(), fields.mesh
+    if isinstance(fields, PlaneVibration):
+        return _draw_shape(ax, mesh, fields.shapes[number - 1], math.sin(phase))
+    field = fields.field(number - 1)[:, 0]
+    if fields.chosen[number - 1][0] == 0:
+        return _draw_shape(ax, mesh, field[:, :2], math.sin(phase))
     w = field[:, 2] / np.abs(field[:, 2]).max()
     linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero and its contour says nothing
     looks: dict[str, Any] = {"colors": INK, "linewidths": np.where(CONTOURS == 0.0, 1.6, 0.6), "zorder": 2.5}
@@ -138,11 +143,6 @@ def plot_solid_mode(ax: Axes | None, found: SolidVibration, number: int) -> Axes
         Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], quarters(mesh.triangles[linked])), w, levels=CONTOURS, **looks
     )
     return ax
-
-
-def _check_mode(found: Vibration | SolidVibration, number: int) -> None:
-    if not 1 <= number <= len(found.record.modes):
-        raise BadInput(f"mode {number!r}, expected 1 to {len(found.record.modes)}")
 
 
 def _draw_shape(ax: Axes, mesh: StageMesh, field: Array, phase: float = 1.0) -> Axes:
@@ -169,13 +169,15 @@ def _exaggerated(mesh: StageMesh, field: Array) -> Array:
     return np.asarray(DRAWN * float(np.ptp(mesh.nodes, axis=0).max()) / largest * field)
 
 
-def write_animation(found: Vibration, number: int, path: Path) -> Path:
-    """Write one mode (from 1) as an animated GIF of one cycle: the outline, and that at rest in grey.
+def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
+    """Write one mode (from 1) in the plane as an animated GIF of one cycle: the outline, and that at rest in grey.
 
     Raises BadInput when the folder takes no file.
     """
-    mesh, title = found.structure.mesh, f"{found.record.name}: {title_of(found.record, number)}"
-    field, boundary = _exaggerated(mesh, found.fields[number - 1]), boundary_of(mesh.triangles)
+    fields, path = _fields(found), path.with_suffix(".gif")
+    assert isinstance(fields, PlaneVibration)
+    mesh, title = fields.mesh, f"{found.about.name}: {title_of(found, number)}"
+    field, boundary = _exaggerated(mesh, fields.shapes[number - 1]), boundary_of(mesh.triangles)
     figure = new_figure(*SIZE)
     ax = figure.add_axes((0.02, 0.02, 0.96, 0.86))
     figure.text(0.5, 0.98, wrapped(title, SIZE[0] - MARGIN, 9), size=9, ha="center", va="top")
@@ -193,7 +195,7 @@ def write_animation(found: Vibration, number: int, path: Path) -> Path:
     with house_style(), replacing(path, ".gif") as temporary:
         animation = FuncAnimation(figure, draw, frames=FRAMES, interval=1000 / RATE)
         animation.save(str(temporary), writer=PillowWriter(fps=RATE), dpi=90)
-    return path
+    return [path]
 
 
 @in_house_style
@@ -201,11 +203,12 @@ def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
     """Draw magnitude and phase of all three poses, each under its own load and under every stroke."""
     kinds: tuple[Kind, ...] = ("load", "stroke") if _strokes(model) else ("load",)
     lines = [
-        f"Plane finite elements, {len(model.frequencies)} modes and what the others do at rest; drives {of.drives}. "
-        f"Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in the plane only."
+        f"Plane finite elements, {len(model.frequencies)} modes and what the others do at rest; drives "
+        f"{of.settings['drives']}. Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in the "
+        "plane only."
     ]
-    size, doubts = (12.6, 5.0 * len(kinds)), (of.assumed, of.not_stated)
-    figure, axes = panels(size, f"{of.name}: frequency response", lines, 2 * len(kinds), 3, doubts)
+    size, doubts = (12.6, 5.0 * len(kinds)), (of.about.assumed, of.about.not_stated)
+    figure, axes = panels(size, f"{of.about.name}: frequency response", lines, 2 * len(kinds), 3, doubts)
     for row, kind in enumerate(kinds):
         for column, name in enumerate(DIRECTIONS):
             upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]

@@ -10,18 +10,16 @@ from typing import NamedTuple, TypeAlias
 
 from matplotlib.figure import Figure
 
+from flexfem.design.result import Designed
 from flexfem.files.inputs import require_unread
 from flexfem.files.writing import write_atomically
-from flexfem.plot.design import design_figure
-from flexfem.plot.design_front import front_figure
+from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import deformed_figure
 from flexfem.plot.hinge import hinge_sketch
-from flexfem.plot.sensitivity import sensitivity_figure
 from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
-from flexfem.synthesis.result import Designed
 from flexfem.verify.result import CurveModels, Fields, Result
 
 Stored: TypeAlias = tuple[Result, dict[str, Fields]]

@@ -16,11 +16,9 @@ from scipy.linalg import eigh
 
 from flexfem.arrays import Array
 from flexfem.clock import Limit
-from flexfem.fem.layers import layers_of
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT
-from flexfem.fem.sectors import mesh_sectors
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_response import SolidResponse, solid_response
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT, mesh_sectors
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -338,15 +336,15 @@ class SolidLevels(NamedTuple):
         return RelativeError(abs(lowest + highest) / 2, (highest - lowest) / 2)
 
 
-def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> SolidResponse:
+def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
     """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
     return _solved(stage, resolution, layers)
 
 
 @once
-def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> SolidResponse:
+def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> Response:
     check_feasible(stage)
-    return solid_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
+    return unit_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
 
 
 @once

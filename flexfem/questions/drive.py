@@ -21,11 +21,11 @@ from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.responses import DrivenModel, driven_model
 from flexfem.arrays import Array
-from flexfem.fem.drive import DrivenResponse, driven_response, neck_wrenches
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import nodal_stress, von_mises
-from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.fields import neck_maxima
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 from flexfem.mechanism.actuators import Body
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames

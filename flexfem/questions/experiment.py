@@ -10,7 +10,7 @@ from scipy import stats
 
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.cyclic import CyclicResponse
+from flexfem.fem.response import Response
 from flexfem.files.provenance import doubts
 from flexfem.files.refusals import checked_path
 from flexfem.hinges import formulas
@@ -257,7 +257,7 @@ def spring_in_series(stage: float, seen: float) -> float:
     return seen * stage / (stage - seen) if seen < stage else float("nan")
 
 
-def stage_compliance(stage: Stage, response: CyclicResponse | None, warnings: list[str]) -> tuple[str, Array]:
+def stage_compliance(stage: Stage, response: Response | None, warnings: list[str]) -> tuple[str, Array]:
     """What stands for the stage, and its compliance (3, 3); without finite elements the best model there is."""
     if response is not None:
         return f"finite elements, {PLANES[stage.model]}", response.compliance

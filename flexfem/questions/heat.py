@@ -21,16 +21,12 @@ from flexfem.analytic.paper import freedoms_of, stage_freedoms
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
+from flexfem.fem.elements import solid_nodal_stress, solid_von_mises, von_mises
 from flexfem.fem.export import write_solid_vtu
-from flexfem.fem.heat import CORNER, HeatResponse, edge_maxima, heat_response, largest_within
-from flexfem.fem.layers import layers_of
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import von_mises
-from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of
-from flexfem.fem.sectors import build_mesh, mesh_sectors
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
-from flexfem.fem.solid_heat import WarmHalf, free_solid, warm_half
+from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, solid_neck_stresses
+from flexfem.fem.heat import HeatResponse, WarmHalf, free_displacement, heat_response, warm_half
+from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
+from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
@@ -126,7 +122,7 @@ class SolidWarmFields(NamedTuple):
             half = self.halves[kind]
             field, every = beyond * half.fields[at], np.arange(len(mesh.nodes))
             stress = solid_nodal_stress(mesh, sheet_of(self.stage), half.layers, field, every)
-            fields[f"displacement, {case}"] = own * free_solid(mesh.nodes, half.layers)[at] + field
+            fields[f"displacement, {case}"] = own * free_displacement(mesh.nodes, half.layers)[at] + field
             fields[f"von Mises stress, {case}"] = solid_von_mises(stress)
         path = path.with_suffix(".vtu")
         write_solid_vtu(mesh, layers.heights, path, fields)

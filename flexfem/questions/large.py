@@ -18,9 +18,10 @@ from flexfem.analytic.large import along, at_pose, missed, summed_loads, tangent
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
-from flexfem.fem.cyclic import CyclicResponse
+from flexfem.fem.fields import load_case
 from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.response import load_case, plate_of
+from flexfem.fem.response import Response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
@@ -153,7 +154,7 @@ def large(
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
 
 
-def _way(stage: Stage, of: PaperModel, elements: CyclicResponse | None, axis: int, far: float) -> dict[str, Array]:
+def _way(stage: Stage, of: PaperModel, elements: Response | None, axis: int, far: float) -> dict[str, Array]:
     """The way along one direction, the others held at zero: `tangent`, `errors`, `load` and `strain` of `Large`."""
     rest, step = stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS

@@ -15,17 +15,13 @@ from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
-from flexfem.fem.drive import stack_loads
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.layers import layers_of
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import Sector, StageMesh, build_mesh, mesh_sectors
 from flexfem.fem.modes import Modes as ModesOfStructure
-from flexfem.fem.modes import Structure, fields_of, structure, total_mass
+from flexfem.fem.modes import VibratingStructure, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
-from flexfem.fem.response import plate_of, tie_hub
-from flexfem.fem.sectors import Sector, build_mesh, mesh_sectors
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_modes import SolidModes, solid_modes
+from flexfem.fem.response import stack_loads
+from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import (
     Payload,
     carried,
@@ -41,12 +37,11 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
+from flexfem.questions.dynamic_model import DynamicModel, reduced_dynamics
 from flexfem.questions.setup import Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
-from flexfem.verify.dynamic_model import DynamicModel
-from flexfem.verify.dynamic_model import dynamic_model as reduced_dynamics
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
 SHEET = "plane stress"  # label of the plane problem beside three dimensions
@@ -83,7 +78,7 @@ class NaturalModes(Result):
 
     title = "natural modes"
     columns = ("model", "base")
-    figure = "modes.modes_figure"
+    figure = "modes.figures"
     drawn_from_fields = True
     reading = ("effective modal mass: for motion of the base, of the whole mass or moment of inertia",)
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
@@ -102,7 +97,7 @@ class NaturalModes(Result):
 class PlaneVibration(NamedTuple):
     """Structure and modes on the finest plane mesh."""
 
-    structure: Structure
+    structure: VibratingStructure
     modes: ModesOfStructure
     reduced: DynamicModel
 
@@ -114,7 +109,7 @@ class PlaneVibration(NamedTuple):
     @property
     def shapes(self) -> Array:
         """Displacements (k, n, 2) of the mesh's nodes in every mode of unit modal mass."""
-        return fields_of(self.structure.tied, self.modes.shapes)
+        return np.array([self.modes.field(k) for k in range(len(self.modes.frequencies))])
 
     def write(self, path: Path) -> list[Path]:
         """Write the shapes as VTU, and state space and Craig-Bampton matrices as .npz and .mat; returns the paths."""
@@ -131,7 +126,7 @@ class SolidVibration(NamedTuple):
     chosen : of every mode of the result, its kind, 0 or 1, and its number among those of that kind, from 0.
     """
 
-    halves: tuple[SolidModes, SolidModes]
+    halves: tuple[ModesOfStructure, ModesOfStructure]
     chosen: list[tuple[int, int]]
 
     @property
@@ -142,7 +137,7 @@ class SolidVibration(NamedTuple):
     @property
     def heights(self) -> Array:
         """Heights (2 m - 1,), mm, of the nodes of `through`, from face to face."""
-        half = self.halves[0].equations.layers.heights
+        half = self.halves[0].layers.heights
         return np.concatenate([-half[:0:-1], half])
 
     def field(self, number: int) -> Array:
@@ -328,7 +323,12 @@ def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -
     flat = " kg mm^2: no body has less than a flat one, half of its moment of inertia about the normal"
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
     diameter = least if tilting is None else arguments.between("tilting", tilting, least, most, flat)
-    return Payload(mass / KILOGRAM, inertia / INERTIA, diameter / INERTIA)
+    return payload_of(mass, inertia, diameter)
+
+
+def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
+    """A payload of so many kg and kg mm^2."""
+    return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
 def _said(load: Payload) -> str:
@@ -365,14 +365,13 @@ def analytic_frequencies(stage: Stage, payload: Payload, drives: Drives, warning
     return found
 
 
-def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> Structure:
+def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> VibratingStructure:
     """The stage as it vibrates, on one mesh. Raises BadInput for a model that is not plane."""
-    plate = plate_of(stage)
-    tied, pushes, rates = tie_hub(mesh), None, None
+    of, pushes, rates = structure(mesh, plate_of(stage)), None, None
     if drives == "engaged":
         drive = drive_of(stage)
-        pushes, rates = stack_loads(mesh, tied, drive.stacks)[:, 3:], drive.stiffness
-    return structure(mesh, plate, stage.material.density * DENSITY, tied, carried(stage, payload), pushes, rates)
+        pushes, rates = stack_loads(of, drive.stacks)[:, 3:], drive.stiffness
+    return vibrating_structure(of, stage.material.density * DENSITY, carried(stage, payload), pushes, rates)
 
 
 def _in_plane(
@@ -391,10 +390,10 @@ def _in_plane(
         solved = modes_of(found, count)
         frequencies.append(solved.frequencies)
         if progress is not None:
-            progress(f"{found.mass.shape[0]} unknowns")
+            progress(f"{found.size} unknowns")
     steps = np.array(levels(resolution))
     bands = np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
-    whole = total_mass(found)
+    whole = solved.total
     share = 100 * solved.participation**2 / np.diag(whole)
     reduced = reduced_dynamics(found, solved, damping, drive_of(stage) if drives == "engaged" else None)
     return PlaneVibration(found, solved, reduced), bands, share, float(whole[0, 0])
@@ -413,7 +412,7 @@ class _Solid(NamedTuple):
 class _Half(NamedTuple):
     """Modes of one mirror half on the finest mesh, and bands (k,) by the mesh in the plane and by the layers."""
 
-    modes: SolidModes
+    modes: ModesOfStructure
     plane: Array
     thickness: Array
 
@@ -458,8 +457,8 @@ def _half(
     """Modes of one half; bands are shares of the frequency on the meshes that they are from."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
 
-    def solved(level: int, number: int) -> SolidModes:
-        return solid_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
+    def solved(level: int, number: int) -> ModesOfStructure:
+        return stage_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
 
     finest = max(meshes)
     by_mesh, (few, many) = coarser(lambda *sizes: solved(*sizes).frequencies, finest, layers)
@@ -470,15 +469,15 @@ def _half(
     return _Half(of, plane, of.frequencies * SAFETY * np.abs(many - few) / many)
 
 
-def _in_plane_stress(stage: Stage, of: SolidModes, load: Array, count: int) -> Array:
+def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int) -> Array:
     """Frequencies (k,) in plane stress, on the same mesh, of the shapes that the mid-plane has, by overlap; or nan."""
-    flat = structure(of.mesh, sheet_of(stage), stage.material.density * DENSITY, tie_hub(of.mesh), load)
+    flat = vibrating_structure(structure(of.mesh, sheet_of(stage)), stage.material.density * DENSITY, load)
     solved = modes_of(flat, count)
     found = np.full(count, np.nan)
     for k in range(count):
-        middle = np.concatenate([of.field(k)[flat.tied.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
-        moved = flat.mass @ middle
-        overlap = np.abs(solved.shapes.T @ moved) / np.sqrt(middle @ moved)
+        middle = np.concatenate([of.field(k)[flat.structure.tied.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
+        moved = flat.inertia(middle[:, None])[:, 0]
+        overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(middle @ moved)
         best = int(np.argmax(overlap))
         if overlap[best] > SAME_SHAPE:
             found[k] = solved.frequencies[best]

@@ -6,10 +6,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose, model_of
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import mesh_sectors
+from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, mesh_sectors
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
@@ -89,9 +88,9 @@ def mesh_of(
 
 
 @once
-def solved(stage: Stage, resolution: int) -> CyclicResponse:
+def solved(stage: Stage, resolution: int) -> Response:
     """Plane finite elements of a feasible stage, solved once. Raises BadInput for a model that is not plane."""
-    return cyclic_response(mesh_sectors(stage, resolution), plate_of(stage))
+    return unit_response(mesh_sectors(stage, resolution), plate_of(stage))
 
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:

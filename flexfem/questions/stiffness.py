@@ -10,12 +10,11 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
 from flexfem.arrays import Array, alone
-from flexfem.fem.cyclic import CyclicResponse
+from flexfem.fem.elements import solid_nodal_stress, solid_von_mises
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.response import LoadCase, load_case
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
-from flexfem.fem.solid_response import SolidResponse
+from flexfem.fem.fields import LoadCase, load_case
+from flexfem.fem.response import Response
+from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -87,7 +86,7 @@ class LoadFields(NamedTuple):
     stage: Stage
     load: Array
     plane: LoadCase | None
-    response: CyclicResponse | SolidResponse
+    response: Response
 
     def write(self, path: Path) -> list[Path]:
         """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the paths."""
@@ -95,7 +94,7 @@ class LoadFields(NamedTuple):
         mesh, response = self.response.mesh, self.response
         if self.plane is not None:
             write_vtu(mesh, path, {"displacement": self.plane.field, "von_mises": self.plane.stress})
-        elif isinstance(response, SolidResponse):
+        elif response.extrusion is not None:
             field, every = np.tensordot(self.load, response.fields, axes=1), np.arange(len(mesh.nodes))
             stress = solid_nodal_stress(mesh, sheet_of(self.stage), response.layers, field, every)
             fields = {"displacement": field, "von_mises": solid_von_mises(stress)}
@@ -252,7 +251,7 @@ def _analytic(chosen: ModelChoice, result: AnalyticResult, load: Array | None, h
     return found
 
 
-def element_stress(stage: Stage, response: CyclicResponse) -> Array:
+def element_stress(stage: Stage, response: Response) -> Array:
     """Highest stress (3 chains, 3 hinges, 3 directions) at each neck per displacement, by plane finite elements."""
     K = np.linalg.inv(response.compliance)
     cases = [load_case(stage, response.mesh, response, force) for force in K.T]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
+from flexfem.design.requirements import Requirements
 from flexfem.files.refusals import SHOWN, one_line
 from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import Entry
@@ -16,7 +17,6 @@ from flexfem.questions.as_built import Necks
 from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.study.plan import Study
-from flexfem.synthesis.requirements import Requirements
 from flexfem.verify.case import Case
 
 

@@ -30,12 +30,12 @@ from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import DriveRanges
+from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
 from flexfem.study.plan import Sampling, Study, names_in
-from flexfem.verify.modes import payload_of
 from flexfem.verify.questions import (
     Clock,
     Moments,

@@ -20,8 +20,8 @@ from flexfem.mechanism.stage_file import Plane, of_stage
 from flexfem.questions import warnings as warning
 
 if TYPE_CHECKING:
+    from flexfem.fem.fields import LoadCase
     from flexfem.fem.mesh import StageMesh
-    from flexfem.fem.response import LoadCase
     from flexfem.verify.protocol import OnMesh, Solved
 
 UNITS = "N, mm, rad; order x, y, theta"

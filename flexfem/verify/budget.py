@@ -25,7 +25,7 @@ from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import command_errors, error_matrix, levels, percentages

@@ -16,11 +16,11 @@ import numpy as np
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.drive import DrivenResponse, driven_response
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import nodal_stress, von_mises
-from flexfem.fem.response import neck_maxima, out_of_plane_ratio_of, plate_of, tie_hub
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.fields import neck_maxima
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import DrivenResponse, driven_response
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, tie_hub
 from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage

@@ -15,11 +15,11 @@ import numpy as np
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.fields import load_case
+from flexfem.fem.mesh import StageMesh, mesh_sectors
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import Response, load_case, plate_of
-from flexfem.fem.sectors import mesh_sectors
+from flexfem.fem.response import Response, StaticSolution, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -37,7 +37,7 @@ from flexfem.verify.stored import fields_record, model_record
 class Solved(NamedTuple):
     """The finite-element answer of one stage; mesh and fields of the whole stage are made on demand."""
 
-    response: CyclicResponse
+    response: Response
 
     @property
     def mesh(self) -> StageMesh:
@@ -54,7 +54,7 @@ class OnMesh(NamedTuple):
     """A stage solved on a mesh that was stored whole."""
 
     mesh: StageMesh
-    response: Response
+    response: StaticSolution
 
     @property
     def triangles(self) -> int:
@@ -69,7 +69,7 @@ def solve_stage(stage: Stage, resolution: int) -> Solved:
     """Mesh and solve a feasible stage. Raises BadInput for one whose model is not plane, ComputationFailed."""
     check_feasible(stage)
     plate = plate_of(stage)
-    return Solved(cyclic_response(mesh_sectors(stage, resolution), plate))
+    return Solved(unit_response(mesh_sectors(stage, resolution), plate))
 
 
 def compare_exact(stage: Stage, curve: Curve, mesh: StageMesh, direction: Direction, commanded: Array) -> Comparison:

@@ -26,7 +26,7 @@ from flexfem.units import DENSITY
 from flexfem.verify.strained import Lives, Repeated, by_elements, by_wrenches, lives
 
 if TYPE_CHECKING:
-    from flexfem.fem.cyclic import CyclicResponse
+    from flexfem.fem.response import Response
 
 LOWEST = 3  # natural frequencies: of the platform on its hinges
 
@@ -174,13 +174,13 @@ def ask_elements(
     BadInput : the finite elements refuse the design.
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
-    from flexfem.fem.cyclic_fields import base_rotations, neck_stresses
-    from flexfem.fem.cyclic_fields import envelope as meshed
+    from flexfem.fem.fields import base_rotations, neck_stresses
+    from flexfem.fem.fields import envelope as meshed
     from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
-    from flexfem.fem.response import plate_of
+    from flexfem.fem.structure import plate_of
     from flexfem.questions.drive import element_ranges
-    from flexfem.verify.modes import vibration
+    from flexfem.questions.modes import vibrating
 
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
@@ -190,7 +190,7 @@ def ask_elements(
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     found = Answers(stiffness[None], stress[None], turning[None], strength, size)
     if payload is not None:
-        structure = vibration(stage, response.mesh, payload, "disengaged")
+        structure = vibrating(stage, response.mesh, payload, "disengaged")
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
@@ -210,36 +210,34 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
 
     Raises as `ask_elements`; the time limit is that of gmsh.
     """
-    from flexfem.fem.cyclic_fields import base_rotations
-    from flexfem.fem.cyclic_fields import envelope as meshed
-    from flexfem.fem.layers import layers_of
-    from flexfem.fem.sectors import mesh_sectors
-    from flexfem.fem.solid import sheet_of
-    from flexfem.fem.solid_fields import in_mid_plane, solid_neck_stresses
-    from flexfem.fem.solid_response import solid_response
+    from flexfem.fem.fields import base_rotations, solid_neck_stresses
+    from flexfem.fem.fields import envelope as meshed
+    from flexfem.fem.mesh import mesh_sectors
+    from flexfem.fem.response import unit_response
+    from flexfem.fem.structure import layers_of, sheet_of
 
     plate = sheet_of(stage)
-    response = solid_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
+    response = unit_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
     stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
     stress = solid_neck_stresses(stage, plate, response, stiffness).highest.max(axis=(1, 2))
-    turning = np.abs(stiffness @ base_rotations(stage, in_mid_plane(response))).max(axis=1)
+    turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     return Answers(stiffness[None], stress[None], turning[None], strength, size)
 
 
-def elements(stage: Stage, resolution: int, clock: Clock) -> CyclicResponse:
+def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
     """The stage meshed and condensed sector by sector. Raises as `ask_elements`."""
-    from flexfem.fem.cyclic import cyclic_response
-    from flexfem.fem.response import plate_of
-    from flexfem.fem.sectors import mesh_sectors
+    from flexfem.fem.mesh import mesh_sectors
+    from flexfem.fem.response import unit_response
+    from flexfem.fem.structure import plate_of
 
     plate = plate_of(stage)
-    return cyclic_response(mesh_sectors(stage, resolution, *clock), plate)
+    return unit_response(mesh_sectors(stage, resolution, *clock), plate)
 
 
 def _errors(
-    stage: Stage, resolution: int, clock: Clock, predicted: Array, response: CyclicResponse, bands: bool
+    stage: Stage, resolution: int, clock: Clock, predicted: Array, response: Response, bands: bool
 ) -> ErrorPercentages:
     lever = stage.chain.link_lengths[2]
     percent = error_matrix(predicted, response.compliance, lever)

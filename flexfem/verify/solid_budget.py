@@ -6,8 +6,8 @@ import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import cyclic_response
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import SAFETY, error_matrix, levels, solve_solid
 from flexfem.units import DIRECTIONS
@@ -53,7 +53,7 @@ def other_thickness(stage: Stage, compliance: Array) -> dict[str, Array]:
         added.
     """
     response = solve_solid(stage, *BUDGET)
-    plane = cyclic_response(response.sectors, plate_of(stage)).compliance
+    plane = unit_response(response.sectors, plate_of(stage)).compliance
     found = {"finite elements in three dimensions": compliance + response.compliance - plane}
     thick = thick_compliance(stage)
     if thick is None:
@@ -65,6 +65,6 @@ def other_thickness(stage: Stage, compliance: Array) -> dict[str, Array]:
 def _change(stage: Stage, resolution: int, layers: int) -> Array:
     """Percentage points (3, 3), column j for command j, from the stage's own plane problem to three dimensions."""
     response, predicted = solve_solid(stage, resolution, layers), analyse(stage).stiffness
-    plane, lever = cyclic_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
+    plane, lever = unit_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
     solid, flat = (error_matrix(predicted, each.compliance, lever) for each in (response, plane))
     return np.asarray(solid - flat)

@@ -6,9 +6,9 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult
 from flexfem.arrays import Array
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_nodal_stress, solid_von_mises
-from flexfem.fem.solid_response import SolidResponse
+from flexfem.fem.elements import solid_nodal_stress, solid_von_mises
+from flexfem.fem.response import Response
+from flexfem.fem.structure import sheet_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import (
     ROUND_OFF,
@@ -70,7 +70,7 @@ def _of_layers(stage: Stage, analytic: AnalyticResult, case: Case) -> Array:
     return np.where(zero, 0.0, percentages(moved, 1.0, case.direction, lever))
 
 
-def _full(stage: Stage, response: SolidResponse, force: Array) -> FullCommand:
+def _full(stage: Stage, response: Response, force: Array) -> FullCommand:
     """The metal under a force (3,): the displacement of the mid-plane, the highest stress through the thickness."""
     mesh, field = response.mesh, np.tensordot(force, response.fields, axes=1)
     stress = solid_nodal_stress(mesh, sheet_of(stage), response.layers, field, np.arange(len(mesh.nodes)))

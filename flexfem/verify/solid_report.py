@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexfem.arrays import Array, inverse
-from flexfem.fem.solid_response import SolidResponse
+from flexfem.fem.response import Response
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_stage
 from flexfem.questions import warnings as warning
@@ -53,7 +53,7 @@ class SolidReport(NamedTuple):
     not_stated: list[str]
 
 
-def report_solid(stage: Stage, response: SolidResponse, load: Array, resolution: int) -> SolidReport:
+def report_solid(stage: Stage, response: Response, load: Array, resolution: int) -> SolidReport:
     """Finite elements in three dimensions under a load (3,), with what is to be known of that."""
     layers = response.layers
     plane, thickness = solid_bands(solid_levels(stage, resolution, layers.number), resolution)

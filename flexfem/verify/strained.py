@@ -24,7 +24,7 @@ from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.stage import Stage
 
 if TYPE_CHECKING:
-    from flexfem.fem.cyclic import CyclicResponse
+    from flexfem.fem.response import Response
 
 LARGEST_FACTOR = 1e9  # by which an amplitude is multiplied in search of a life
 
@@ -92,17 +92,17 @@ def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
     return Strained(found.neck, *(part[0] for part in found[1:]))
 
 
-def by_elements(stage: Stage, response: CyclicResponse, of: Repeated) -> Strained:
+def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
-    from flexfem.fem.cyclic_fields import notch_fields
-    from flexfem.fem.plane_stress import von_mises
-    from flexfem.fem.response import out_of_plane_ratio_of
+    from flexfem.fem.elements import von_mises
+    from flexfem.fem.fields import notch_fields
+    from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 
     pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
     part = counted(design.neck[0] / design.radius[0], of.sensitivity)
     loads = np.array([of.motion.amplitude, of.motion.mean]) @ stiffness.T
     parts = []
-    for (chain, hinge), stress in notch_fields(stage, response, loads):
+    for (chain, hinge), stress in notch_fields(stage, plate_of(stage), response, loads):
         amplitude, mean = von_mises(stress, pull)
         sign = np.sign(stress[1, :, 0] + stress[1, :, 1])
         place = np.full(len(mean), 3 * chain + hinge)

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.analytic.model import analyse, best_model
 from flexfem.arrays import Array, alone, first_highest
-from flexfem.fem.response import load_case
+from flexfem.fem.fields import load_case
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.questions import warnings as warning

@@ -11,7 +11,7 @@ from flexfem.analytic.paper import chain_poses, first_order, stiffness
 from flexfem.analytic.responses import dynamics, many
 from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
 from flexfem.mechanism.designs import stage_frames
-from flexfem.verify.modes import payload_of
+from flexfem.questions.modes import payload_of
 
 from ..conftest import UNLIKE, with_changes
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import Response, plate_of, platform_response
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import StaticSolution, platform_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage, load_stage
 
 from ..conftest import UNLIKE, with_changes
@@ -26,7 +26,7 @@ class Solved(NamedTuple):
 
     stage: Stage
     mesh: StageMesh
-    response: Response
+    response: StaticSolution
 
 
 def solved(stage: Stage, resolution: int = RESOLUTION) -> Solved:

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.gmsh_process import run_mesher
-from flexfem.fem.mesh import StageMesh, ordered
+from flexfem.fem.mesh import StageMesh, curved, ordered
 from flexfem.fem.mesher import Cone, Job
-from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.response import platform_response
-from flexfem.fem.sectors import curved
 from flexfem.mechanism.bodies import Face, Pose, Segment, notch_side, reverse
 from flexfem.mechanism.stage import Hinge, load_stage
 

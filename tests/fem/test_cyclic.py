@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-import flexfem.fem.cyclic
+import flexfem.fem.structure
 from flexfem.arrays import Array
-from flexfem.fem.cyclic import CyclicResponse, cyclic_response
-from flexfem.fem.cyclic_fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import Response, load_case, plate_of, platform_response
-from flexfem.fem.sectors import mesh_sectors, welded
-from flexfem.fem.turns import under_loads
+from flexfem.fem.fields import base_rotations, envelope, load_case, neck_stresses
+from flexfem.fem.mesh import StageMesh, mesh_sectors, welded
+from flexfem.fem.response import Response, StaticSolution, platform_response, unit_response
+from flexfem.fem.structure import plate_of
+from flexfem.fem.symmetry import under_loads
+from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
 
 SAME = 1e-9  # relative; the same equations in another order, refined by both
@@ -31,16 +31,16 @@ class Both(NamedTuple):
     """A stage solved in both ways on the same triangles."""
 
     stage: Stage
-    response: CyclicResponse
+    response: Response
     mesh: StageMesh
-    whole: Response
+    whole: StaticSolution
 
 
 def in_both_ways(stage: Stage) -> Both:
     sectors = mesh_sectors(stage, COARSE, inside=True)
     mesh, _ = welded(sectors)
     plate = plate_of(stage)
-    return Both(stage, cyclic_response(sectors, plate), mesh, platform_response(mesh, plate))
+    return Both(stage, unit_response(sectors, plate), mesh, platform_response(mesh, plate))
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_envelope_holds_every_node_of_the_whole_stage(both: Both) -> None:
 
 def test_alike_chains_solved_as_three_answer_the_same(pair: dict[str, Both]) -> None:
     one = pair["alike"]
-    three = cyclic_response(one.response.sectors * 3, plate_of(one.stage))
+    three = unit_response(one.response.sectors * 3, plate_of(one.stage))
     assert np.abs(scaled(three.compliance) - scaled(one.response.compliance)).max() < SAME
     np.testing.assert_allclose(
         neck_stresses(one.stage, three, LOADS), neck_stresses(one.stage, one.response, LOADS), rtol=1e-7
@@ -141,29 +141,29 @@ def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pai
 def test_without_cholmod_the_answer_is_the_same(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cvxopt", None)  # as if it were not installed
     both = pair["unlike"]
-    again = cyclic_response(both.response.sectors, plate_of(both.stage))
+    again = unit_response(both.response.sectors, plate_of(both.stage))
     assert np.abs(scaled(again.compliance) - scaled(both.response.compliance)).max() < SAME
 
 
 def test_an_answer_that_does_not_balance_is_refused(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
     """Element matrices that are not those of the residuals: refinement does not mend it, and the check sees it."""
     both = pair["alike"]
-    stiffer = flexfem.fem.cyclic.tied_lower
+    stiffer = flexfem.fem.structure.tied_lower
 
     def wrong(*given: Any) -> Any:
         found = stiffer(*given)
         return 9.0 * found
 
-    monkeypatch.setattr(flexfem.fem.cyclic, "tied_lower", wrong)
+    monkeypatch.setattr(flexfem.fem.structure, "tied_lower", wrong)
     with pytest.raises(ComputationFailed, match="refused"):
-        cyclic_response(both.response.sectors, plate_of(both.stage))
+        unit_response(both.response.sectors, plate_of(both.stage))
 
 
 def test_a_stage_that_is_not_held_is_refused(pair: dict[str, Both]) -> None:
     (sector,) = pair["alike"].response.sectors
     floating = sector._replace(mesh=sector.mesh._replace(edges={**sector.mesh.edges, "ground": np.empty((0, 3), int)}))
     with pytest.raises(ComputationFailed, match="singular to working precision: a part is not held"):
-        cyclic_response((floating,), plate_of(pair["alike"].stage))
+        unit_response((floating,), plate_of(pair["alike"].stage))
 
 
 @pytest.mark.parametrize("name", ["alike", "unlike"])
@@ -178,7 +178,7 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike: Any)
     """The equations of nine thin necks lose eight digits; energy and work agree, because cuts stay shut."""
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})
-    response = cyclic_response(mesh_sectors(stage, COARSE, inside=True), plate_of(stage))
+    response = unit_response(mesh_sectors(stage, COARSE, inside=True), plate_of(stage))
     (sector,), fields = response.sectors, under_loads(response.sector_fields)
     for chain in range(3):
         ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)

@@ -12,9 +12,8 @@ import pytest
 from flexfem.fem.chart import HIGH, LOW, chart_path, chart_points, main, make_chart
 from flexfem.fem.hinge import FREEDOMS, PlaneHinge, compliance, compliance_on, hinge_mesh, richardson
 from flexfem.fem.hinge import sample as sample_anew
-from flexfem.fem.mesh import jacobians, least_scaled_jacobian
+from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
 from flexfem.fem.problem import meshed
-from flexfem.fem.sectors import cone, notch_sizes
 from flexfem.mechanism.bodies import Face, Segment, area
 from flexfem.questions.bands import grid_convergence
 

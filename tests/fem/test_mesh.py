@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-import flexfem.fem.sectors
+import flexfem.fem.mesh
 from flexfem.clock import Limit
 from flexfem.fem import gmsh_process
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import (
     StageMesh,
+    build_mesh,
     check_mesh,
     check_triangles,
     drawn_area,
@@ -27,9 +28,9 @@ from flexfem.fem.mesh import (
     jacobians,
     least_scaled_jacobian,
     local_thickness,
+    sector_drawing,
 )
 from flexfem.fem.mesher import Job
-from flexfem.fem.sectors import build_mesh, sector_drawing
 from flexfem.mechanism.bodies import BODIES, area, draw_sector
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.mechanism.feasibility import check_feasible
@@ -242,7 +243,7 @@ def test_too_large_a_mesh_is_refused_before_gmsh_starts(
     def started(*_: object) -> None:
         raise AssertionError("gmsh was started")
 
-    monkeypatch.setattr(flexfem.fem.sectors, "run_jobs", started)
+    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", started)
     with pytest.raises(ComputationFailed, match=r"^mesh of about .* triangles, expected at most [^\n]*$"):
         build_mesh(make_stage(), 300)
 
@@ -256,7 +257,7 @@ def test_eight_triangles_cross_a_neck_unless_told_otherwise(
         asked.append((jobs[0].divisions, limit.left))
         raise ComputationFailed("enough seen")
 
-    monkeypatch.setattr(flexfem.fem.sectors, "run_jobs", started)
+    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", started)
     with pytest.raises(ComputationFailed, match="enough seen"):
         build_mesh(make_stage())
     ((divisions, limit),) = asked

@@ -10,31 +10,19 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from flexfem.fem.drive import driven_response
+from flexfem.fem.elements import Plate, integration, stiffness_matrix
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import quadrature, shape_functions
-from flexfem.fem.modes import (
-    aligned,
-    base_loads,
-    free_of,
-    inertia_forces,
-    lowest,
-    mass_lower,
-    modes,
-    rigid_fields,
-    structure,
-    total_mass,
-)
-from flexfem.fem.plane_stress import Plate, integration, matrices_of, stiffness_matrix, tied_lower
+from flexfem.fem.mesh import build_mesh, quadrature, shape_functions
+from flexfem.fem.modes import _aligned, lowest, modes, vibrating_structure
 from flexfem.fem.problem import nodes_on
-from flexfem.fem.response import plate_of, tie_hub
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.response import driven_response
+from flexfem.fem.structure import mass_of, plate_of, rigid_motion, structure, tie, tie_hub
 from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, payload_matrix
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY as DENSITY_UNIT
-from flexfem.verify.modes import payload_of, vibration
 
 from ..validation.vibration import tapered
 from .conftest import GEOMETRY
@@ -45,16 +33,36 @@ PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7),
 @pytest.fixture(scope="module")
 def membrane():
     mesh = tapered(2)
-    return structure(mesh, PLATE, DENSITY, free_of(mesh, nodes_on(mesh, "left")))
+    return vibrating_structure(structure(mesh, PLATE, tied=tie(mesh, nodes_on(mesh, "left"))), DENSITY)
 
 
 def dense(mesh, held):
     """Stiffness and mass (m, m) of the unknowns that are not held, and the mass of all."""
     K = stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes)).toarray()
-    half = mass_lower(mesh, PLATE.thickness * DENSITY, free_of(mesh, np.empty(0, dtype=int))).toarray()
-    M = half + np.tril(half, -1).T
+    of = structure(mesh, PLATE, tied=tie(mesh))
+    M = mass_of(of, DENSITY).loads(of, np.eye(of.size))
     free = np.setdiff1d(np.arange(len(K)), np.concatenate([2 * held, 2 * held + 1]))
     return K[np.ix_(free, free)], M[np.ix_(free, free)], M, free
+
+
+def base_loads(of):
+    """Loads (m, 3) of unit accelerations of the base in x, y and theta."""
+    rigid = np.moveaxis(rigid_motion(of.mesh.nodes).reshape(-1, 2, 3), -1, 0)
+    loads = of.structure.loads(of.mass.forces(rigid))
+    if of.structure.poses:
+        loads[-3:] += of.mass.carried
+    return loads
+
+
+def matrix_of(of, mass):
+    """The mass matrix (m, m) of the unknowns, what the pose carries with it."""
+    n, free, hub = len(of.mesh.nodes), of.tied.free, of.tied.hub
+    rows = np.concatenate([(2 * free[:, None] + [0, 1]).ravel(), np.repeat((2 * hub[:, None] + [0, 1]).ravel(), 3)])
+    columns = np.concatenate([np.arange(2 * len(free)), np.tile(2 * len(free) + np.arange(3), 2 * len(hub))])
+    values = np.concatenate([np.ones(2 * len(free)), of.tied.rigid.ravel()])
+    T = sp.coo_array((values, (rows, columns)), shape=(2 * n, of.size)).tocsc()
+    pose = sp.block_diag([sp.csc_array((of.size - 3,) * 2), mass.carried])
+    return (T.T @ sp.kron(mass.areal, sp.eye_array(2)) @ T + pose).tocsc()
 
 
 def test_frequencies_are_those_of_dense_matrices(membrane):
@@ -72,11 +80,11 @@ def test_effective_masses_of_all_modes_and_what_the_ground_holds_are_the_whole_m
     clamped = np.setdiff1d(np.arange(len(whole)), free)
     across = whole[np.ix_(free, clamped)]
     schur = whole[np.ix_(clamped, clamped)] - across.T @ np.linalg.solve(M, across)
-    rigid = rigid_fields(membrane.mesh.nodes).reshape(3, -1)[:, clamped]
+    rigid = rigid_motion(membrane.mesh.nodes).T[:, clamped]
     found = shares.sum(axis=0) + np.einsum("ai,ij,aj->a", rigid, schur, rigid)
     mass = 10e3 * 3e3 * 3.7 * 2739e-12
     np.testing.assert_allclose(found[:2], mass, rtol=1e-12)
-    np.testing.assert_allclose(found[2], total_mass(membrane)[2, 2], rtol=1e-12)
+    np.testing.assert_allclose(found[2], modes(membrane, 1).total[2, 2], rtol=1e-12)
     assert mass == pytest.approx(0.3040, abs=1e-4)
 
 
@@ -84,7 +92,7 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
     """Kinetic energy of a velocity that is linear in x and y, against a quadrature of far higher degree."""
     mesh = unlike.mesh
     field = (mesh.nodes @ np.array([[0.3, -0.7], [1.1, 0.2]]) + [2.0, 1.0])[None]
-    energy = float(np.sum(field * inertia_forces(mesh, 1.0, field)))
+    energy = float(np.sum(field * mass_of(structure(mesh, Plate(1.0, 0.3, 1.0)), 1.0).forces(field)))
     N = shape_functions(quadrature(12)[0])[0]
     fine = 0.0
     for batch in integration(mesh, 12):
@@ -93,16 +101,19 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
 
 
 def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
-    found = vibration(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
-    np.testing.assert_allclose(total_mass(found), drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
+    found = vibrating(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
+    np.testing.assert_allclose(modes(found, 1).total, drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
 
 
 def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
     """Of all modes together by the mass matrix alone, `L' M^-1 L`; of nine modes less, in every direction."""
     payload = payload_of(0.3, 55.0)
-    of = vibration(unlike.stage, unlike.mesh, payload, "disengaged")
+    of = vibrating(unlike.stage, unlike.mesh, payload, "disengaged")
     drawn = np.diag(drawn_inertia(unlike.stage).matrix + payload_matrix(payload))
-    every = np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(of.mass, base_loads(of))) / drawn
+    every = (
+        np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(matrix_of(of.structure, of.mass), base_loads(of)))
+        / drawn
+    )
     assert np.all(every < 1) and np.all(every > [0.999, 0.999, 0.99])
     found = np.cumsum(modes(of, 9).participation ** 2, axis=0) / drawn
     assert np.all(found < every) and np.all(found[2] > [0.92, 0.92, 0.48]), "the platform carries most of it"
@@ -111,24 +122,18 @@ def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_w
 def test_a_free_stage_with_its_hub_and_payload_has_three_modes_at_zero(unlike):
     mesh, stage = unlike.mesh, unlike.stage
     plate, shift = plate_of(stage), 1e6
-    tied = tie_hub(mesh._replace(edges=mesh.edges | {"ground": np.empty((0, 3), dtype=int)}))
-    half = mass_lower(mesh, plate.thickness * stage.material.density * DENSITY_UNIT, tied).tocsc()
-    hub = sp.block_diag([sp.csc_array((half.shape[0] - 3,) * 2), carried(stage, payload_of(0.3, 55.0))])
-    mass = (half + sp.tril(half, -1).T + hub).tocsc()
-    stiffness = tied_lower(mesh.triangles, matrices_of(integration(mesh), plate), tied.number, tied.rigid).tocsc()
+    of = structure(mesh, plate, tied=tie(mesh, hub=tie_hub(mesh).hub))
+    hub = mass_of(of, stage.material.density * DENSITY_UNIT, carried(stage, payload_of(0.3, 55.0)))
+    mass, stiffness = matrix_of(of, hub), of.lower().tocsc()
     squares = lowest(factorise((stiffness + shift * sp.tril(mass)).tocoo()), mass, 5, -shift)[0]
     assert np.all(np.abs(squares[:3]) < 1e-8 * squares[3]) and np.sqrt(squares[3]) > 100.0
 
 
 def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(unlike):
     """A point mass of 500 kg and 4e5 kg mm^2 on the static stiffness: a 3 x 3 problem by hand."""
-    of = structure(
-        unlike.mesh,
-        plate_of(unlike.stage),
-        unlike.stage.material.density * 1e-12,
-        tie_hub(unlike.mesh),
-        carried(unlike.stage, payload_of(500.0, 4e5)),
-    )
+    load = carried(unlike.stage, payload_of(500.0, 4e5))
+    on = structure(unlike.mesh, plate_of(unlike.stage))
+    of = vibrating_structure(on, unlike.stage.material.density * 1e-12, load)
     K, M = np.linalg.inv(unlike.response.compliance), np.diag([0.5, 0.5, 400.0])
     expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
     np.testing.assert_allclose(modes(of, 3).frequencies, expected, rtol=5e-4)
@@ -137,7 +142,7 @@ def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(u
 def test_stacks_add_their_stiffness():
     """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    of = vibration(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
+    of = vibrating(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
     drive = drive_of(stage)
     C = driven_response(of.mesh, plate_of(stage), drive.stacks).compliance
     springs = np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:])
@@ -148,7 +153,7 @@ def test_stacks_add_their_stiffness():
 
 def test_modes_of_one_frequency_are_turned_into_x_and_y():
     participation = np.array([[0.3, 0.8, 0.0], [0.8, -0.3, 0.0], [0.1, 0.2, 5.0]])
-    Q = aligned(np.array([4.0, 4.0 * (1 + 1e-9), 9.0]), participation)
+    Q = _aligned(np.array([4.0, 4.0 * (1 + 1e-9), 9.0]), participation)
     np.testing.assert_allclose(Q @ Q.T, np.eye(3), atol=1e-12)
     turned = Q.T @ participation
     assert abs(turned[1, 0]) < 1e-12 and abs(turned[0, 1]) < 1e-12
@@ -158,8 +163,4 @@ def test_modes_of_one_frequency_are_turned_into_x_and_y():
 
 def test_more_modes_than_unknowns_are_refused(membrane):
     with pytest.raises(ComputationFailed, match="modes of"):
-        modes(membrane, membrane.mass.shape[0])
-
-
-def test_a_mass_matrix_is_positive_definite(membrane):
-    assert np.linalg.eigvalsh(membrane.mass.toarray()).min() > 0 and isinstance(membrane.mass, sp.csc_array)
+        modes(membrane, membrane.size)

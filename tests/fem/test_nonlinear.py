@@ -11,9 +11,7 @@ import scipy.sparse as sp
 
 from flexfem.arrays import Array
 from flexfem.fem import nonlinear
-from flexfem.fem.mesh import StageMesh, jacobians
-from flexfem.fem.nonlinear import equilibrium, imposed
-from flexfem.fem.plane_stress import (
+from flexfem.fem.elements import (
     Plate,
     add_nodal_forces,
     element_matrices,
@@ -22,21 +20,22 @@ from flexfem.fem.plane_stress import (
     slopes_of,
     stress_tensor,
 )
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
-from flexfem.fem.tangent import (
+from flexfem.fem.factor import factoriser
+from flexfem.fem.mesh import StageMesh, build_mesh, jacobians
+from flexfem.fem.nonlinear import (
     State,
-    Undeformed,
-    factoriser,
+    arms_of,
+    equilibrium,
     first_piola,
     green_lagrange,
     held_by,
     hub_at,
-    model_of,
+    imposed,
     rest,
     tangent,
     tangent_matrices,
 )
+from flexfem.fem.structure import Structure, plate_of, structure
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
 
@@ -72,30 +71,30 @@ def eccentric(bar: Bar) -> StageMesh:
     return mesh._replace(nodes=mesh.nodes + OFFSET)
 
 
-def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> tuple[Undeformed, State]:
+def bent(mesh: StageMesh, pose: Array, plate: Plate = PLATE, seed: int = 29) -> tuple[Structure, State]:
     """Any large displacement, with the hub at a pose, and the stress that belongs to it."""
-    model = model_of(mesh, plate)
+    model = structure(mesh, plate)
     field = 0.03 * np.random.default_rng(seed).normal(size=mesh.nodes.shape)
     field[np.unique(mesh.edges["ground"])] = 0.0
     return model, compatible(model, State(pose, field, []))
 
 
-def compatible(model: Undeformed, state: State) -> State:
+def compatible(model: Structure, state: State) -> State:
     """The state with its hub at its pose and the stress of its displacements."""
     field = state.field.copy()
-    field[model.tied.hub] = hub_at(model.arms, state.pose).motion
+    field[model.tied.hub] = hub_at(arms_of(model), state.pose).motion
     strains = [green_lagrange(slopes_of(batch, field[None])[0]) for batch in model.batches]
     return State(state.pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
 
-def moved(model: Undeformed, state: State, change: Array) -> State:
+def moved(model: Structure, state: State, change: Array) -> State:
     """The state after a change (2f + 3,) of the unknowns."""
     field = state.field.copy()
     field[model.tied.free] += change[:-3].reshape(-1, 2)
     return compatible(model, State(state.pose + change[-3:], field, []))
 
 
-def nodal_forces(model: Undeformed, field: Array) -> Array:
+def nodal_forces(model: Structure, field: Array) -> Array:
     """Forces (n, 2) on all nodes."""
     forces = np.zeros((1, *field.shape))
     for batch in model.batches:
@@ -135,7 +134,7 @@ def test_an_end_moment_bends_a_cantilever_into_an_arc_and_2_pi_EI_over_L_into_a_
 @pytest.mark.parametrize("angle", [1e-3, 0.7, np.pi, -2.3])
 def test_a_rigid_rotation_strains_nothing_and_takes_no_force(each: Any, angle: float) -> None:
     mesh, plate = each.mesh, plate_of(each.stage)
-    model = model_of(mesh, plate)
+    model = structure(mesh, plate)
     pose = np.array([3.1, -4.7, angle])
     field = hub_at(mesh.nodes, pose).motion
     np.testing.assert_allclose(mesh.nodes + field, turned(mesh.nodes, angle) + pose[:2], atol=1e-12)
@@ -161,7 +160,7 @@ def test_turning_a_strained_body_turns_its_forces_and_keeps_its_energy(eccentric
 
 def test_energy_of_a_uniform_large_deformation_is_that_of_st_venant_and_kirchhoff(eccentric: StageMesh) -> None:
     F = np.array([[1.19, 0.27], [-0.33, 0.86]])
-    model = model_of(eccentric, PLATE)
+    model = structure(eccentric, PLATE)
     held = held_by(model, rest(model)._replace(field=eccentric.nodes @ (F - np.eye(2)).T))
     E = (F.T @ F - np.eye(2)) / 2
     e, nu = PLATE.youngs_modulus, PLATE.poissons_ratio
@@ -222,7 +221,7 @@ def test_newton_converges_quadratically(eccentric: StageMesh, monkeypatch: pytes
 
 def test_the_hub_balances_the_ground_where_both_have_moved_to(eccentric: StageMesh) -> None:
     found = equilibrium(eccentric, PLATE, LOAD)
-    forces = nodal_forces(model_of(eccentric, PLATE), found.fields[0])[np.unique(eccentric.edges["ground"])]
+    forces = nodal_forces(structure(eccentric, PLATE), found.fields[0])[np.unique(eccentric.edges["ground"])]
     x, y = eccentric.nodes[np.unique(eccentric.edges["ground"])].T
     U, V, _ = found.pose[0]
     moment = LOAD[2] + U * LOAD[1] - V * LOAD[0]  # of the load about the origin, where the hub's centre was
@@ -336,7 +335,7 @@ def test_both_factorisations_find_the_same(
 ) -> None:
     mesh = eccentric if load is LOAD else bar(LENGTH, HEIGHT, 8, 1)
     one = equilibrium(mesh, PLATE, load)
-    monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+    monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
     other = equilibrium(mesh, PLATE, load)
     np.testing.assert_allclose(one.pose, other.pose, rtol=0, atol=ROUND_OFF * np.abs(one.pose).max())
     assert one.stable == other.stable
@@ -347,7 +346,7 @@ def test_an_indefinite_matrix_is_solved_and_said_to_be_indefinite(
     monkeypatch: pytest.MonkeyPatch, installed: bool
 ) -> None:
     if not installed:
-        monkeypatch.setattr("flexfem.fem.tangent.find_spec", lambda name: None)
+        monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
     factorise, x = factoriser(), np.array([[3.0], [-1.0], [2.0]])
     for corner, definite in ((2.0, True), (-2.0, False), (5.0, True)):
         K = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, corner]])

@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import flexfem.fem.plane_stress
+import flexfem.fem.elements
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh, jacobians
-from flexfem.fem.plane_stress import (
+from flexfem.fem.elements import (
     QUADRATURE,
     Plate,
     integration,
@@ -21,6 +20,7 @@ from flexfem.fem.plane_stress import (
     stress_tensor,
     von_mises,
 )
+from flexfem.fem.mesh import StageMesh, jacobians
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
 ROUND_OFF = 1e-12  # of the largest entry: sums of a few dozen products
@@ -110,7 +110,7 @@ def test_stiffness_does_not_depend_on_how_many_triangles_go_at_once(
     mesh: StageMesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes))
-    monkeypatch.setattr(flexfem.fem.plane_stress, "CHUNK", 7 if len(mesh.triangles) < 100 else 997)
+    monkeypatch.setattr(flexfem.fem.elements, "CHUNK", 7 if len(mesh.triangles) < 100 else 997)
     batches = integration(mesh)
     assert len(batches) > 2
     pieces = stiffness_matrix(batches, PLATE, len(mesh.nodes))

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.sectors
-from flexfem.fem.cyclic import cyclic_response
+import flexfem.fem.mesh
+from flexfem.fem.elements import integration
 from flexfem.fem.gmsh_process import MeshTimeout, end_processes, run_mesher
-from flexfem.fem.mesh import drawn_area, estimate_triangles
+from flexfem.fem.mesh import Sector, curved, drawn_area, estimate_triangles, mesh_sectors, sector_drawing
 from flexfem.fem.mesher import mesh_faces
-from flexfem.fem.plane_stress import integration
-from flexfem.fem.response import plate_of, platform_response
-from flexfem.fem.sectors import Sector, curved, mesh_sectors, sector_drawing
+from flexfem.fem.response import platform_response, unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.bodies import area, draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
@@ -61,7 +60,7 @@ def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages: list[Stage
 def test_a_mesh_does_not_depend_on_the_seed_of_hashes(stages: list[Stage]) -> None:
     script = (
         "import sys, pickle, hashlib\n"
-        "from flexfem.fem.sectors import mesh_sectors\n"
+        "from flexfem.fem.mesh import mesh_sectors\n"
         "(sector,) = mesh_sectors(pickle.load(sys.stdin.buffer), 4, inside=True)\n"
         "print(hashlib.sha256(sector.mesh.nodes.tobytes() + sector.mesh.triangles.tobytes()).hexdigest())"
     )
@@ -138,7 +137,7 @@ def test_slender_and_stubby_hinges_are_as_accurate(
 ) -> None:
     stage = make_stage({"hinges.elbow.neck_mm": neck})
     fine = np.diag(solve(stage, 8).response.compliance)
-    found = np.diag(cyclic_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
+    found = np.diag(unit_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
     np.testing.assert_allclose(found, fine, rtol=ACCURACY)
 
 
@@ -154,7 +153,7 @@ def test_thirds_that_do_not_fit_are_refused(unlike: Any, monkeypatch: pytest.Mon
         job = sector_drawing(stage, chain, resolution)
         return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
 
-    monkeypatch.setattr(flexfem.fem.sectors, "sector_drawing", finer)
+    monkeypatch.setattr(flexfem.fem.mesh, "sector_drawing", finer)
     with pytest.raises(ComputationFailed, match="cut"):
         mesh_sectors(unlike.stage, 2, inside=True)
 
@@ -169,13 +168,13 @@ def test_a_mesh_that_does_not_cover_the_stage_is_refused(alike: Any, monkeypatch
         kept = np.arange(len(corners)) != np.argmax(np.where(inside, ux * vy - uy * vx, 0.0))
         return {**made, "triangles": made["triangles"][kept], "faces": made["faces"][kept]}
 
-    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lost)
+    monkeypatch.setattr(flexfem.fem.mesh, "mesh_faces", lost)
     with pytest.raises(ComputationFailed, match="mesh covers"):
         mesh_sectors(alike.stage, 2, inside=True)
 
 
 def test_too_fine_a_mesh_is_refused_before_it_is_made(alike: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lambda job: pytest.fail("meshed"))
+    monkeypatch.setattr(flexfem.fem.mesh, "mesh_faces", lambda job: pytest.fail("meshed"))
     with pytest.raises(ComputationFailed, match="coarser resolution"):
         mesh_sectors(alike.stage, 100, inside=True)
 
@@ -185,8 +184,8 @@ def test_the_size_that_may_be_refused_is_that_of_the_whole_stage(
 ) -> None:
     """Whether one sector stands for three alike chains or not, it is the estimate for whole meshes."""
     told: list[float] = []
-    monkeypatch.setattr(flexfem.fem.sectors, "refuse_size", told.append)
-    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", lambda job: pytest.fail("meshed"))
+    monkeypatch.setattr(flexfem.fem.mesh, "refuse_size", told.append)
+    monkeypatch.setattr(flexfem.fem.mesh, "mesh_faces", lambda job: pytest.fail("meshed"))
     for stage in (alike.stage, unlike.stage):
         with pytest.raises(pytest.fail.Exception, match="meshed"):
             mesh_sectors(stage, 5, inside=True)
@@ -198,7 +197,7 @@ def test_what_gmsh_says_becomes_one_line(alike: Any, monkeypatch: pytest.MonkeyP
     def broken(job: Any) -> Any:
         raise Exception("two\nlines")
 
-    monkeypatch.setattr(flexfem.fem.sectors, "mesh_faces", broken)
+    monkeypatch.setattr(flexfem.fem.mesh, "mesh_faces", broken)
     with pytest.raises(ComputationFailed, match="gmsh: two lines"):
         mesh_sectors(alike.stage, 2, inside=True)
 
@@ -217,7 +216,7 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(
     stage, levels = request.getfixturevalue(name).stage, np.array([6, 8, 11])
     fine = np.array([np.diag(np.linalg.inv(solve(stage, int(n)).response.compliance)) for n in levels])
     limit = np.array([grid_convergence(levels, fine[:, k], 0.0).extrapolated for k in range(3)])
-    ring = cyclic_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage))
+    ring = unit_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage))
     found = np.diag(np.linalg.inv(ring.compliance))
     assert np.abs(found / limit - 1).max() < ACCURACY
     assert np.abs(fine[-1] / limit - 1).max() < ACCURACY / 20  # so that the limit is one
@@ -225,6 +224,6 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(
 
 def test_the_ordinary_mesh_gives_nearly_the_same(alike: Any) -> None:
     """Both coarse meshes of this resolution are within 0.5 %."""
-    ring = cyclic_response(mesh_sectors(alike.stage, 3, inside=True), plate_of(alike.stage))
+    ring = unit_response(mesh_sectors(alike.stage, 3, inside=True), plate_of(alike.stage))
     slow = platform_response(alike.mesh, plate_of(alike.stage)).compliance
     np.testing.assert_allclose(np.diag(ring.compliance), np.diag(slow), rtol=5e-3)

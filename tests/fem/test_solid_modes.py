@@ -9,14 +9,11 @@ import pytest
 import scipy.linalg
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.layers import layers_of, mirrored
-from flexfem.fem.modes import modes, structure
-from flexfem.fem.plane_stress import Plate
-from flexfem.fem.response import tie_hub
-from flexfem.fem.sectors import joined, mesh_sectors
-from flexfem.fem.solid import sheet_of, solid
-from flexfem.fem.solid_modes import solid_mass, solid_modes, whole_modes
+from flexfem.fem.mesh import joined, mesh_sectors
+from flexfem.fem.modes import modes, stage_modes, vibrating_structure
+from flexfem.fem.structure import layers_of, mass_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
 
 from ..validation.vibration import third
@@ -32,7 +29,7 @@ TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
 @pytest.mark.parametrize(("half", "load"), [("in plane", CARRIED), ("out of plane", TILTED)])
 def test_one_sector_turned_vibrates_as_the_whole(half: str, load: Array) -> None:
     sector = third(3, 3, TWIST)
-    one, whole = (solid_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3))
+    one, whole = (stage_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3))
     np.testing.assert_allclose(one.frequencies, whole.frequencies, rtol=1e-8)
     np.testing.assert_allclose(one.total, whole.total, atol=1e-12 * one.total[2, 2])
     effective = [found.participation**2 / np.diag(found.total) for found in (one, whole)]
@@ -50,8 +47,8 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half: str,
     """All of them add up to the mass, and to the moments of inertia, of all that is free."""
     mesh = joined((third(3, 2, TWIST),) * 3)[0]
     mesh = mesh._replace(nodes=mesh.nodes + 0.03 * np.sin(mesh.nodes[:, ::-1]))  # no symmetry: no pairs
-    found = whole_modes(mesh, PLATE, HALVES[half], DENSITY, load, 5)
-    equations, mass = found.equations, solid_mass(mesh, HALVES[half], DENSITY, load)
+    found = modes(vibrating_structure(structure(mesh, PLATE, HALVES[half]), DENSITY, load), 5)
+    equations, mass = found.structure, mass_of(found.structure, DENSITY, load)
     lower = equations.lower().toarray()
     M = mass.loads(equations, np.eye(equations.size))
     squares, shapes = scipy.linalg.eigh(lower + np.tril(lower, -1).T, M)
@@ -75,8 +72,8 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half: str,
 def test_without_poissons_ratio_modes_in_the_plane_are_those_of_plane_stress_at_any_thickness(bar: Any) -> None:
     mesh = bar(31.0, 4.0, 6, 2)
     plate = Plate(68e3, 0.0, 9.7)
-    flat = modes(structure(mesh, plate, DENSITY, tie_hub(mesh), CARRIED), 5)
-    found = whole_modes(mesh, plate, mirrored(9.7, 2, 0.8), DENSITY, CARRIED, 5)
+    both = (structure(mesh, plate, layers) for layers in (None, mirrored(9.7, 2, 0.8)))
+    flat, found = (modes(vibrating_structure(of, DENSITY, CARRIED), 5) for of in both)
     np.testing.assert_allclose(found.frequencies, flat.frequencies, rtol=1e-8)
     np.testing.assert_allclose(found.participation, flat.participation, atol=1e-7)
 
@@ -86,12 +83,9 @@ def test_a_thin_sheet_vibrates_in_its_plane_as_in_plane_stress(bar: Any) -> None
     off = []
     for cells, thickness in ((1, 0.02), (2, 0.02), (1, 4.0)):
         mesh, plate = bar(31.0, 4.0, 12 * cells, 4 * cells), Plate(68e3, 0.29, thickness)
-        flat, thick = (
-            structure(mesh, plate, DENSITY, tie_hub(mesh), CARRIED * thickness),
-            mirrored(thickness, 1, 0.8),
-        )
-        found = whole_modes(mesh, plate, thick, DENSITY, CARRIED * thickness, 1)
-        off.append(found.frequencies[0] / modes(flat, 1).frequencies[0] - 1)
+        both = (structure(mesh, plate, layers) for layers in (None, mirrored(thickness, 1, 0.8)))
+        flat, found = (modes(vibrating_structure(of, DENSITY, CARRIED * thickness), 1) for of in both)
+        off.append(found.frequencies[0] / flat.frequencies[0] - 1)
     assert abs(2 * off[1] - off[0]) < 1e-4 < off[1] and off[2] > 3e-3  # that error falls with the triangles' size
 
 
@@ -103,7 +97,7 @@ def loaded(unlike: Any) -> Any:
     """A stage of three unlike chains, 9.7 mm thick, and its modes out of the plane with a payload on a coarse mesh."""
     stage, sectors = unlike.stage, mesh_sectors(unlike.stage, 2, inside=True)
     half, load = layers_of(stage, 1).antisymmetric, carried_out_of_plane(stage, HEAVY)
-    return stage, solid_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
+    return stage, stage_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
 
 
 def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded: Any) -> None:
@@ -119,7 +113,7 @@ def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded
 def test_a_payload_far_heavier_than_the_stage_tilts_on_the_static_stiffness(loaded: Any) -> None:
     """A 3 x 3 problem of what loads out of the plane do at rest."""
     stage, found = loaded
-    equations = solid(found.mesh, sheet_of(stage), found.equations.layers, tie_hub(found.mesh))
+    equations = structure(found.mesh, sheet_of(stage), found.layers)
     C = factorise(equations.lower())(np.pad(np.eye(3), [(equations.size - 3, 0), (0, 0)]))[-3:]
     expected = np.sqrt(scipy.linalg.eigh(np.linalg.inv(C), np.diag([0.5, 300.0, 300.0]), eigvals_only=True))
     np.testing.assert_allclose(found.frequencies, expected, rtol=5e-4)

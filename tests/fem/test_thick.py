@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate
 from flexfem.fem.extrusion import displacement, line_integrals, section_integrals, solid_stiffness
 from flexfem.fem.hinge import PlaneHinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, ordered
-from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import edge_force, mapped, nodes_on
-from flexfem.fem.thick import (
-    FREEDOMS,
-    ThickHinge,
-    factor,
-    layers,
-    position,
-    sample,
-    section_mesh,
-    stress_factors,
-)
+from flexfem.fem.thick import FREEDOMS, ThickHinge, factor, layers, position, sample, section_mesh, stress_factors
 from flexfem.fem.thick_chart import SHAPE, chart_points, main, make_thickness_chart, thickness_chart_path
 
 NU = 0.29

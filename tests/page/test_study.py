@@ -15,14 +15,9 @@ from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.page.section import Page, html_of
-from flexfem.page.study import study_parts
-from flexfem.page.study_asked import range_of
-from flexfem.page.study_designs import outline_paths, path_of
-from flexfem.page.study_points import of_front, of_map
-from flexfem.page.study_tables import marks_table
-from flexfem.plot.study import named
-from flexfem.plot.study_chart import chart_figure
-from flexfem.plot.study_records import Source, map_of
+from flexfem.page.study import marks_table, of_front, of_map, outline_paths, path_of, range_of, study_parts
+from flexfem.plot.study import Source, map_of, named
+from flexfem.plot.study_figures import chart_figure
 from flexfem.study.answer import own_values
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.findings import Marks, Percentile, cells_of, findings
@@ -299,7 +294,7 @@ def test_a_design_whose_bodies_cannot_be_drawn_has_numbers_and_no_outline(tmp_pa
     text = GRID.replace('key = "hinges.base.radius_mm"', 'key = "chain.joint_angles_deg[1]"')
     text = text.replace("from = 2.0\nto = 3.5", "from = 60.0\nto = 178.0")
     source = source_of(study(tmp_path, text + FRONT))
-    from flexfem.page.study_designs import drawn_designs
+    from flexfem.page.study import drawn_designs
 
     drawn = drawn_designs(source, np.flatnonzero(source.table.ok).tolist())
     missing = [one for one in drawn if one.outline is None]

@@ -9,12 +9,12 @@ import shutil
 import numpy as np
 import pytest
 
+from flexfem.design.result import read_design
 from flexfem.refused import BadInput
-from flexfem.synthesis.stored import read_design
 from flexfem.verify.result import write_record
 from flexfem.verify.result_files import read_fields, read_result, write_result
 
-from ..synthesis.recorded import recorded
+from ..design.recorded import recorded
 from .conftest import fields, result
 
 ERRORS = {"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}

@@ -13,21 +13,30 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
 from flexfem.mechanism.keys import keys
-from flexfem.plot import study_records
+from flexfem.plot import study as study_records
 from flexfem.plot.stage import outline_of
-from flexfem.plot.study import named, write_study_figures
-from flexfem.plot.study_labels import Caption, Quantity, factor, model_words, output
-from flexfem.plot.study_map import StudyMap, edges, levels, map_figure, norm_of
-from flexfem.plot.study_pareto import Chosen, ParetoFront, pareto_figure
-from flexfem.plot.study_records import Source, distribution_of, front_of, sensitivity_of
-from flexfem.plot.study_scatter import (
+from flexfem.plot.study import Source, distribution_of, front_of, named, sensitivity_of, write_study_figures
+from flexfem.plot.study_figures import (
+    Caption,
+    Chosen,
     Distribution,
+    ParetoFront,
+    Quantity,
     Scatter,
     Sensitivity,
     Share,
+    StudyMap,
     distribution_figure,
+    edges,
+    factor,
     histogram,
+    levels,
     limits,
+    map_figure,
+    model_words,
+    norm_of,
+    output,
+    pareto_figure,
     sensitivity_figure,
 )
 from flexfem.plot.text import SPACE

@@ -12,9 +12,9 @@ from matplotlib.quiver import Quiver
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.fem.drive import driven_response
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.response import driven_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.drive import command_figure, plot_drive, plot_forces, plot_open_loop, plot_strokes

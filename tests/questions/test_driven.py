@@ -9,8 +9,8 @@ import pytest
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
 from flexfem.analytic.paper import inverse_kinematics, stiffness
-from flexfem.fem.drive import neck_wrenches
-from flexfem.fem.response import plate_of
+from flexfem.fem.response import neck_wrenches
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of

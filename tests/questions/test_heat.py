@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.fem.heat import largest_within
+from flexfem.fem.fields import largest_within
 from flexfem.plot.fields import drift_figure, exaggeration, plot_drift
 from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, pose_bands

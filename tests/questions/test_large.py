@@ -12,7 +12,7 @@ from flexfem.analytic.large import at_pose, tangents
 from flexfem.analytic.model import analyse, assemble
 from flexfem.commands import cli
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large

@@ -10,8 +10,8 @@ import pytest
 import flexfem
 from flexfem.analytic.large import loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
-from flexfem.fem.preload import preloaded
-from flexfem.fem.response import plate_of
+from flexfem.fem.nonlinear import preloaded
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of

@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.analytic.model import analyse
-from flexfem.fem.response import LoadCase
+from flexfem.fem.fields import LoadCase
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions import warnings as warning

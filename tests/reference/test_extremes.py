@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.actuators import Catalogue
 from flexfem.reference.formats import FORMATS
 from flexfem.reference.schemas import schema_of
 from flexfem.refused import BadInput
-from flexfem.synthesis.requirements import load_requirements
 from flexfem.verify.case import LoadedCase
 
 ROOT = Path(__file__).parents[2]

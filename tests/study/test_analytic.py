@@ -246,7 +246,7 @@ def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:
 @pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
 def test_the_highest_neck_stress_is_that_of_finite_elements(studies: Any, plane: Plane) -> None:
     """Rigid links carry up to 2.5 % more than the bending ones of the finite elements; elastic links within 1 %."""
-    from flexfem.fem.response import load_case
+    from flexfem.fem.fields import load_case
     from flexfem.verify.protocol import solve_stage
 
     resolution = 10  # the stress is 0.3 % below its limit

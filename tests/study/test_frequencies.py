@@ -10,11 +10,11 @@ import pytest
 import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
+from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
 from flexfem.study.loaded import sample, stage_of
-from flexfem.verify.modes import payload_of
 
 FACTORS = (
     'key = "override.2.elbow.neck_mm"\nfrom = 0.35\nto = 0.8',

@@ -10,7 +10,7 @@ import pytest
 
 import flexfem
 from flexfem.files.writing import toml_text
-from flexfem.plot.study_labels import output
+from flexfem.plot.study_figures import output
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import judge, sample, stage_of

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.sectors
+import flexfem.fem.mesh
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.fem.fields import load_case
 from flexfem.fem.gmsh_process import MeshTimeout
+from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import mesh_faces
-from flexfem.fem.response import load_case
-from flexfem.fem.sectors import mesh_sectors
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
@@ -116,7 +116,7 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
             raise ComputationFailed("folded")
         return mesh_sectors(of, resolution, *others)
 
-    monkeypatch.setattr("flexfem.fem.sectors.mesh_sectors", folding)
+    monkeypatch.setattr("flexfem.fem.mesh.mesh_sectors", folding)
     without = columns(loaded, stage)
     assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
@@ -136,7 +136,7 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.sectors, "run_jobs", meshed)
+    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", meshed)
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
     assert [bool(reason) for reason in rows.reason] == [False, True, True, True]
@@ -161,3 +161,17 @@ def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) 
 def test_a_corrected_stage_has_no_plane_finite_elements(stage: Stage, studies: Any) -> None:
     with pytest.raises(BadInput, match="plane"):
         solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'))
+
+
+@pytest.mark.parametrize(
+    ("head", "model"), [('model = "analytic"\nmobility = 21', "analytic"), ('model = "fe"', "finite elements")]
+)
+def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: str, model: str) -> None:
+    path = f"stiffness.compliance.{model.replace(' ', '_')}.x.x"
+    rows = answer(studies.of(*ONE, head=f'{head}\nask = ["{path}"]'), 0, 1)
+    K = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    assert rows.values[0, -1] == pytest.approx(np.linalg.inv(rows.values[0][K])[0, 0], rel=1e-6)
+    refused = answer(studies.of(*ONE, head=f'{head}\nask = ["stiffness.nothing"]'), 0, 1)
+    assert refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
+    with pytest.raises(BadInput, match=r"question\.quantity\.labels"):
+        studies.of(*ONE, head=f'{head}\nask = ["kxx"]')

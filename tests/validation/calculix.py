@@ -33,9 +33,9 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate
 from flexfem.fem.export import UNIT_LOADS, write_deck
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate
 
 from .problem import MissingSolverError
 

@@ -11,10 +11,18 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import spsolve
 
 from flexfem.arrays import Array
-from flexfem.fem.layers import Layers, layered, mirrored
+from flexfem.fem.elements import (
+    Layers,
+    Plate,
+    integration,
+    internal_forces,
+    layered,
+    mirrored,
+    nodal_stress,
+    stiffness_matrix,
+)
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Cone
-from flexfem.fem.plane_stress import Plate, integration, internal_forces, nodal_stress, stiffness_matrix
 from flexfem.fem.problem import (
     FieldErrors,
     Function,
@@ -29,9 +37,7 @@ from flexfem.fem.problem import (
     solve,
     uniform,
 )
-from flexfem.fem.response import Tied
-from flexfem.fem.solid import Solid, solid
-from flexfem.fem.solid_modes import solid_mass
+from flexfem.fem.structure import Structure, mass_of, structure, tie
 from flexfem.mechanism.bodies import Face, Segment
 
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle
@@ -229,11 +235,10 @@ def curved_cells() -> StageMesh:
     return mapped(3, 2, place)
 
 
-def unsupported(mesh: StageMesh, layers: Layers, plate: Plate = SOLID) -> tuple[Solid, sp.csr_array]:
-    """A solid that nothing holds, and its whole stiffness (3nm, 3nm), unknowns as of `Solid.loads`."""
-    every = np.arange(len(mesh.nodes))
-    free = solid(mesh, plate, layers, Tied(every, every, every[:0], np.empty((0, 3))))
-    lower = free.lower().tocsr()[:-3, :-3]
+def unsupported(mesh: StageMesh, layers: Layers, plate: Plate = SOLID) -> tuple[Structure, sp.csr_array]:
+    """A solid that nothing holds, and its whole stiffness (3nm, 3nm), unknowns as of `Structure.loads`."""
+    free = structure(mesh, plate, layers, tie(mesh))
+    lower = free.lower().tocsr()
     return free, (lower + sp.tril(lower, -1).T).tocsr()
 
 
@@ -241,13 +246,13 @@ def unsupported(mesh: StageMesh, layers: Layers, plate: Plate = SOLID) -> tuple[
 def wedge_patch_test() -> list[Finding]:
     """A linear field imposed on the whole surface must come out inside."""
     mesh = curved_cells()
-    free, K = unsupported(mesh, layered(BOUNDS))
-    n, m = len(mesh.nodes), len(free.layers.heights)
-    at = np.concatenate([np.repeat(mesh.nodes, m, axis=0), np.tile(free.layers.heights, n)[:, None]], axis=1)
-    exact = free.loads((at @ SPATIAL.T).reshape(1, n, m, 3))[:-3, 0]
+    (free, K), heights = unsupported(mesh, layered(BOUNDS)), layered(BOUNDS).heights
+    n, m = len(mesh.nodes), len(heights)
+    at = np.concatenate([np.repeat(mesh.nodes, m, axis=0), np.tile(heights, n)[:, None]], axis=1)
+    exact = free.loads((at @ SPATIAL.T).reshape(1, n, m, 3))[:, 0]
     outside = np.zeros((1, n, m, 3))
     outside[:, np.unique(np.concatenate(list(mesh.edges.values())))] = outside[:, :, [0, -1]] = 1.0
-    held = free.loads(outside)[:-3, 0] > 0
+    held = free.loads(outside)[:, 0] > 0
     found = spsolve(K[~held][:, ~held].tocsc(), -K[~held][:, held] @ exact[held])
     worst = float(np.max(np.abs(found - exact[~held])) / np.max(np.abs(exact)))
     what, note = "largest relative error of the displacement", "36 curved wedges of 18 nodes, uneven layers"
@@ -265,8 +270,8 @@ def wedge_rigid_motions() -> list[Finding]:
     rows, mirror = _without_energy(whole, 6), mirrored(1.1, 2, 0.4)
     for which, layers in (("in", mirror._replace(held=(0,))), ("out of", mirror.antisymmetric)):
         equations, K = unsupported(curved_cells(), layers, Plate(70e3, 0.3, 1.0))
-        mass = solid_mass(curved_cells(), layers, 2700e-12, np.zeros((3, 3)))
-        squares = eigh(K.toarray(), mass.loads(equations, np.eye(equations.size))[:-3, :-3], eigvals_only=True)
+        mass = mass_of(equations, 2700e-12).loads(equations, np.eye(equations.size))
+        squares = eigh(K.toarray(), mass, eigvals_only=True)
         zero = float(np.sum(np.abs(squares) < 1e-9 * squares[6]))
         note = f"the fourth squared frequency is {squares[3] / squares[6]:.2g} of the seventh"
         what = f"modes {which} the plane without frequency, of six"

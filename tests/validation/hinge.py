@@ -17,15 +17,13 @@ import numpy as np
 from scipy.linalg import eigh
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.layers import mirrored
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, cone, notch_sizes
 from flexfem.fem.mesher import Cone
-from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import meshed
-from flexfem.fem.response import platform_response, tie_hub
-from flexfem.fem.sectors import cone, notch_sizes
-from flexfem.fem.solid import DEGREE, solid
+from flexfem.fem.response import platform_response
+from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.bodies import Face, Segment
 
@@ -118,7 +116,7 @@ def notch() -> StageMesh:
 def compliance(nu: float, depth: float, layers: int, faces_held: bool = False) -> tuple[Array, int]:
     """Compliance (3, 3) times thickness of the notch, `depth` of its necks thick, and the number of unknowns."""
     b = depth * NECK
-    equations = solid(notch(), Plate(E, nu, b), mirrored(b, layers, NECK, faces_held), tie_hub(notch()))
+    equations = structure(notch(), Plate(E, nu, b), mirrored(b, layers, NECK, faces_held))
     loads = np.pad(np.eye(3), [(equations.size - 3, 0), (0, 0)])
     return b * factorise(equations.lower())(loads)[-3:], equations.size
 
@@ -127,7 +125,7 @@ def compliance(nu: float, depth: float, layers: int, faces_held: bool = False) -
 def plane(nu: float, strain: bool = False) -> Array:
     """The same (3, 3) in plane stress or plane strain."""
     plate = Plate(E / (1 - nu**2), nu / (1 - nu), 1.0) if strain else Plate(E, nu, 1.0)
-    return platform_response(notch(), plate, DEGREE).compliance
+    return platform_response(notch(), plate, SOLID_QUADRATURE).compliance
 
 
 @problem(

@@ -16,9 +16,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
-from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.plane_stress import Plate, slopes_of, stress_tensor
-from flexfem.fem.tangent import State, Undeformed, green_lagrange, held_by, hub_at, model_of, tangent
+from flexfem.fem.elements import Plate, slopes_of, stress_tensor
+from flexfem.fem.nonlinear import State, arms_of, equilibrium, green_lagrange, held_by, hub_at, tangent
+from flexfem.fem.structure import Structure, structure
 
 from .problem import Finding, cantilever, order, problem
 
@@ -135,10 +135,10 @@ def observed(remainders: Array, between: tuple[float, float] = CLEAN) -> float:
     return order(STEPS[taken], remainders[taken])
 
 
-def compatible(model: Undeformed, pose: Array, field: Array) -> State:
+def compatible(model: Structure, pose: Array, field: Array) -> State:
     """The state with its hub at the pose and the stress of its displacements."""
     field = field.copy()
-    field[model.tied.hub] = hub_at(model.arms, pose).motion
+    field[model.tied.hub] = hub_at(arms_of(model), pose).motion
     strains = [green_lagrange(slopes_of(batch, field[None])[0]) for batch in model.batches]
     return State(pose, field, [stress_tensor(model.plate, strain) for strain in strains])
 
@@ -147,7 +147,7 @@ def compatible(model: Undeformed, pose: Array, field: Array) -> State:
 def remainders() -> Remainders:
     """Take steps from the bent bar, equilibrium under `LOAD`. Raises ComputationFailed."""
     mesh = cantilever(8, 2, BAR_LENGTH, BAR_HEIGHT, OFFSET)
-    model, rest = model_of(mesh, BAR), equilibrium(mesh, BAR, LOAD)
+    model, rest = structure(mesh, BAR), equilibrium(mesh, BAR, LOAD)
     state = compatible(model, rest.pose[0], rest.fields[0])
     way = SIZE * np.random.default_rng(29).normal(size=2 * len(model.tied.free) + 3)
     way[-1] /= BAR_LENGTH

@@ -25,9 +25,8 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.layers import Layers
+from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate
 
 from .problem import MissingSolverError
 
@@ -41,7 +40,7 @@ SAME_PLACE = 1e-9  # of the stage's size
 def hub_motions(nodes: Array, heights: Array, antisymmetric: bool) -> Array:
     """Displacements (n, m, 3, 3) of nodes (n, 2), mm, at heights (m,), mm, per unit of the pose of the hub.
 
-    The pose is x, y, theta; antisymmetric z and the rotations about x and y. Not by our own `layers.rigid_fields`.
+    The pose is x, y, theta; antisymmetric z and the rotations about x and y. Not by our own `Layers.rigid_fields`.
     """
     x, y, z = np.broadcast_arrays(*nodes.T[:, :, None], heights)
     zero, one = np.zeros_like(x), np.ones_like(x)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Cone
-from flexfem.fem.plane_stress import Plate, nodal_stress
 from flexfem.fem.problem import (
     clamp,
     edge_force,

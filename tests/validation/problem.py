@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import Plate
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import Plate
 from flexfem.fem.problem import (
     FieldErrors,
     Function,

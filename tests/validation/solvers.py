@@ -10,15 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.layers import layers_of
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.modes import modes, structure
-from flexfem.fem.plane_stress import Plate, nodal_stress, von_mises
-from flexfem.fem.response import neck_maxima, plate_of, platform_response, tie_hub
-from flexfem.fem.sectors import build_mesh, mesh_sectors, welded
-from flexfem.fem.solid import DEGREE, sheet_of
-from flexfem.fem.solid_modes import solid_modes
-from flexfem.fem.solid_response import solid_response
+from flexfem.fem.elements import SOLID_QUADRATURE, Plate, nodal_stress, von_mises
+from flexfem.fem.fields import neck_maxima
+from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors, welded
+from flexfem.fem.modes import modes, stage_modes, vibrating_structure
+from flexfem.fem.response import platform_response, unit_response
+from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.units import DENSITY, UNITS
@@ -105,7 +102,7 @@ def against_ngsolve(sheet: Sheet, theirs: ngsolve.Solved) -> dict[str, float]:
     wanted = np.array([theirs.curved.coefficients(field[:, None]) for field in ours.fields])
     stress = [nodal_stress(mesh, plate, field) for field in ours.fields], theirs.nodal_stress(mesh)
     necks = [np.array([neck_maxima(stage, mesh, von_mises(nodal)) for nodal in each]) for each in stress]
-    of = structure(mesh, plate, sheet.density, tie_hub(mesh), carried(stage, Payload()), degrees=(FULL, FULL))
+    of = vibrating_structure(structure(mesh, plate, degree=FULL), sheet.density, carried(stage, Payload()), degree=FULL)
     hertz = modes(of, COUNT).frequencies * HERTZ
     return {
         "pose": pose_difference(ours.compliance, compliance, sheet.lever),
@@ -149,13 +146,13 @@ def ngsolve_in_three_dimensions() -> list[Finding]:
     stage = unlike()
     sectors, layers = mesh_sectors(stage, RESOLUTION), layers_of(stage, 1)
     sheet = Sheet(stage, welded(sectors)[0], sheet_of(stage))
-    shipped, ours = (solid_response(sectors, sheet.plate, layers, degree) for degree in (DEGREE, FULL))
+    shipped, ours = (unit_response(sectors, sheet.plate, layers, degree) for degree in (SOLID_QUADRATURE, FULL))
     loads = {"in": carried(stage, Payload()), "out of": carried_out_of_plane(stage, Payload())}
     compliance, found = np.zeros((3, 3)), {}
     for (which, load), half in zip(loads.items(), (layers, layers.antisymmetric), strict=True):
         theirs = ngsolve.solve(sheet.mesh, sheet.plate, half)
         hertz = theirs.frequencies(sheet.density, sheet.disc(which == "out of"))
-        modes = solid_modes(sectors, sheet.plate, half, sheet.density, load, COUNT, FULL).frequencies
+        modes = stage_modes(sectors, sheet.plate, half, sheet.density, load, COUNT, FULL).frequencies
         found[f"frequencies {which} the plane"] = frequency_difference(modes * HERTZ, hertz)
         if which == "in":
             compliance = np.linalg.inv(theirs.stiffness)

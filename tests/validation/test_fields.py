@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
+from flexfem.fem.elements import integration
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import integration
 from flexfem.fem.problem import (
     body_force,
     clamp,

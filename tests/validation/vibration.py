@@ -10,13 +10,11 @@ from scipy.optimize import brentq
 from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
 from flexfem.arrays import Array
-from flexfem.fem.layers import mirrored
-from flexfem.fem.mesh import StageMesh, outwards
-from flexfem.fem.modes import Modes, free_of, modes, structure
-from flexfem.fem.plane_stress import Plate
+from flexfem.fem.elements import Plate, mirrored
+from flexfem.fem.mesh import Sector, StageMesh, outwards
+from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
 from flexfem.fem.problem import mapped, nodes_on
-from flexfem.fem.sectors import Sector
-from flexfem.fem.solid_modes import SolidModes, solid_modes, whole_modes
+from flexfem.fem.structure import structure, tie
 from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
@@ -34,7 +32,8 @@ def tapered(cells: int) -> StageMesh:
 
 def clamped(mesh: StageMesh, plate: Plate, density: float, count: int) -> Modes:
     """Lowest modes of a mesh whose left side is clamped."""
-    return modes(structure(mesh, plate, density, free_of(mesh, nodes_on(mesh, "left"))), count)
+    held = structure(mesh, plate, tied=tie(mesh, nodes_on(mesh, "left")))
+    return modes(vibrating_structure(held, density), count)
 
 
 @problem(
@@ -97,7 +96,7 @@ def bent_beam() -> list[Finding]:
     """Two frequencies of bending in the plane, in the symmetric half, and two out of it, in the antisymmetric one."""
     mesh, layers, rows = cantilever(60, 1, LENGTH, HEIGHT), mirrored(THICKNESS, 1, THICKNESS), []
     for which, half, depth in (("in", layers, HEIGHT), ("out of", layers.antisymmetric, THICKNESS)):
-        found = whole_modes(mesh, Plate(E, 0.0, THICKNESS), half, DENSITY, np.zeros((3, 3)), 2)
+        found = modes(vibrating_structure(structure(mesh, Plate(E, 0.0, THICKNESS), half), DENSITY), 2)
         for k, root in enumerate(BEAM_ROOTS):
             target, ours = bending_hertz(root, LENGTH, depth), float(found.frequencies[k] / (2 * math.pi))
             what = f"cantilever, frequency {k + 1} of bending {which} the plane (Hz)"
@@ -125,10 +124,10 @@ def third(columns: int, rows: int, twist: float = 0.0) -> Sector:
     return Sector(mesh, behind[~np.isin(behind, ends)], ahead[~np.isin(ahead, ends)])
 
 
-def annulus(sectors: int) -> SolidModes:
+def annulus(sectors: int) -> Modes:
     """Three modes out of the plane of an annular plate with a rigid disc, of one sector turned, or of three."""
     carried, layers = np.diag([DISC[0], DISC[1], DISC[1]]), mirrored(SHEET, 1, SHEET).antisymmetric
-    return solid_modes((third(14, 10),) * sectors, Plate(E, 0.3, SHEET), layers, DENSITY, carried, 3)
+    return stage_modes((third(14, 10),) * sectors, Plate(E, 0.3, SHEET), layers, DENSITY, carried, 3)
 
 
 def rigid_middle(nodal: int, poissons_ratio: float = 0.3) -> float:

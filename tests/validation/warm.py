@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.heat import free_displacement
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plane_stress import (
+from flexfem.fem.elements import (
     QUADRATURE,
     ElementBatch,
     Plate,
@@ -16,6 +14,8 @@ from flexfem.fem.plane_stress import (
     slopes_of,
     stress_tensor,
 )
+from flexfem.fem.heat import free_displacement
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.problem import Support, nodes_on, on_chords, shape_values, solve
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
@@ -56,7 +56,7 @@ def warm_free_body() -> list[Finding]:
     corner, far = (np.array([np.argmax(mesh.nodes[:, axis])]) for axis in (0, 1))
     rows = []
     for case, name, hottest in ((0, "1 K everywhere", 1.0), (1, "1 K/mm along x", 9.0)):
-        moved = STRAIN * free_displacement(mesh.nodes)[case]
+        moved = STRAIN * free_displacement(mesh.nodes)[case - 1]
         supports = [Support(nodes, axis, moved[nodes, axis]) for nodes, axis in ((corner, 0), (corner, 1), (far, 0))]
         warm = [STRAIN * temperature(mesh, batch)[case] for batch in integration(mesh)]
         strains = [each[None, :, None, None] * np.eye(2)[..., None] for each in warm]

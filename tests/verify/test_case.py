@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.fem.response import load_case
+from flexfem.fem.fields import load_case
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import markdown_report
 from flexfem.refused import BadInput

@@ -13,9 +13,9 @@ from scipy.linalg import lstsq
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.analytic.paper import KINDS, freedoms_of
 from flexfem.analytic.responses import driven_model
-from flexfem.fem.drive import driven_response
-from flexfem.fem.response import plate_of
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import build_mesh
+from flexfem.fem.response import driven_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import couple_names, hinge_couples
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.fem.elements import layered
 from flexfem.fem.export import write_solid_vtu
-from flexfem.fem.layers import layered
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import bands, warnings
 from flexfem.verify import solid
@@ -82,9 +82,9 @@ def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage: Any) -> N
 
 
 def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage: Any, monkeypatch: Any) -> None:
-    from flexfem.fem import solid_response
+    from flexfem.fem import structure
 
-    monkeypatch.setattr(solid_response, "MOST_UNKNOWNS", 10_000)
+    monkeypatch.setattr(structure, "MOST_UNKNOWNS", 10_000)
     with pytest.raises(flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"):
         bands.solve_solid(make_stage(), 2, 1)
 

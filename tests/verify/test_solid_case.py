@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.fem.layers import layers_of
-from flexfem.fem.solid import sheet_of
-from flexfem.fem.solid_fields import solid_neck_stresses, solid_nodal_stress, solid_von_mises
+from flexfem.fem.elements import solid_nodal_stress, solid_von_mises
+from flexfem.fem.fields import solid_neck_stresses
+from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.questions.bands import RelativeError, SolidLevels, pose_bounds, solve_solid
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.verify import protocol, solid_case

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.commands.baseline.moves import Leaf
-from flexfem.fem.mesh import StageMesh, check_mesh
-from flexfem.fem.sectors import build_mesh
+from flexfem.fem.mesh import StageMesh, build_mesh, check_mesh
 from flexfem.files.writing import digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.bodies import Segment, draw_sector, turn
 from flexfem.mechanism.stage import Stage

@@ -19,9 +19,10 @@ from flexfem.commands.baseline.committed import COARSE, committed_mesh, mesh_nam
 from flexfem.commands.baseline.inputs import Kind, kind_of
 from flexfem.commands.baseline.moves import Leaf, leaves
 from flexfem.commands.plain import plain
-from flexfem.fem.drive import driven_response
+from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
-from flexfem.fem.response import load_case, plate_of, platform_response
+from flexfem.fem.response import driven_response, platform_response
+from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import key_path
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import levels

@@ -1,0 +1,1 @@
+"""From requirements to dimensions: search, correction by finite elements, and the designed stage."""

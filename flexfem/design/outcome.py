@@ -1,0 +1,408 @@
+"""From requirements to a record: search, proof, front, sensitivities, scatter, and the stage as a file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from flexfem.analytic.model import best_model
+from flexfem.arrays import Array
+from flexfem.design.model import MISSED, ROUND_OFF, Model
+from flexfem.design.proof import Mapped, Proof, ProposedElements, mapped, proof, searched
+from flexfem.design.requirements import SCATTERED, LoadedRequirements, Tolerance
+from flexfem.design.result import (
+    Checked,
+    Designed,
+    FrontDesign,
+    Goal,
+    Requirement,
+    Round,
+    Scattered,
+    SoleRelaxation,
+    Step,
+    Verdict,
+)
+from flexfem.design.scatter import OTHERS, deviations
+from flexfem.design.search import Say, optimum, silent
+from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.refusals import key_path, path_of
+from flexfem.hinges.strength import required_law
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage_file import of_heat
+from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
+from flexfem.study.answer import answer_designs, doubted
+from flexfem.study.columns import (
+    BANDS,
+    CROSSES,
+    DRIFTS,
+    DRIVE_RANGES,
+    ENGAGED,
+    ERRORS,
+    FREQUENCIES,
+    GRADIENTS,
+    LIFE_AMPLITUDES,
+    round_off_of,
+    row_of,
+)
+from flexfem.study.factors import Column, Factor
+from flexfem.study.loaded import stage_of
+from flexfem.units import unit_of
+from flexfem.verify.result import versions
+
+PLANE_ALONE = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS}
+SHOWN = 200  # steps of a history
+ACTIVE = 1e-3  # part of its size within which a requirement is kept just so, at the optimum without steps
+END = 1e-4  # of a range within which a dimension is at its end
+DIFFERENCE = 1e-4  # of a dimension, by which sensitivities are found
+KEPT = 1e-6  # part of an objective within which it is kept: room for programs at the end of a range
+APART = 1e-3  # of the spans of a front, within which two designs are one
+SHARED = 2000  # stages with scattered necks that the share is of
+
+
+def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> Designed:
+    """The best stage that meets requirements, or the one that misses least.
+
+    Raises
+    ------
+    ComputationFailed
+        Finite elements of a proposed design fail.
+    BadInput
+        No design has an answer.
+    """
+    model = Model(loaded, counts=elements.counts)
+    found = mapped(model, elements, say)
+    last, best, of = found.rounds[-1], found.optima[-1], loaded.requirements
+    say("sensitivities")
+    kept, stage = _requirements(found), made(loaded, last.values)
+    alternatives = list[SoleRelaxation]()
+    if best.merit >= MISSED and any(each.verdict == "missed" for each in kept):
+        alternatives = relaxations(found.model.changed(guard=None), last.values)
+    front = list[FrontDesign]()
+    if model.objectives > 1 and best.merit < MISSED:
+        designs = front_of(found.model, best.relaxed, of.front, elements, say)
+        front = [_front_design(found.model, proof(found.model, elements, each, say)) for each in designs]
+    places = zip(model.space.dimensions, model.space.to_unit(best.relaxed[None])[0], strict=True)
+    history = best.history if len(found.optima) == 1 else found.optima[0].history
+    shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
+    return Designed(
+        name=of.name,
+        file=str(loaded.path),
+        base=of.stage,
+        hash=stage.hash,
+        seed=of.seed,
+        accuracy_percent=of.accuracy_percent,
+        design=_named(loaded, last.values),
+        relaxed=_named(loaded, best.relaxed),
+        stage=stage.to_toml(),
+        feasible=all(each.verdict != "missed" for each in kept),
+        agreed=found.agreed,
+        objectives=[
+            Goal(**_quantity(found, k, each.quantity, each.title), better="larger" if each.sign < 0 else "smaller")
+            for k, each in enumerate(of.objective)
+        ],
+        requirements=kept,
+        alternatives=alternatives,
+        at_ends=[each.name for each, u in places if not each.listed and not END < u < 1 - END],
+        sensitivities=_sensitivities(found.model, last),
+        rounds=[
+            Round(design=_named(loaded, r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
+            for r, o in zip(found.rounds, found.optima, strict=True)
+        ],
+        front=front,
+        scattered=_scattered(found),
+        history=[Step(evaluations=history[k][0], objective=history[k][1], missed=history[k][2]) for k in shown],
+        evaluations=dict(sorted(elements.counts.items())),
+        versions=versions(),
+        warnings=_warnings(found),
+        **doubts_of(loaded, stage),
+    )
+
+
+def _named(loaded: LoadedRequirements, values: Array) -> dict[str, float]:
+    return {column.name: float(value) for column, value in zip(loaded.columns, values, strict=True)}
+
+
+def made(loaded: LoadedRequirements, values: Array) -> Stage:
+    """The stage of a design (d,), its free dimensions said to be designed; the other sources are the base's."""
+    base, stage, of = loaded.stage, stage_of(loaded.study, values), loaded.requirements
+    source = f"designed: {of.name}, seed {of.seed}"
+    sources, members = dict(base.provenance), dict[str, list[int]]()
+    for column in loaded.columns:
+        for path in column.keys:
+            place = path_of(path)
+            if isinstance(place[-1], int):
+                members.setdefault(key_path(place[:-1]), []).append(place[-1])
+            else:
+                sources[path] = source
+    for path, indices in members.items():  # one that is assumed in part goes on being assumed
+        before = base.sources.get(path) or "not stated"
+        lead = "assumed in part" if is_assumed(before) else "in part"
+        designed_here = ", ".join(map(str, sorted(indices)))
+        sources[path] = f"{lead}: [{designed_here}] {source}; the others {before}"
+    return stage.model_copy(update={"name": of.name, "provenance": sources})
+
+
+def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> Checked:
+    """What the value of a quantity rests on, by all names that it uses."""
+    of, solid = loaded.requirements, loaded.solid
+    unchecked = PLANE_ALONE | {name for name in names if name.startswith(("life_", "safety_"))} if solid else set[str]()
+    unchecked |= {*SCATTERED} if of.tolerance is None or not of.tolerance.checked or solid else set()
+    if names & unchecked:
+        return "analytic model alone"
+    if not names & {*of.study.outputs, *ERRORS, *SCATTERED}:
+        return "exact"  # mass and envelope of the drawing, dimensions themselves
+    return "finite elements in three dimensions" if solid else "finite elements"
+
+
+def _quantity(found: Mapped, place: int, text: str, label: str) -> dict[str, Any]:
+    """The fields of `Stated`."""
+    loaded, of = found.model.loaded, found.rounds[-1]
+    names = loaded.requirements.names_of(text)
+    by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
+    noise = _moved(found, {n: float(x.max()) for n, x in round_off_of(_arrays(of.columns)).items() if n in of.columns})
+    value, uncorrected = (
+        0.0 if abs(x) <= noise[place] else float(x) for x in (of.elements[place], of.uncorrected[place])
+    )
+    spread = None
+    if names & {*ENGAGED}:
+        stage = stage_of(loaded.study, of.values)
+        model = commanding(best_model(stage, []))
+        part = push_spread(model) / engaged_stiffness(model.of)
+        steps = {name: of.columns[name] * x for name, x in zip(ENGAGED, part, strict=True)}
+        spread = max(float(_moved(found, {n: side * x for n, x in steps.items()})[place]) for side in (-1, 1))
+    return {
+        "name": text,
+        "label": label,
+        "value": value,
+        "band": float(of.bands[place]) if sampled or by.startswith("finite") else None,
+        "sampling": float(of.sampling[place]) if sampled else None,
+        "uncorrected": uncorrected,
+        "checked_by": by,
+        "push_spread": spread,
+    }
+
+
+def _arrays(columns: dict[str, float]) -> dict[str, Array]:
+    return {name: np.array([value]) for name, value in columns.items()}
+
+
+def _moved(found: Mapped, steps: dict[str, float]) -> Array:
+    """By how much quantities (q,) of the design move when columns of it move by `steps`."""
+    of = found.rounds[-1]
+    columns = of.columns | {name: of.columns[name] + step for name, step in steps.items()}
+    return np.asarray(np.abs(found.model.quantities(_arrays(columns))[0] - of.elements))
+
+
+def _requirements(found: Mapped) -> list[Requirement]:
+    model, kept = found.model, list[Requirement]()
+    guard = np.zeros(len(model.sizes)) if found.proposing.guard is None else found.proposing.guard
+    tight = np.minimum(guard, model.room / model.sizes)
+    slack = found.proposing.margins(found.proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
+    for k, each in enumerate(model.loaded.requirements.require):
+        about = _quantity(found, model.objectives + k, each.quantity, each.title)
+        value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
+        margin = float(min(value - model.low[k], model.high[k] - value))
+        verdict: Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
+        kept.append(
+            Requirement(
+                **about,
+                at_least=each.at_least,
+                at_most=each.at_most,
+                size=size,
+                margin=margin,
+                margin_percent=100 * margin / size,
+                band_percent=None if about["band"] is None else 100 * band / size,
+                verdict=verdict,
+                active=bool(abs(slack[k]) <= ACTIVE),
+                relax_to=value if verdict == "missed" else None,
+                tightened_percent=100 * float(tight[k]),
+            )
+        )
+    return kept
+
+
+def relaxations(model: Model, near: Array) -> list[SoleRelaxation]:
+    """For every requirement the smallest relaxation that is enough when the others are kept, by a search each."""
+    found = list[SoleRelaxation]()
+    for k, each in enumerate(model.loaded.requirements.require):
+        alone = model.changed(yielding=k)
+        best = optimum(alone, model.loaded.requirements.seed, near)
+        relax_to = percent = None
+        if best.merit < MISSED:
+            quantities = alone.found(best.values[None]).quantities
+            relax_to, missed = float(quantities[0, model.objectives + k]), float(alone.wanted(quantities)[0])
+            percent = 100 * missed if missed > ROUND_OFF else 0.0
+        found.append(SoleRelaxation(requirement=each.title, relax_to=relax_to, percent=percent))
+    return found
+
+
+def front_of(model: Model, first: Array, count: int, elements: ProposedElements, say: Say = silent) -> list[Array]:
+    """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
+
+    Notes
+    -----
+    The first objective is best while the second keeps a bound (Haimes, Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1
+    (1971) 296-297), in the middle of the widest gap so far; for every bound all is searched, because bodies that
+    overlap part what can be made.
+    """
+    seed, store = model.loaded.requirements.seed, elements.store
+    last = searched(model.changed(objective=1), first, store, say=say)
+    if last.merit >= MISSED:
+        return []
+    designs = [_in_turn(model, each, seed) for each in (optimum(model, seed, first, False).values, last.values)]
+    closed = set[float]()
+    while len(designs) < count:
+        designs = _best_of(model, designs)
+        both = model.signed(model.found(np.array(designs)).quantities)
+        span = np.ptp(both, axis=0)
+        gaps = np.linalg.norm(np.diff(both, axis=0) / np.where(span > 0, span, 1.0), axis=1)
+        bounds = (both[1:, 1] + both[:-1, 1]) / 2
+        open_gaps = [k for k in np.argsort(-gaps) if float(bounds[k]) not in closed and gaps[k] > APART]
+        if not open_gaps:
+            break
+        k = int(open_gaps[0])
+        closed.add(float(bounds[k]))
+        near = designs[k + 1]
+        between = searched(model.changed(bounds={1: float(bounds[k])}), near, store, say=say)
+        if between.merit < MISSED:
+            designs.append(between.values)
+        say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
+    return _best_of(model, designs)
+
+
+def _in_turn(model: Model, values: Array, seed: int) -> Array:
+    """The design (d,) beside `values` that is best in one objective after the other while the other is kept."""
+    for k in range(model.objectives):
+        own = model.signed(model.found(values[None]).quantities)[0]
+        bounded = model.changed(objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
+        best = optimum(bounded, seed, values, False)
+        if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
+            values = best.values
+    return values
+
+
+def _best_of(model: Model, designs: list[Array]) -> list[Array]:
+    """Those of some designs that no other beats in both objectives, in the order of the first."""
+    both = model.signed(model.found(np.array(designs)).quantities)
+    _, first = np.unique(both, axis=0, return_index=True)
+    beaten = [np.any(np.all(both <= both[k], axis=1) & np.any(both < both[k], axis=1)) for k in first]
+    return [designs[k] for k, is_beaten in zip(first, beaten, strict=True) if not is_beaten]
+
+
+def _front_design(model: Model, of: Proof) -> FrontDesign:
+    k = model.objectives
+    margins = np.minimum(of.elements[k:] - model.low, model.high - of.elements[k:])
+    return FrontDesign(
+        design=_named(model.loaded, of.values),
+        values=of.elements[:k].tolist(),
+        predicted=of.predicted[:k].tolist(),
+        margins_percent=(100 * margins / model.sizes).tolist(),
+        met=bool(np.all(margins >= -of.bands[k:])),
+        stage=made(model.loaded, of.values).to_toml(),
+    )
+
+
+def sensitivities(model: Model, values: Array) -> Array:
+    """Change (d, q) of the quantities of a design in per cent for 1 % of each dimension; nan where lost.
+
+    Central, and where one side has no answer, as at bodies that touch, by the other.
+    """
+    d, steps = len(values), np.diag(DIFFERENCE * values)
+    around = model.found(np.vstack([values - steps, values + steps, values[None]])).quantities
+    below, above, own = around[:d], around[d : 2 * d], around[-1]
+    with np.errstate(all="ignore"):
+        both, up, down = (above - below) / 2, above - own, own - below
+        slopes = np.where(np.isfinite(both), both, np.where(np.isfinite(up), up, down))
+        return np.asarray(slopes / (DIFFERENCE * own))
+
+
+def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]]:
+    """By dimension and quantity; none of a quantity that its band does not tell from zero."""
+    rows = np.where(np.abs(of.elements) <= of.bands, np.nan, sensitivities(model, of.values))
+    names = model.loaded.requirements.quantities
+    return {
+        column.name: {n: float(x) if math.isfinite(x) else None for n, x in zip(names, row, strict=True)}
+        for column, row in zip(model.loaded.columns, rows, strict=True)
+    }
+
+
+def _scattered(found: Mapped) -> Scattered | None:
+    """What scatter of the nine necks does to the design; None where no tolerance is given."""
+    loaded, of = found.model.loaded, found.rounds[-1].scattered
+    tolerance, notes = loaded.requirements.tolerance, list[str]()
+    if tolerance is None:
+        return None
+    for k, name in enumerate(SCATTERED):
+        if of is not None and name in loaded.requirements.used:
+            text = (
+                f"{name} of {OTHERS:,} stages that no search has seen, by the model: {of.others[k]:.4g}, 95 % interval "
+                f"{of.low[k]:.4g} to {of.high[k]:.4g}; of the {tolerance.stages:,} searched {of.searched[k]:.4g}"
+            )
+            solved = f"; finite elements of {tolerance.checked}: {of.factors[-1, k]:.4f} times that, off by at most "
+            notes.append(text + (f"{solved}{of.misfit[k]:.2g} in one" if np.any(of.misfit) else ""))
+    return Scattered(share=share_kept(found.model, found.rounds[-1], tolerance), stages=SHARED, notes=notes)
+
+
+def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
+    """Share of stages with scattered necks that keep every requirement, by the corrected model.
+
+    What the model of a study does not answer, such as masses and couplings of all stages, is held as in the design.
+    """
+    study, stage = model.loaded.study, stage_of(model.loaded.study, of.values)
+    off = deviations(tolerance, SHARED, (model.loaded.requirements.seed + 1) % 2**63).reshape(-1, 9)
+    names = [(k, hinge) for k in (1, 2, 3) for hinge in HINGE_NAMES]
+    paths = [f"override.{k}.{hinge}.neck_mm" for k, hinge in names]
+    necks = off + [stage.hinge(*place).neck for place in names]
+    columns = tuple(Column(path, (path,), Factor(key=path, values=(0.5,))) for path in paths)
+    rows = answer_designs(replace(study, stage=stage, columns=columns), necks)
+    found = dict(zip(study.outputs, rows.values.T, strict=True))
+    quantities = model.quantities({n: np.full(SHARED, x) for n, x in of.columns.items()} | model.corrected(found))
+    margins = model.changed(guard=None, bounds={}).margins(quantities)
+    return float(np.mean((rows.status == "ok") & np.all(margins >= -ROUND_OFF, axis=1)))
+
+
+def _warnings(found: Mapped) -> list[str]:
+    """What to know of the result: rounds that end apart, answers out of their range, couplings that are not checked."""
+    loaded, last, warnings = found.model.loaded, found.rounds[-1], list[str]()
+    of, columns = loaded.requirements, last.columns
+    if not found.agreed:
+        still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
+        if 100 * last.gap <= of.accuracy_percent:
+            still = "a requirement is still not kept with its band, or within it where there is no room"
+        warnings.append(f"after {len(found.rounds)} rounds {still}")
+    row = row_of("ok", "", [columns[name] for name in loaded.study.outputs])
+    reason = str(doubted(loaded.study, last.values[None], row).reason[0])
+    warnings += reason.split("; ") if reason else []
+    amplitudes = [name for name in LIFE_AMPLITUDES if name in columns and name in of.used]
+    if of.life is not None and amplitudes:
+        low, high = required_law(loaded.stage.material).range
+        about, name = f"amplitudes for {of.life.cycles:g} cycles", amplitudes[0]
+        if not low <= of.life.cycles <= high:
+            warnings.append(f"{about} extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
+        own = abs(of.life.amplitude[LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
+        if columns["safety_factor"] * own < columns[name]:  # mean and amplitude grow together
+            warnings.append(f"{about} by elastic stress, beyond yield")
+    if of.used & {*SCATTERED} and of.tolerance is not None and not of.tolerance.checked:
+        warnings.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")
+    return warnings
+
+
+def doubts_of(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:
+    """Key paths, of the stage and of the requirements, that are assumed or whose source is not stated."""
+    of, study = loaded.requirements, loaded.study.study
+    pairs = [stage.drive_doubts] if study.driven else []
+    pairs += [stage.heat_doubts] if study.drift is not None else []
+    pairs = pairs or [Doubts([*stage.assumed], [*stage.not_stated])]
+    assumed, not_stated = (
+        [key for key in dict.fromkeys(chain(*keys)) if study.drift is not None or not of_heat(key)]
+        for keys in zip(*pairs, strict=True)
+    )
+    own = [key for key, source in of.provenance.items() if is_assumed(source)]
+    return {
+        "assumed": [*(f"stage: {key}" for key in assumed), *(f"requirements: {key}" for key in own)],
+        "not_stated": [*(f"stage: {key}" for key in not_stated), *(f"requirements: {key}" for key in of.not_stated)],
+    }

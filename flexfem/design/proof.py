@@ -1,0 +1,378 @@
+"""Finite elements of designs, and the loop of search, finite elements and correction until both models agree.
+
+The corrections are output space mapping: Bandler et al., IEEE Trans. Microwave Theory Tech. 52 (2004) 337-361.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.arrays import Array
+from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, correction_of
+from flexfem.design.requirements import SCATTERED, LoadedRequirements
+from flexfem.design.scatter import ScatteredStages, stated
+from flexfem.design.search import BestDesign, Say, optimum, silent
+from flexfem.files.refusals import place_of
+from flexfem.files.writing import digest, write_atomically
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.study.answer import solved_values
+from flexfem.study.columns import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
+from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
+
+SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
+SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
+LIMIT = 600.0  # s for one mesh
+LOCAL = 0.01  # gap of both models below which the next search is beside the last design alone
+ROUNDS = 8  # at most
+ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
+OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
+OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
+
+
+Row: TypeAlias = list[float] | Failure  # outputs of a study
+
+
+class Store:
+    """What is found, plain data by its question: a file each in a folder, so that a run that was stopped goes on.
+
+    Without a folder it is kept in memory. The versions of all that decides an answer are part of its question.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder, self._found = folder, dict[str, Any]()
+
+    def answer(self, question: Any) -> Any:
+        """What is known, None else."""
+        name = self._name(question)
+        if name not in self._found and self.folder is not None:
+            with suppress(OSError, ValueError):
+                self._found[name] = json.loads((self.folder / name).read_text())
+        return self._found.get(name)
+
+    def keep(self, question: Any, answer: Any) -> Any:
+        """Add an answer; a folder that takes no file is told of when the results are written."""
+        self._found[self._name(question)] = answer
+        if self.folder is not None:
+            content = json.dumps(answer).encode()
+            with suppress(BadInput):
+                write_atomically(self.folder / self._name(question), lambda file: file.write(content), again=True)
+        return answer
+
+    def searched(self, question: Any, counts: Counter[str], search: Callable[[], Any]) -> Any:
+        """What `search`, or one before with this question, found; `counts` grow as in that search."""
+        known, before = self.answer(question), counts.copy()
+        if known is None:
+            known = self.keep(question, [search(), {}])
+            self.keep(question, [known[0], dict(counts - before)])
+        else:
+            counts.update(known[1])
+        return known[0]
+
+    def forget(self) -> None:
+        """Remove the folder: the results are written."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    @staticmethod
+    def _name(question: Any) -> str:
+        return f"{digest([question, dict(versions_of(True))])[:32]}.json"
+
+
+class Meshed(NamedTuple):
+    """Columns by name on every mesh, coarse to fine, with the triangles across every neck."""
+
+    resolutions: tuple[int, ...]
+    columns: list[dict[str, float]]
+
+
+def solved(number: int, loaded: LoadedStudy, stage: Stage, versions: Mapping[str, str] | None = None) -> Row:
+    """The outputs of a study for one stage, by finite elements; in a worker, where its versions are the same."""
+    if versions is not None:
+        require_same_versions(versions, True)
+    try:
+        return [float(value) for value in solved_values(stage, loaded)]
+    except (BadInput, ComputationFailed) as error:
+        return Failure("failed", str(error))
+
+
+class ProposedElements:
+    """Finite elements of designs; without workers one after the other in this process."""
+
+    def __init__(
+        self,
+        loaded: LoadedRequirements,
+        counts: Counter[str],
+        workers: Workers | None = None,
+        store: Store | None = None,
+    ) -> None:
+        self.loaded, self.counts, self.workers, self.store = loaded, counts, workers, store or Store()
+        self._counted = set[str]()
+
+    def of(self, values: Array, say: Say = silent) -> Meshed:
+        """A design (d,) on every mesh. Raises ComputationFailed."""
+        stage = stage_of(self.loaded.study, values)
+        meshes: Iterable[tuple[int, int]] = SOLID
+        if self.loaded.solid:
+            stage = stage.replace(model="plane_stress")
+        else:
+            meshes = [(level, 2) for level in levels(self.loaded.requirements.resolution)]
+        studies = [self._study(*mesh) for mesh in meshes]
+        rows = self._solved([(study, stage) for study in studies], say)
+        found = [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
+        return Meshed(tuple(resolution for resolution, _ in meshes), found)
+
+    def scattered(self, values: Array, off: Array, say: Say = silent) -> list[Array]:
+        """Couplings (3, stages) of a design whose necks deviate by `off` (stages, 3, 3), mm, on each mesh."""
+        stage, found = stage_of(self.loaded.study, values), list[Array]()
+        places = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
+        necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
+        for resolution in SCATTER:
+            study = self._study(resolution, 2)
+            study = replace(
+                study, study=study.study.model_copy(update=dict.fromkeys(("drive", "frequencies", "life", "drift")))
+            )
+            rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks], say))
+            found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
+        return found
+
+    def _study(self, resolution: int, layers: int) -> LoadedStudy:
+        """What is asked of a stage on one mesh."""
+        of, study = self.loaded.requirements, self.loaded.study
+        model = "three_dimensional" if self.loaded.solid else "verify" if of.used & {*ERRORS} else "fe"
+        changes: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
+        changes |= {"links": False, "mobility": None, "formula": of.paper_formula, "time_limit": LIMIT, "check": None}
+        if self.loaded.solid:
+            strokes = of.drive is not None and of.drive.stroke_um is not None
+            drive = of.drive.model_copy(update={"actuators": False}) if of.drive is not None and strokes else None
+            changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
+        return replace(study, study=study.study.model_copy(update=changes))
+
+    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]], say: Say) -> list[list[float]]:
+        """Rows of outputs, in the order of the tasks; what is known is not solved again."""
+        questions = [[study.study.model_dump(mode="json"), stage.model_dump(mode="json")] for study, stage in tasks]
+        names = {digest(question) for question in questions}
+        self.counts[f"finite elements{' in three dimensions' if self.loaded.solid else ''}"] += len(
+            names - self._counted
+        )
+        self._counted |= names
+        waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
+        for done, (k, row) in enumerate(self._rows(tasks, waiting), 1):
+            if isinstance(row, Failure):
+                raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
+            self.store.keep(questions[k], row)
+            say(f"finite elements: {done} of {len(waiting)} solutions")
+        return [self.store.answer(question) for question in questions]
+
+    def _rows(self, tasks: list[tuple[LoadedStudy, Stage]], waiting: list[int]) -> Iterator[tuple[int, Row]]:
+        """Outputs of the tasks that are waiting, by this process or by workers, in the order of completion."""
+        if self.workers is None:
+            yield from ((k, solved(k, *tasks[k])) for k in waiting)
+            return
+        ahead = ((k, *tasks[k], dict(versions_of(True))) for k in waiting)
+        for (k, *_), row in self.workers.results(solved, lambda: next(ahead, None), lambda task: LIMIT):
+            yield k, row
+
+
+class Proof(NamedTuple):
+    """What finite elements say of a design, quantities in their order (q,).
+
+    Attributes
+    ----------
+    predicted, uncorrected : array (q,)
+        By the model as it was corrected when it proposed the design, and by the analytic model itself.
+    bands, sampling : array (q,)
+        By meshes and by sampling, and the part of it by sampling.
+    gap : float
+        Largest difference of prediction and finite elements, over the sizes.
+    corrections, shifts : mapping
+        That make the model agree here.
+    columns : dict
+        By name, of finite elements where they answer.
+    """
+
+    values: Array
+    predicted: Array
+    uncorrected: Array
+    elements: Array
+    bands: Array
+    sampling: Array
+    gap: float
+    corrections: Mapping[str, Correction]
+    shifts: Mapping[str, float]
+    columns: dict[str, float]
+    scattered: ScatteredStages | None
+
+
+class Mapped(NamedTuple):
+    """What the loop found: the model with its last corrections, that which proposed the design, and every round."""
+
+    model: Model
+    proposing: Model
+    rounds: list[Proof]
+    optima: list[BestDesign]
+    agreed: bool
+
+
+def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mapped:
+    """Search, solve, correct, until the model agrees with finite elements at its optimum and all ends are kept there.
+
+    Requirements are tightened by the bands and, where dimensions are continuous, by the accuracy besides, as far as
+    that leaves any design.
+    """
+    accuracy, steps_alone = model.loaded.requirements.accuracy_percent / 100, not model.space.continuous.any()
+    rounds, optima, guards = list[Proof](), list[BestDesign](), list[Array | None]([None])
+    near, everywhere = None, True
+    for _ in range(ROUNDS):
+        model, best = _guarded(model, guards, elements.store, near, everywhere, say)
+        optima.append(best)
+        rounds.append(proof(model, elements, best.values, say))
+        last, near = rounds[-1], best.values
+        side = -1.0 if model.guard is None and rounds[1:] else 1.0
+        corrected = model.changed(corrections=last.corrections, shifts=last.shifts)
+        everywhere = last.gap > LOCAL or best.merit >= MISSED
+        if last.gap <= accuracy and (best.merit >= MISSED or is_kept(model, last, side)):
+            return Mapped(corrected, model, rounds, optima, True)
+        bands = last.bands[model.objectives :] / model.sizes
+        if guards[0] is not None:
+            bands = np.maximum(bands, guards[0] - (0.0 if steps_alone else accuracy))
+        guards = [bands, None] if steps_alone else [*(bands + k * accuracy for k in ROOM), None]
+        proposing, model = model, corrected
+    return Mapped(model, proposing, rounds, optima, False)
+
+
+def _guarded(
+    model: Model, guards: list[Array | None], store: Store, near: Array | None, everywhere: bool, say: Say
+) -> tuple[Model, BestDesign]:
+    """The optimum with the widest of `guards` that leave a design, the last being none, and the model with it.
+
+    Where there is none without guards either, it is that with the widest.
+    """
+    tried = list[tuple[Model, BestDesign]]()
+    for guard in (guards[0], *guards[:0:-1]):  # the widest, then none, then from narrow to wide
+        guarded = model.changed(guard=guard)
+        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
+        if (len(tried) == 1) is (tried[-1][1].merit < MISSED) and len(tried) < 3:
+            return tried[0]
+        near = tried[-1][1].values
+    return next((each for each in reversed(tried) if each[1].merit < MISSED), tried[0])
+
+
+def is_kept(model: Model, of: Proof, side: float = 1.0) -> bool:
+    """Whether finite elements keep every end by the band where there is room for it between two, or (-1) within it."""
+    q, band = of.elements[model.objectives :], side * np.minimum(of.bands[model.objectives :], model.room)
+    return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
+
+
+def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True, say: Say = silent) -> BestDesign:
+    """`search.optimum`, from what is kept where the same was searched before. Raises BadInput: none has an answer."""
+    seed = model.loaded.requirements.seed
+
+    def search() -> list[Any]:
+        of = optimum(model, seed, near, everywhere, say)
+        if of.merit >= REFUSED_MERIT:
+            reason = model.found(of.values[None]).reason[0] or "its bodies cannot be drawn"
+            raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
+        return [of.values.tolist(), of.relaxed.tolist(), of.merit, [list(each) for each in of.history]]
+
+    question = [question_of(model), None if near is None else near.tolist(), everywhere]
+    values, relaxed, merit, history = store.searched(question, model.counts, search)
+    return BestDesign(np.array(values), np.array(relaxed), merit, [tuple(each) for each in history])
+
+
+def question_of(model: Model) -> list[Any]:
+    """All that a search depends on besides the code, as plain data."""
+    guard = None if model.guard is None else model.guard.tolist()
+    corrections = sorted((name, list(each)) for name, each in model.corrections.items())
+    return [model.loaded.hash, guard, corrections, sorted(model.shifts.items()), model.objective,
+            sorted(model.bounds.items()), model.yielding]  # fmt: skip
+
+
+def proof(model: Model, elements: ProposedElements, values: Array, say: Say = silent) -> Proof:
+    """Finite elements of a design (d,), and the corrections that make the model agree with them there."""
+    meshed, scattered = elements.of(values, say), scattered_stages(model, elements, values, say)
+    shifts = {} if scattered is None else named(scattered.others / scattered.searched)
+    own = {name: float(column[0]) for name, column in model.changed(shifts=shifts).columns(values[None])[0].items()}
+    found, resolutions = meshed.columns[-1], np.array(meshed.resolutions, dtype=float)
+    found = found | ({} if scattered is None else named(scattered.others * scattered.factors[-1]))
+    bands = _bands(model, resolutions, np.array([_quantities(model, own | found | each) for each in meshed.columns]))
+    q = _quantities(model, own | found)
+    sampling = np.zeros(len(q))
+    if scattered is not None:
+        value, half = scattered.others * scattered.factors[-1], scattered.half_widths
+        ends = [_quantities(model, own | found | named(value + side * half)) for side in (-1.0, 1.0)]
+        sampling = np.max(np.abs(np.array(ends) - q), axis=0)
+        by_mesh = [_quantities(model, own | found | named(scattered.others * each)) for each in scattered.factors]
+        if len(by_mesh) > 1:
+            of_scatter = np.array(SCATTER, dtype=float)
+            bands = np.maximum(bands, [_mesh_band(of_scatter, each) for each in np.array(by_mesh).T])
+    predicted = model.found(values[None]).quantities[0]
+    size = np.maximum(np.abs(q), np.concatenate([np.zeros(model.objectives), model.sizes]))
+    off = np.abs(predicted - q)
+    zero = np.maximum(np.abs(q), off) <= bands  # an objective that meshes do not tell from zero, nor the model
+    zero[model.objectives :] = False
+    gap = float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0)))
+    corrections = {name: correction_of(own[name], value) for name, value in found.items() if name in own}
+    columns = own | found
+    return Proof(
+        values, predicted, _quantities(model, own), q, bands + sampling, sampling, gap, corrections, shifts, columns,
+        scattered,
+    )  # fmt: skip
+
+
+def scattered_stages(
+    model: Model, elements: ProposedElements, values: Array, say: Say = silent
+) -> ScatteredStages | None:
+    """Couplings of a design (d,) whose nine necks scatter; None where that is not asked. Raises ComputationFailed."""
+    scatter, of = model.scatter, model.loaded.requirements
+    if scatter is None or of.tolerance is None:
+        return None
+    designs = designs_of(model.loaded.study, values[None])
+    about = designs, of.formula, stage_freedoms(designs.prismatic) if of.mobility is None else freedoms_of(of.mobility)
+    others = scatter.couplings(*about, scatter.others)
+    model.counts["analytic with scattered necks"] += others.shape[-1]
+    checked = 0 if model.loaded.solid else of.tolerance.checked
+    meshes = elements.scattered(values, scatter.others[:checked], say) if checked else []
+    return stated(scatter.quantiles(*about)[0], others, meshes)
+
+
+def named(couplings: Array) -> dict[str, float]:
+    """Couplings under scatter (4,) by their columns."""
+    return dict(zip(SCATTERED, map(float, couplings), strict=True))
+
+
+def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
+    """Quantities (q,) of one design by its columns."""
+    return np.asarray(model.quantities({name: np.array([value]) for name, value in columns.items()})[0])
+
+
+def _bands(model: Model, resolutions: Array, values: Array) -> Array:
+    """Half-widths (q,) by meshes of quantities (levels, q)."""
+    of = model.loaded.requirements
+    each = zip(of.quantities, values.T, strict=True)
+    return np.array([quantity_band(of.names_of(text), resolutions, by_mesh) for text, by_mesh in each])
+
+
+def quantity_band(columns: frozenset[str], resolutions: Array, values: Array) -> float:
+    """Half-width by meshes of a quantity (levels,), coarse to fine: the largest by the columns that it uses."""
+    bands = [_mesh_band(resolutions, values)]
+    if len(resolutions) > 2:  # two in three dimensions
+        ways = ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands))
+        bands += [float(band(resolutions, values)) for own, band in ways if columns & own]
+    return max(bands)
+
+
+def _mesh_band(resolutions: Array, values: Array) -> float:
+    return mesh_band(resolutions, values) if np.ptp(values) > 0 else 0.0

@@ -1,0 +1,442 @@
+"""The requirements file: base stage, free dimensions, what is required of the stage, and what is to be best."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeAlias
+
+import numpy as np
+from pydantic import ConfigDict, Field, ValidationError, model_validator
+
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arrays import Array
+from flexfem.files import quantities
+from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, says, when, without
+from flexfem.files.refusals import problem_of, refusal, shown
+from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.files.writing import digest
+from flexfem.mechanism.keys import keys, meant
+from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.refused import BadInput
+from flexfem.study.columns import ERRORS
+from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
+from flexfem.study.loaded import LoadedStudy, require_model
+from flexfem.study.plan import Drifting, DriveQuestion, Expression, Frequencies, Lasting, Output, Study, names_in
+from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
+
+MOST_STEPS = 100_000  # of one dimension
+ROUND_OFF = 1e-9  # of a step
+LARGEST = 1e30  # end of a requirement, in its unit; its inverse is the smallest
+FEWEST = 72  # stages: all of fewer are below their 95 % value with a probability of 2.5 % or more
+LEAST_CHECKED = 8  # stages: fewer do not show how model and finite elements differ from stage to stage
+QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
+MASS = ("mass_kg",)
+DENSITY = "material.density_kg_m3"
+SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
+SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # with studies
+
+Scatter: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TOLERANCE)]
+Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
+
+
+def _without_keys_of_studies(schema: Rule) -> None:
+    """Leave out the keys of a factor that no free dimension takes."""
+    for key in ("points", "distribution", "mean", "sd", "lower", "upper"):
+        del schema["properties"][key]
+
+
+class Free(Factor):
+    """A dimension that is free between two ends, or one of a list; all numbers in the units of the stage file."""
+
+    named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
+
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            when(has("key"), without("keys"), has("keys")),
+            when(has("values"), without("from", "to", "scale", "step"), has("from", "to")),
+            also=_without_keys_of_studies,
+        )
+    )
+
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed; by default the key", examples=["all necks"]
+    )
+    values: tuple[Number, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MANY,
+        description="Instead of `from` and `to`: a list, of which it is one",
+        examples=[[1.5, 2.0, 3.0]],
+    )
+    step: Step | None = Field(
+        default=None,
+        description="It is `from` and a whole number of these, up to `to`; left out it is continuous",
+        examples=[0.005],
+    )
+
+    @model_validator(mode="after")
+    def _is_a_range_or_a_list(self) -> Free:
+        if self.kind not in ("values", "range") or self.points is not None:
+            raise refusal("from and to, or values")
+        if self.step is None:
+            return self
+        if self.values is not None:
+            raise refusal("no step with values", "step")
+        if self.start is not None and self.end is not None:
+            length = self.end - self.start
+            if length < self.step:
+                raise refusal(f"at most {length:g}, from end to end", "step")
+            if length / self.step > MOST_STEPS:
+                raise refusal(f"at most {MOST_STEPS} steps from end to end", "step")
+        return self
+
+    @property
+    def allowed(self) -> Array | None:
+        """The values (k,) that it may take, rising; None where it is continuous."""
+        if self.values is not None:
+            return np.sort(np.array(self.values))
+        if self.step is None:
+            return None
+        assert self.start is not None and self.end is not None
+        steps = int(np.floor((self.end - self.start) / self.step + ROUND_OFF))
+        return np.round(self.start + self.step * np.arange(steps + 1), 12)
+
+
+class Require(Table):
+    """Ends between which a quantity, an expression of columns and keys, must lie."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(either(has("at_least"), has("at_most"))))
+
+    quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
+    at_least: float | None = Field(
+        default=None,
+        ge=-LARGEST,
+        le=LARGEST,
+        description="The lower end",
+        examples=[100.0],
+        json_schema_extra=OF_THE_KEY,
+    )
+    at_most: float | None = Field(
+        default=None,
+        ge=-LARGEST,
+        le=LARGEST,
+        description="The upper end; one of both or both",
+        examples=[150.0],
+        json_schema_extra=OF_THE_KEY,
+    )
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed", examples=["stiffness in X"]
+    )
+
+    @model_validator(mode="after")
+    def _has_an_end(self) -> Require:
+        if self.at_least is None and self.at_most is None:
+            raise refusal("at_least, at_most or both")
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            raise refusal(f">= {self.at_least:g}, the least", "at_most")
+        for key in ("at_least", "at_most"):
+            if 0 < abs(getattr(self, key) or 0.0) < 1 / LARGEST:
+                raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are in parts of it", key)
+        return self
+
+    @property
+    def title(self) -> str:
+        """The label, by default the expression."""
+        return self.label or self.quantity
+
+
+class Objective(Table):
+    """A quantity that is to be as large, or as small, as can be."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(when(has("maximise"), without("minimise"), has("minimise"))))
+
+    maximise: Expression | None = Field(
+        default=None, description="An expression that is to be as large as can be", examples=["range_x_um"]
+    )
+    minimise: Expression | None = Field(
+        default=None, description="Instead: one that is to be as small as can be", examples=["envelope_mm"]
+    )
+    label: Label | None = Field(
+        default=None, description="How it is called in what is printed", examples=["range at yield in X"]
+    )
+
+    @model_validator(mode="after")
+    def _goes_one_way(self) -> Objective:
+        if (self.maximise is None) == (self.minimise is None):
+            raise refusal("either maximise or minimise")
+        return self
+
+    @property
+    def key(self) -> str:
+        """Which of both keys it has."""
+        return "minimise" if self.maximise is None else "maximise"
+
+    @property
+    def quantity(self) -> str:
+        """The expression."""
+        return self.maximise or self.minimise or ""
+
+    @property
+    def sign(self) -> float:
+        """What turns its value into one that is to be small."""
+        return 1.0 if self.maximise is None else -1.0
+
+    @property
+    def title(self) -> str:
+        """The label, by default the expression."""
+        return self.label or self.quantity
+
+
+class Tolerance(Table):
+    """Scatter of the nine necks about their widths, each by itself."""
+
+    neck_um: Scatter = Field(description="Standard deviation of every neck", examples=[5.0])
+    stages: int = Field(
+        default=4000,
+        ge=FEWEST,
+        le=20_000,
+        description="How many the search draws for a coupling, the same for every design; what is stated is of 100,000 "
+        "others",
+    )
+    checked: int = Field(
+        default=0, ge=0, le=1024, description="How many of the others finite elements solve; 0, or >= 8"
+    )
+
+    @model_validator(mode="after")
+    def _checks_enough(self) -> Tolerance:
+        if 0 < self.checked < LEAST_CHECKED:
+            raise refusal(f"0, or at least {LEAST_CHECKED}", "checked")
+        return self
+
+
+class Requirements(Sourced):
+    """What a requirements file says."""
+
+    kind: ClassVar[str] = "requirements file"
+
+    model_config = ConfigDict(
+        json_schema_extra=ruled(when(says("links", True), either(without("mobility"), says("mobility", 21))))
+    )
+
+    name: Label = Field(description="Of the stage that is made, and title of figures", examples=["Long range"])
+    stage: Label = Field(
+        description="File of the base stage, relative to this one; what is not free is as there",
+        examples=["stage.toml"],
+    )
+    formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
+    paper_formula: FormulaName = Field(
+        default=DEFAULT_FORMULA,
+        description="Of the model whose `error_x_percent` and the like are asked, with the stage's own mobility",
+    )
+    mobility: Mobility | None = Field(default=21, description="Of the analytic model")
+    links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
+    seed: int = Field(ge=0, lt=2**63, description="What the search draws from", examples=[2003])
+    accuracy_percent: Accuracy = Field(
+        default=0.1,
+        description="Within which the corrected analytic model and finite elements are to agree at the optimum",
+    )
+    resolution: int = Field(
+        default=8, ge=8, le=64, description="Triangles across every neck, of the finest of three meshes"
+    )
+    front: int = Field(default=7, ge=3, le=50, description="With two objectives: designs of their front")
+    free: tuple[Free, ...] = Field(
+        min_length=1, max_length=30, description="What may differ from the base stage; numbers in the unit of the key"
+    )
+    require: tuple[Require, ...] = Field(default=(), max_length=50, description="What the stage must keep")
+    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="What is to be best, one or two")
+    output: tuple[Output, ...] = Field(
+        default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
+    )
+    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
+    frequencies: Frequencies | None = Field(
+        default=None, description="Asks for natural frequencies in the plane; the table may be empty"
+    )
+    life: Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
+    drift: Drifting | None = Field(
+        default=None, description="Asks for the drift with temperature; the table has no keys"
+    )
+    tolerance: Tolerance | None = Field(
+        default=None,
+        description="Asks for the share of stages that keep all requirements when their nine necks scatter, and for "
+        "the couplings of 95 % of them: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`",
+    )
+
+    @model_validator(mode="after")
+    def _goes_together_as_a_study(self) -> Requirements:
+        try:
+            _ = self.study
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            path = (*first["loc"], *first.get("ctx", {}).get("at", ()))
+            renamed = ("free" if part == "factor" else part for part in path)
+            raise refusal(problem_of(first, {}).expected.replace("factor[", "free["), *renamed) from None
+        return self
+
+    @model_validator(mode="after")
+    def _expressions_name_columns(self) -> Requirements:
+        for index, free in enumerate(self.free):
+            for column in columns_of([free]):
+                if column.name in (*MASS, *ERRORS, *SCATTERED):
+                    raise refusal(f"a name of its own, not {shown(column.name)} again", "free", index, "label")
+        known = {*(column.name for column in columns_of(self.free)), *self.study.outputs, *MASS, *ERRORS}
+        known |= {*SCATTERED} if self.tolerance is not None else set()
+        for index, output in enumerate(self.output):
+            if output.name in known or output.name in keys():
+                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
+            _require_known(output.expression, known, "output", index, "expression")
+            known.add(output.name)
+        for index, require in enumerate(self.require):
+            _require_known(require.quantity, known, "require", index, "quantity")
+        for index, objective in enumerate(self.objective):
+            _require_known(objective.quantity, known, "objective", index, objective.key)
+        return self
+
+    @model_validator(mode="after")
+    def _ends_are_apart(self) -> Requirements:
+        for index, each in enumerate(self.require):
+            if each.at_least is not None and each.at_most is not None:
+                apart = 0.02 * self.accuracy_percent * max(abs(each.at_least), abs(each.at_most))
+                if each.at_most < each.at_least + apart:
+                    expected = f">= {each.at_least + apart:.6g}, with both ends twice accuracy_percent apart"
+                    raise refusal(expected, "require", index, "at_most")
+        return self
+
+    @cached_property
+    def study(self) -> Study:
+        """The study whose factors are the free dimensions. Raises ValidationError as of a study file."""
+        content: dict[str, Any] = {name: getattr(self, name) for name in SHARED}
+        options: dict[str, Any] = {"by_alias": True, "exclude_unset": True, "exclude": {"step", "points"}}
+        factors = tuple(free.model_dump(**options) for free in self.free)
+        sampling = {"method": "sobol", "designs": 1, "seed": 0}
+        return Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """All expressions: objectives, then requirements."""
+        return (*(each.quantity for each in self.objective), *(each.quantity for each in self.require))
+
+    @cached_property
+    def used(self) -> frozenset[str]:
+        """Names that the quantities use, through derived outputs too."""
+        return frozenset().union(*map(self.names_of, self.quantities))
+
+    def names_of(self, expression: str) -> frozenset[str]:
+        """Names that an expression uses, through derived outputs too."""
+        derived = {output.name: output.expression for output in self.output}
+        own = names_in(expression)
+        return frozenset(own).union(*(self.names_of(derived[name]) for name in own if name in derived))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: of what is asked, and not of how it is found."""
+        own = ("accuracy_percent", "output")
+        return tuple(path for path in super().numbers if not path.startswith(own))
+
+
+def _require_known(expression: str, known: set[str], *at: str | int) -> None:
+    for name in names_in(expression):
+        if name not in known and name not in keys():
+            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*known, *keys()}))}"
+            raise refusal(expected, *at)
+
+
+@dataclass(frozen=True)
+class LoadedRequirements:
+    """Requirements with their base stage read and found feasible.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        The free dimensions, stars expanded.
+    """
+
+    path: Path
+    requirements: Requirements
+    stage: Stage
+    columns: tuple[Column, ...]
+
+    @cached_property
+    def study(self) -> LoadedStudy:
+        """The study by which the analytic model answers designs."""
+        return LoadedStudy(self.path, self.requirements.study, self.stage, self.columns, self.path.stem)
+
+    @property
+    def solid(self) -> bool:
+        """Whether finite elements are of three dimensions, as of a base stage corrected for its thickness."""
+        return self.stage.model == "corrected"
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of all that a design depends on besides the code: no name, provenance, nor path."""
+        of = self.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
+        return digest([of, self.stage.model_dump(mode="json", exclude={"name", "provenance"})])
+
+    @property
+    def base_values(self) -> Array:
+        """The values (d,) of the base stage, those outside the range of a dimension brought to its nearer end."""
+        found = []
+        for column in self.columns:
+            factor = column.factor
+            ends = factor.values or tuple(each for each in (factor.start, factor.end) if each is not None)
+            own = [v for path in column.keys if (v := keys()[path].value_in(self.stage)) is not None]
+            found.append(float(np.clip(np.mean(own) if own else ends[0], min(ends), max(ends))))
+        return np.array(found)
+
+
+def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
+    """Read a requirements file and its base stage.
+
+    Raises
+    ------
+    BadInput
+        The file is refused, or its base stage cannot be read, made or asked: one line with file, line and key.
+    """
+    found = validate(Requirements, path)
+    try:
+        stage = load_feasible(os.path.normpath(Path(path).parent / found.stage))
+    except BadInput as error:
+        raise bad_key(path, ("stage",), f"stage = {shown(found.stage)}: {error}") from None
+    require_model(path, found.study, stage)
+    unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
+    columns: list[Column] = []
+    for index, free in enumerate(found.free):
+        try:
+            columns += [acting(column, stage, unused) for column in columns_of([free])]
+        except BadInput as error:
+            raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
+    for index, free in enumerate(found.free):
+        if all(_is_overridden(column, columns, stage) for column in columns_of([free])):
+            message = f"free[{index}]: nothing follows it, expected a number that other free dimensions do not override"
+            raise bad_key(path, ("free", index), message)
+    _require_changes(path, found, stage, columns)
+    return LoadedRequirements(Path(path), found, stage, tuple(columns))
+
+
+def _is_overridden(column: Column, columns: Sequence[Column], stage: Stage) -> bool:
+    """Whether other columns, each of one chain, set all that this one of all three chains sets."""
+    single = [key for each in columns for path in each.keys if (key := keys()[path]).table[:1] == ("override",)]
+    places = {place for key in single for place in key.places_in(stage)}
+    own = [keys()[path] for path in column.keys]
+    return not any(key in single for key in own) and all(
+        place in places for key in own for place in key.places_in(stage)
+    )
+
+
+def _require_changes(path: str | os.PathLike[str], of: Requirements, stage: Stage, columns: Iterable[Column]) -> None:
+    """Refuse objectives that no free dimension changes, and requirements on keys that the stage does not have."""
+    set_by = {name for column in columns for name in column.keys}
+    fixed = {*keys(), *(output.name for output in of.output)} - set_by
+    for index, objective in enumerate(of.objective):
+        if of.names_of(objective.quantity) <= fixed:
+            place = f"objective[{index}].{objective.key} = {shown(objective.quantity)}"
+            raise bad_key(path, ("objective", index, objective.key), f"{place}, expected what a free dimension changes")
+    for index, require in enumerate(of.require):
+        for name in names_in(require.quantity):
+            if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:
+                message = f"require[{index}].quantity: the stage has no {name} of its own"
+                raise bad_key(path, ("require", index), message)

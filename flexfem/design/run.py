@@ -1,0 +1,110 @@
+"""Design from Python: requirements in, a stage with the proof of it out."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from glob import escape
+from pathlib import Path
+
+from flexfem.arguments import integer
+from flexfem.design.outcome import designed
+from flexfem.design.proof import ProposedElements, Store
+from flexfem.design.requirements import load_requirements
+from flexfem.design.result import Designed
+from flexfem.design.search import silent
+from flexfem.files.refusals import checked_path
+from flexfem.files.writing import check_file, check_folder, write_atomically
+from flexfem.refused import BadInput
+from flexfem.study.workers import Workers
+from flexfem.verify.result import write_record
+
+PathLike = str | os.PathLike[str]
+MOST_WORKERS = 1024
+STAGE = "{}-stage.toml"
+FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
+
+
+def run_design(
+    requirements: PathLike,
+    output: PathLike | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    say: Callable[[str], object] = silent,
+) -> Designed:
+    """Find the best stage that meets requirements, or the one that misses least, and check it by finite elements.
+
+    Parameters
+    ----------
+    requirements : path
+        Their file.
+    output : path, optional
+        Folder for the stage file, `<stem>-stage.toml`, those of the front, `<stem>-front-1.toml` and so on, and the
+        record, `<stem>-design.json`; a search that was stopped goes on there where it was. None writes nothing.
+    workers : int
+        Processes for finite elements, 1 for this one.
+    scheduler : str, optional
+        Address of a Dask cluster instead.
+    say : callable
+        Called with a line of text now and then, how far it is.
+
+    Returns
+    -------
+    Designed
+        The record; `stage` of it is the text of a stage file, with what was designed in its provenance.
+
+    Raises
+    ------
+    BadInput
+        The file, or an argument, cannot be used; one line with file, line, key and what was expected.
+    ComputationFailed
+        Finite elements of a proposed design fail, or workers are lost.
+    """
+    workers = integer("workers", workers, MOST_WORKERS)
+    if scheduler is not None and not isinstance(scheduler, str):
+        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
+    if not callable(say):
+        raise BadInput(f"say {say!r}, expected a function of a line of text")
+    loaded = load_requirements(checked_path(requirements))
+    folder, stem, base = None, loaded.path.stem, Path(loaded.stage.origin.path or "")
+    if output is not None:
+        folder = checked_path(output)
+        check_folder(folder)
+        count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
+        figures = (f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf"))
+        stages = (STAGE.format(stem), *(FRONT.format(stem, number + 1) for number in range(count)))
+        for name in (*stages, f"{stem}-design.json", *figures) if folder.is_dir() else ():
+            check_file(folder / name, base, loaded.path)
+    store = Store(None if folder is None else folder / f".{stem}-design.found")
+    if scheduler is not None and workers != 1:
+        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
+    alone = scheduler is None and workers == 1
+    with nullcontext() if alone else Workers(workers, scheduler, say) as pool:
+        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
+    if folder is not None:
+        _remove_older(folder, write_design(found, folder), base)
+        store.forget()
+    return found
+
+
+def write_design(found: Designed, folder: Path) -> list[Path]:
+    """Write the stage file of a design, those of its front, and the record; returns their paths. Raises BadInput."""
+    stem = Path(found.file).stem
+    texts = {STAGE.format(stem): found.stage}
+    texts |= {FRONT.format(stem, number): one.stage for number, one in enumerate(found.front, 1)}
+    for name, text in texts.items():
+        write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
+    return [*(folder / name for name in texts), write_record(found, folder / f"{stem}-design.json")]
+
+
+def _remove_older(folder: Path, written: list[Path], base: Path) -> None:
+    """Remove stage files of an earlier, longer front: they would pass for designs of this one."""
+    stem = written[-1].stem.removesuffix("-design")
+    for path in folder.glob(FRONT.format(escape(stem), "*")):
+        if path in written or not path.stem.rpartition("-")[2].isdecimal():
+            continue
+        with suppress(OSError):
+            if "designed: " in path.read_text(errors="replace") and not path.samefile(base):
+                path.unlink()

@@ -1,0 +1,196 @@
+"""Couplings of stages whose nine necks scatter: what 95 % of them keep.
+
+A chain's compliance is the sum of those of its hinges, each a smooth function of its own neck: the analytic model
+answers each hinge at a few necks, and the stages are interpolated between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from flexfem.analytic.model import chain_compliance, hinge_compliances
+from flexfem.analytic.paper import Freedoms
+from flexfem.arrays import Array
+from flexfem.design.requirements import Tolerance
+from flexfem.hinges.formulas import Compliance
+from flexfem.mechanism.designs import Designs, Frames
+from flexfem.study.loaded import INSIDE, monte_carlo
+
+LEVEL = 0.95  # of stages whose coupling is at most the one that is asked
+CONFIDENCE = 0.95  # of an interval of that coupling
+OTHERS = 100_000  # stages that what is found is stated for
+BLOCK = 10_000  # stages at a time: bounds the memory
+NODES = 12  # necks that each hinge is answered at
+WIDEST = 0.5  # deviation over neck up to which 12 nodes interpolate to 1e-6
+UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
+REFUSED = f"tolerance.neck_um: a neck that scatters is off the chart of its hinge, or by more than {WIDEST:.0%}"
+
+
+def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:
+    """Deviations (stages, 3 chains, 3 hinges) of the nine necks, mm."""
+    quantiles = np.clip(monte_carlo(seed, 9, 0, stages), INSIDE, 1.0 - INSIDE)
+    return np.asarray(1e-3 * tolerance.neck_um * ndtri(quantiles).reshape(-1, 3, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class NeckScatter:
+    """Deviations of the nine necks, mm.
+
+    Attributes
+    ----------
+    searched : array (stages, 3, 3)
+        The same for every design.
+    others : array (OTHERS, 3, 3)
+        Which no search sees; what is found is stated for these.
+    """
+
+    searched: Array
+    others: Array
+
+    @classmethod
+    def of(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
+        """Draw both."""
+        return cls(deviations(tolerance, tolerance.stages, seed), deviations(tolerance, OTHERS, (seed + 1) % 2**63))
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array]:
+        both = self.searched, self.others
+        return np.min([each.min(axis=0) for each in both], axis=0), np.max([each.max(axis=0) for each in both], axis=0)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Deviations (NODES, 3, 3) that each hinge is answered at, from the least to the greatest of all."""
+        low, high = self._ends
+        return low + (high - low) * (_chebyshev()[:, None, None] + 1) / 2
+
+    @cached_property
+    def _searched_basis(self) -> Array:
+        return self._basis(self.searched)
+
+    def _basis(self, off: Array) -> Array:
+        """Lagrange polynomials (3 chains, 3 hinges x NODES, stages) of the nodes at deviations (stages, 3, 3).
+
+        Notes
+        -----
+        The barycentric formula for Chebyshev points: J.-P. Berrut, L. N. Trefethen, SIAM Rev. 46 (2004) 501, (5.4).
+        """
+        low, high = self._ends
+        weights = (-1.0) ** np.arange(NODES)
+        weights[[0, -1]] /= 2
+        away = (2 * (off - low) / (high - low) - 1)[..., None] - _chebyshev()
+        on_node = away == 0
+        terms = weights / np.where(on_node, 1.0, away)
+        found = np.where(on_node.any(axis=-1, keepdims=True), on_node, terms / terms.sum(axis=-1, keepdims=True))
+        return np.ascontiguousarray(np.moveaxis(found, 0, -1).reshape(3, 3 * NODES, len(off)))
+
+    def quantiles(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+        """The 95 % values (n, 4) of n designs in the stages that are searched with; nan where a hinge has no answer."""
+        at_nodes = self._at_nodes(designs, formula, freedoms)
+        return np.array([_quantiles(_couplings(each @ self._searched_basis)) for each in at_nodes]).reshape(-1, 4)
+
+    def couplings(self, designs: Designs, formula: str, freedoms: Freedoms, off: Array) -> Array:
+        """Couplings (3, stages) of one design whose necks deviate by `off` (stages, 3, 3)."""
+        (at_nodes,) = self._at_nodes(designs, formula, freedoms)
+        blocks = [off[k : k + BLOCK] for k in range(0, len(off), BLOCK)]
+        return np.concatenate([_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1)
+
+    def _at_nodes(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+        """What each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
+        n = len(designs.thickness)
+        many = designs.chosen(np.repeat(np.arange(n), NODES))
+        many.neck[:] += np.tile(self.nodes, (n, 1, 1))
+        one_of_three = np.eye(3)[:, None, None, :]
+        hinges = hinge_compliances(many, formula)
+        each = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
+        frames = Frames(*(part[:, None, None] for part in designs.frames))
+        found = chain_compliance(frames, each, freedoms)[..., *UPPER]
+        found[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
+        return np.ascontiguousarray(found.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
+
+
+class ScatteredStages(NamedTuple):
+    """The couplings of `requirements.SCATTERED` (4,) of a design, of stages that no search has seen.
+
+    Attributes
+    ----------
+    searched, others, low, high : array (4,)
+        By the model: of the stages that the design was searched with, of the others, and their 95 % interval.
+    factors : array (meshes, 4)
+        By which finite elements differ from the model in the stages that both solve, coarse to fine; 1 without them.
+    misfit : array (4,)
+        The largest difference that the last factor leaves in one of these stages; zero without them.
+    """
+
+    searched: Array
+    others: Array
+    low: Array
+    high: Array
+    factors: Array
+    misfit: Array
+
+    @property
+    def half_widths(self) -> Array:
+        """By how much sampling may be off (4,): half the interval of the stages, and the misfit of those checked."""
+        half = np.maximum(self.high - self.others, self.others - self.low)
+        return np.asarray(half * self.factors[-1] + self.misfit)
+
+
+def stated(searched: Array, couplings: Array, checked: list[Array]) -> ScatteredStages:
+    """What is stated of couplings.
+
+    Parameters
+    ----------
+    searched : array (4,)
+        The 95 % values of the stages that were searched with.
+    couplings : array (3, stages)
+        Of the others, by the model.
+    checked : list of array (3, solved)
+        Of the first of these by finite elements, on each mesh.
+
+    Notes
+    -----
+    Order statistics: of n stages the number below the true value is binomial, whatever the distribution (H. A. David,
+    H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1). 72 stages are the fewest. The factor is by
+    least squares; a quantile of finite elements is off that of the model times it by no more than the misfit.
+    """
+    from scipy.stats import binom
+
+    ordered = np.sort(_sizes(couplings), axis=-1)
+    low, high = binom.ppf(0.5 + np.array([-0.5, 0.5]) * CONFIDENCE, ordered.shape[-1], LEVEL).astype(int)
+    factors, misfit = [np.ones(4)], np.zeros(4)
+    for of_mesh in checked:
+        elements, model = _sizes(of_mesh), _sizes(couplings[:, : of_mesh.shape[-1]])
+        factors.append(np.sum(elements * model, axis=-1) / np.sum(model**2, axis=-1))
+        misfit = np.max(np.abs(elements - factors[-1][:, None] * model), axis=-1)
+    interval = ordered[..., low - 1], ordered[..., high]
+    return ScatteredStages(searched, _quantiles(couplings), *interval, np.array(factors[1:] or factors), misfit)
+
+
+def _sizes(couplings: Array) -> Array:
+    """Sizes (4, stages) of couplings (3, stages): of each, and of the largest of the three."""
+    size = np.abs(couplings)
+    return np.concatenate([size, size.max(axis=0, keepdims=True)])
+
+
+def _quantiles(couplings: Array) -> Array:
+    """The 95 % values (4,) of couplings (3, stages)."""
+    return np.asarray(np.quantile(_sizes(couplings), LEVEL, axis=-1))
+
+
+def _chebyshev() -> Array:
+    return np.asarray(np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
+
+
+def _couplings(chains: Array) -> Array:
+    """`K_ij / sqrt(K_ii K_jj)` (3, stages) of xy, xt, yt, from the compliances (3 chains, 6 entries, stages)."""
+    a, b, c, d, e, f = np.moveaxis(chains, 1, 0)
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    over = 1 / (a * A + b * B + c * C)
+    xx, xy, xt, yy, yt, tt = (np.sum(cofactor * over, axis=0) for cofactor in (A, B, C, D, E, F))
+    return np.stack([xy / np.sqrt(xx * yy), xt / np.sqrt(xx * tt), yt / np.sqrt(yy * tt)])

@@ -1,0 +1,201 @@
+"""What fields of a stage say: stress at its necks and clamped edges, rotations of its base hinges, its envelope."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.fem.elements import Layers, Plate, nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.fem.mesh import Sector, StageMesh
+from flexfem.fem.response import Response, StaticSolution, clamped_nodes
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+from flexfem.fem.symmetry import under_loads
+from flexfem.mechanism.actuators import HINGE_NAMES
+from flexfem.mechanism.bodies import BODIES, necks
+from flexfem.mechanism.designs import chain_rotation, stage_frames
+from flexfem.mechanism.stage import Stage
+
+BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
+CORNER = 0.2  # of a clamped edge, left out at both ends: stress at its corners has no bound, and grows with the mesh
+
+
+class LoadCase(NamedTuple):
+    """One load on the platform: force (3,) N, N, N mm; pose (3,) mm, mm, rad; field (n, 2) mm; energy N mm;
+    stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), the largest in each notch, MPa."""
+
+    force: Array
+    pose: Array
+    field: Array
+    reaction: Array
+    energy: float
+    stress: Array
+    neck_stress: Array
+
+
+def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
+    """Combine the unit responses in the plane to one load (3,), N, N and N mm, at the platform centre."""
+    force = np.asarray(force, dtype=float)
+    field = np.tensordot(force, response.fields, axes=1)
+    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
+    return LoadCase(
+        force=force,
+        pose=response.compliance @ force,
+        field=field,
+        reaction=force @ response.reactions,
+        energy=float(force @ response.energy @ force / 2),
+        stress=stress,
+        neck_stress=neck_maxima(stage, mesh, stress),
+    )
+
+
+def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
+    """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
+    centres, found = stage_frames(stage).centres, np.empty((3, 3))
+    for chain, position in np.ndindex(3, 3):
+        near = np.hypot(*(mesh.nodes - centres[chain, position]).T)
+        found[chain, position] = np.max(values[near <= stage.hinge(chain + 1, HINGE_NAMES[position]).radius])
+    return found
+
+
+class OnSectors(Protocol):
+    """An answer whose cases chains turn as they turn x, y, theta: `Response`, `heat.WarmHalf`."""
+
+    @property
+    def sectors(self) -> tuple[Sector, ...]:
+        """One sector, or three."""
+
+    @property
+    def sector_fields(self) -> tuple[Array, ...]:
+        """Displacements (3 cases, n, ...) of their nodes."""
+
+    @property
+    def extrusion(self) -> Layers | None:
+        """Layers of half the thickness; None in the plane."""
+
+
+class NeckStress(NamedTuple):
+    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane, mm."""
+
+    highest: Array
+    height: Array
+
+
+def neck_stresses(stage: Stage, response: Response, loads: Array) -> Array:
+    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, in each notch in the plane under loads (k, 3), N, N, N mm.
+
+    Notes
+    -----
+    As `load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
+    """
+    found, pull = np.empty((len(loads), 3, 3)), out_of_plane_ratio_of(stage)
+    for (chain, hinge), stress in notch_fields(stage, plate_of(stage), response, loads):
+        found[:, chain, hinge] = np.max(von_mises(stress, pull), axis=1)
+    return found
+
+
+def solid_neck_stresses(stage: Stage, plate: Plate, response: OnSectors, loads: Array) -> NeckStress:
+    """As `neck_stresses`, of an extruded stage, over the whole thickness."""
+    highest, height = np.empty((2, len(loads), 3, 3))
+    assert response.extrusion is not None
+    for (chain, hinge), stress in notch_fields(stage, plate, response, loads):
+        found = solid_von_mises(stress).max(axis=1)
+        highest[:, chain, hinge] = found.max(axis=1)
+        height[:, chain, hinge] = response.extrusion.heights[found.argmax(axis=1)]
+    return NeckStress(highest, height)
+
+
+def notch_fields(
+    stage: Stage, plate: Plate, response: OnSectors, loads: Array
+) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
+
+    The stress is (k, c, 3), xx, yy, xy; with layers (k, c, m, 3, 3). The axes are those of the first chain that the
+    notch's sector stands for.
+    """
+    for sector, fields, chains in _solved_sectors(response):
+        near = _near_necks(stage, sector, chains[0])
+        chosen = np.flatnonzero(np.any(near, axis=0))
+        if response.extrusion is None:
+            units = nodal_stress(sector.mesh, plate, fields, chosen)
+        else:
+            each = [solid_nodal_stress(sector.mesh, plate, response.extrusion, field, chosen) for field in fields]
+            units = np.array(each)
+        for chain in chains:
+            turned_back = loads @ chain_rotation(chain - chains[0])
+            for hinge, close in enumerate(near[:, chosen]):
+                yield (chain, hinge), np.tensordot(turned_back, units[:, close], axes=1)
+
+
+def base_rotations(stage: Stage, response: Response) -> Array:
+    """Rotation (3 loads, 3 chains), rad, of link 1 against the pad of every base hinge in the mid-plane, by unit loads.
+
+    Notes
+    -----
+    The rotation of a body is that of the rigid motion that fits the displacements of its nodes between one and two
+    notch radii from the neck's centre best, by least squares: beside the notch and not in it.
+    """
+    rows = []
+    for sector, fields, chains in _solved_sectors(response):
+        flat = fields if response.extrusion is None else fields[:, :, 0, :2]
+        rows.append(_base_rotation(stage, sector.mesh, flat, chains[0])[:, None])
+    return np.concatenate(under_loads(rows), axis=1)
+
+
+def _base_rotation(stage: Stage, mesh: StageMesh, fields: Array, chain: int) -> Array:
+    """Rotation (3 loads,) at the base hinge of one sector."""
+    place, hinge = necks(stage, chain + 1)[0].point, stage.hinge(chain + 1, "base")
+    distance = np.hypot(*(mesh.nodes - [place.real, place.imag]).T) / hinge.radius
+    beside = (distance >= BESIDE[0]) & (distance <= BESIDE[1])
+    turns = []
+    for body in ("pad", "link 1"):
+        of_body = np.unique(mesh.triangles[mesh.bodies == BODIES.index(body)])
+        chosen = of_body[beside[of_body]]
+        arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
+        turns.append((fields[:, chosen, 1] @ arm[:, 0] - fields[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
+    return np.asarray(turns[1] - turns[0])
+
+
+def envelope(response: Response) -> float:
+    """Diameter, mm, of the circle about the platform's centre that holds the stage."""
+    return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
+
+
+def _solved_sectors(response: OnSectors) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
+    """Every sector with its fields and the chains, from 0, that it stands for."""
+    chains = [(0, 1, 2)] if len(response.sectors) == 1 else [(0,), (1,), (2,)]
+    yield from zip(response.sectors, response.sector_fields, chains, strict=True)
+
+
+def _near_necks(stage: Stage, sector: Sector, chain: int) -> AnyArray:
+    """Which nodes are within a notch radius of each neck's centre, bool (3 hinges, n)."""
+    x, y = sector.mesh.nodes.T
+    places = zip(necks(stage, chain + 1), HINGE_NAMES, strict=True)
+    return np.array(
+        [np.hypot(x - p.point.real, y - p.point.imag) <= stage.hinge(chain + 1, name).radius for p, name in places]
+    )
+
+
+def edge_maxima(mesh: StageMesh, values: Array) -> Array:
+    """Largest of values (n, ...) at the nodes of each clamped edge, (3 chains, ...), but for `CORNER` at both ends."""
+    found = []
+    for nodes in clamped_nodes(mesh):
+        x, y = mesh.nodes[nodes].T
+        end = int(np.argmax(np.hypot(x - np.mean(x), y - np.mean(y))))
+        along = np.hypot(x - x[end], y - y[end])
+        found.append(largest_within(along / np.max(along), values[nodes], CORNER, 1 - CORNER))
+    return np.array(found)
+
+
+def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
+    """Largest of values (n, ...) at places (n,) from `low` to `high`, linear in between."""
+    order = np.argsort(places)
+    places, values = places[order], values[order]
+    inside = (places > low) & (places < high)
+    k = np.clip(np.searchsorted(places, [low, high]), 1, len(places) - 1)
+    share = ([low, high] - places[k - 1]) / (places[k] - places[k - 1])
+    share = share.reshape(2, *[1] * (values.ndim - 1))
+    ends = (1 - share) * values[k - 1] + share * values[k]
+    return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))

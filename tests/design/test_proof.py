@@ -1,0 +1,224 @@
+"""Finite elements of proposed designs and the loop around them, with stand-ins for what is slow."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexfem.design import proof as module
+from flexfem.design.model import MISSED, Correction, Model
+from flexfem.design.outcome import checked_by
+from flexfem.design.proof import Proof, ProposedElements, Store, mapped, quantity_band
+from flexfem.design.search import BestDesign
+from flexfem.refused import ComputationFailed
+from flexfem.study.workers import Failure
+
+from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
+
+STIFFEST = best("maximise", "kxx_n_per_mm")
+STEPPED = NECK + "step = 0.005\n"
+WANTED = require("kxx_n_per_mm", 60.0, 80.0), best("maximise", "range_x_um")
+TOLERANCE = "[tolerance]\nneck_um = 5.0\nstages = 72\nchecked = 8\n"
+OWN = np.array([0.55, 2.0])
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Studies and stages that are solved in this process; every output is the resolution of the mesh."""
+    found = []
+
+    def solve(number, study, stage, versions=None):
+        found.append((study.study, stage))
+        return [float(study.study.resolution)] * len(study.outputs)
+
+    monkeypatch.setattr(module, "solved", solve)
+    return found
+
+
+def test_a_design_is_solved_on_three_meshes_up_to_the_resolution_coarse_to_fine(load, solved):
+    loaded = load(NECK, RADIUS, require("error_x_percent", None, 20), STIFFEST, head=HEAD + "resolution = 13\n")
+    found = ProposedElements(loaded, Counter()).of(OWN)
+    assert found.resolutions == (7, 10, 13)
+    assert [columns["kxx_n_per_mm"] for columns in found.columns] == [7.0, 10.0, 13.0]
+    for study, stage in solved:
+        assert (stage.hinges.elbow.neck, stage.hinges.platform.radius, stage.hinges.base.radius) == (0.55, 2.0, 4.0)
+        assert (study.model, study.formula, study.mobility) == ("verify", "paros-weisbord", None)
+
+
+def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(load, solved, tmp_path):
+    base = (ROOT / "geometry/mobility6.toml").read_text()
+    (tmp_path / "base.toml").write_text(base.replace("thickness_mm", 'model = "corrected"\nthickness_mm', 1))
+    counts = Counter()
+    loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(ROOT / "geometry/mobility6.toml"), "base.toml"))
+    found = ProposedElements(loaded, counts).of(OWN)
+    meshes = [(study.model, study.resolution, study.layers) for study, _ in solved]
+    assert meshes == [("three_dimensional", 4, 2), ("three_dimensional", 6, 3)] and found.resolutions == (4, 6)
+    assert {stage.model for _, stage in solved} == {"plane_stress"}
+    assert counts == {"finite elements in three dimensions": 2}
+
+
+class InOrder:
+    """What computes tasks in this process, the last first."""
+
+    def results(self, function, next_task, limit):
+        for task in reversed([*iter(next_task, None)]):
+            yield task, function(*task)
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, parallel):
+    counts = Counter()
+    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), counts, InOrder() if parallel else None)
+    first, again = proposed.of(OWN), proposed.of(OWN)
+    assert first == again and len(solved) == 3 and counts == {"finite elements": 3}
+    proposed.of(OWN + 0.01)
+    assert len(solved) == 6 and counts == {"finite elements": 6}
+
+
+def test_an_answer_is_kept_for_the_versions_that_gave_it(load, solved, monkeypatch):
+    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
+    proposed.of(OWN)
+    monkeypatch.setattr(module, "versions_of", lambda meshed: {"flexfem": "another"})
+    proposed.of(OWN)
+    assert len(solved) == 6
+
+
+def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_xt_yt(load, monkeypatch):
+    loaded = load(NECK, RADIUS, TOLERANCE, best("minimise", "coupling_95"))
+    off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))
+    names = {"coupling_xy": (1, "elbow"), "coupling_xt": (2, "platform"), "coupling_yt": (3, "base")}
+
+    def solve(number, study, stage):
+        return [stage.hinge(*names[n]).neck if n in names else study.study.resolution for n in study.outputs]
+
+    monkeypatch.setattr(module, "solved", solve)
+    coarse, fine = ProposedElements(loaded, Counter()).scattered(OWN, off)
+    assert np.array_equal(coarse, fine)
+    assert pytest.approx(np.array([[0.55, 0.55, 0.5] + each[[0, 1, 2], [1, 2, 0]] for each in off])) == coarse.T
+
+
+def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
+    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
+    with monkeypatch.context() as patched, pytest.raises(ComputationFailed, match="proposed design: the mesh folds"):
+        patched.setattr(module, "solved", lambda *task: Failure("failed", "the mesh folds"))
+        proposed.of(OWN)
+    monkeypatch.setattr(module, "solved", lambda number, study, stage: [4.0] * len(study.outputs))
+    assert proposed.of(OWN).columns[0]["kxx_n_per_mm"] == 4.0
+
+
+def test_what_is_kept_survives_a_torn_file_and_a_search_is_counted_as_when_it_was_made(tmp_path):
+    store, made = Store(tmp_path / "found"), []
+    store.keep("a", [1.5, None])
+
+    def search():
+        made.append(1)
+        counts["analytic"] += 1234
+        return [3.0]
+
+    for each in (store, Store(tmp_path / "found")):
+        counts = Counter(analytic=10)
+        assert each.searched("b", counts, search) == [3.0] and counts["analytic"] == 1244
+    assert made == [1]
+    torn = sorted((tmp_path / "found").iterdir())[0]
+    torn.write_bytes(torn.read_bytes()[:-4])
+    again = Store(tmp_path / "found")
+    assert sorted([again.answer("a") is None, again.answer("b") is None]) == [False, True]
+    again.forget()
+    assert list(tmp_path.iterdir()) == []
+
+
+def proof_of(values, gap, stiffness, band):
+    """Of 400 um and a stiffness whose band is known; the model is corrected by 0.9."""
+    fields = {"values": values, "gap": gap, "elements": np.array([400.0, stiffness]), "bands": np.array([7.0, band])}
+    fields |= {"corrections": {"kxx_n_per_mm": Correction(0.9)}, "shifts": {}}
+    return Proof(**(dict.fromkeys(Proof._fields) | fields))
+
+
+@pytest.fixture
+def loop(load, monkeypatch):
+    """What runs the loop over proofs (gap, stiffness, band), the last again and again: it, and models and starts."""
+
+    def run(free, proofs, merit=-400.0):
+        models, starts = [], []
+
+        def searched(model, near, store, everywhere, say):
+            models.append(model)
+            starts.append((None if near is None else near.tolist(), everywhere))
+            return BestDesign(np.array([0.5 + 0.01 * len(models)]), np.array([0.5]), merit, [])
+
+        each = iter([*proofs, *[proofs[-1]] * 10])
+        monkeypatch.setattr(module, "searched", searched)
+        monkeypatch.setattr(module, "proof", lambda model, elements, values, say: proof_of(values, *next(each)))
+        found = mapped(Model(load(free, *WANTED, head=HEAD + "accuracy_percent = 0.4\n")), SimpleNamespace(store=None))
+        return found, models, starts
+
+    return run
+
+
+def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_without_steps_by_the_accuracy(loop):
+    """The end of 80 N/mm is the size of both: a band of 0.32 is 0.4 % of it. Near the answer all is not searched."""
+    proofs = [(0.1, 59.0, 0.32), (0.008, 61.0, 0.16), (0.001, 61.0, 0.16)]
+    for free, guard in ((STEPPED, 0.004), (NECK, 0.008)):
+        found, models, starts = loop(free, proofs)
+        guards = [None if model.guard is None else model.guard.tolist() for model in models]
+        assert guards == [None, pytest.approx([guard]), pytest.approx([guard])] and found.agreed
+        assert [model.corrections for model in models] == [{}, *[{"kxx_n_per_mm": Correction(0.9)}] * 2]
+        assert starts == [(None, True), ([0.51], True), ([0.52], False)]
+        assert len(found.rounds) == len(found.optima) == 3 and found.rounds[-1].gap == 0.001
+
+
+@pytest.mark.parametrize(
+    ("gap", "stiffness", "merit", "rounds"),
+    [
+        (0.0041, 61.0, -400.0, 8),  # beyond the accuracy of 0.4 %
+        (0.0039, 61.0, -400.0, 1),
+        (0.0039, 60.1, -400.0, 8),  # the band of 0.16 reaches beyond the end of 60
+        (0.0039, 79.9, -400.0, 8),
+        (0.0039, 60.1, 1.1 * MISSED, 1),  # no design meets all: nothing to wait for
+    ],
+)
+def test_a_design_is_proven_when_both_models_agree_and_each_band_is_within_the_ends(
+    loop, gap, stiffness, merit, rounds
+):
+    found, *_ = loop(STEPPED, [(gap, stiffness, 0.16)], merit)
+    assert len(found.rounds) == rounds and found.agreed is (rounds == 1)
+
+
+COLUMNS = {"kxx_n_per_mm", "range_x_um", "engaged_kxx_n_per_mm", "drift_x_um_per_k", "frequency_1_hz", "coupling_95"}
+
+
+@pytest.mark.parametrize(
+    ("solid", "checked", "alone"),
+    [(False, 8, set()), (False, 0, {"coupling_95"}), (True, 8, COLUMNS - {"kxx_n_per_mm", "range_x_um"})],
+)
+def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid, checked, alone):
+    pieces = "[drive]\nactuators = true\n", "[drift]\n", "[frequencies]\n", best("minimise", "coupling_95")
+    of = load(NECK, f"[tolerance]\nneck_um = 5.0\nchecked = {checked}\n", *pieces).requirements
+    loaded = SimpleNamespace(requirements=of, solid=solid)
+    by = {name: checked_by(loaded, frozenset({name, "thickness_mm"})) for name in COLUMNS}
+    assert {name for name in COLUMNS if by[name] == "analytic model alone"} == alone
+    others = {by[name] for name in COLUMNS - alone}
+    assert others == {"finite elements in three dimensions" if solid else "finite elements"}
+    assert checked_by(loaded, frozenset({"mass_kg", "thickness_mm"})) == "exact"
+
+
+CORNER, STRESS = 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4), 3 * 0.001 / ((4 / 3) ** 3 - 1)
+
+
+@pytest.mark.parametrize(
+    ("names", "band"),
+    [
+        ({"kxx_n_per_mm"}, 1.25 * 0.001 / ((4 / 3) ** 2.13553 - 1)),  # 1 / 4^2.1355 - 1 / 6^2.1355 is thrice the next
+        ({"range_x_um"}, STRESS),
+        ({"life_cycles"}, STRESS),
+        ({"drift_x_um_per_k"}, CORNER),
+        ({"range_x_um", "engaged_kxx_n_per_mm"}, CORNER),
+    ],
+)
+def test_a_band_is_of_the_slowest_of_the_columns_that_a_quantity_uses(names, band):
+    """Of 1.004, 1.001, 1 on meshes of 4, 6, 8 triangles across a neck."""
+    found = quantity_band(frozenset(names), np.array([4.0, 6.0, 8.0]), np.array([1.004, 1.001, 1.0]))
+    assert found == pytest.approx(band, rel=1e-3)

@@ -1,0 +1,183 @@
+"""`flexfem design` and `flexfem.run_design`: what is written, refused, resumed, printed and solved elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+import flexfem
+from flexfem.commands.design import print_design
+from flexfem.design import proof, run
+from flexfem.design.result import is_design, read_design
+from flexfem.refused import BadInput
+
+from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
+from .recorded import FRONT, REQUIREMENTS, STAGE, recorded, requirement
+
+RANGE = best("maximise", "range_x_um")
+STEPPED = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
+WANTED = require("kxx_n_per_mm", 60.0), require("envelope_mm", None, 200)
+
+
+def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept_goes(load, tmp_path, monkeypatch):
+    path, folder, seen = load(NECK, *WANTED, RANGE).path, tmp_path / "out", []
+
+    def found(loaded, elements, say):
+        elements.store.keep("a question", 1.0)
+        seen.append((sorted(path.name for path in folder.iterdir()), elements.workers is None))
+        return recorded(seed=11)
+
+    monkeypatch.setattr(run, "designed", found)
+    assert flexfem.run_design(path, folder, workers=2).seed == 11
+    assert seen == [([".wanted-design.found"], False)]
+    names = ["wanted-design.json", "wanted-front-1.toml", "wanted-front-2.toml", "wanted-stage.toml"]
+    assert sorted(path.name for path in folder.iterdir()) == names
+    assert [(folder / name).read_text() for name in names[1:]] == [FRONT[0].stage, FRONT[1].stage, STAGE]
+    assert is_design(folder / names[0]) and read_design(folder / names[0]) == recorded(seed=11)
+
+
+def written(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.slow
+def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_elements_say(load, tmp_path, monkeypatch):
+    path = load(*STEPPED, *WANTED, RANGE).path
+    found = flexfem.run_design(path, tmp_path / "one")
+    assert found.feasible and found.agreed
+    flexfem.run_design(path, tmp_path / "two", workers=2)
+    original, count = proof.solved, []
+
+    def stopped(*task):
+        count.append(1)
+        if len(count) == 5:
+            raise KeyboardInterrupt
+        return original(*task)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(proof, "solved", stopped)
+        flexfem.run_design(path, tmp_path / "again")
+    flexfem.run_design(path, tmp_path / "again")
+    assert written(tmp_path / "one") == written(tmp_path / "two") == written(tmp_path / "again")
+    elements = flexfem.solve(flexfem.load(tmp_path / "one/wanted-stage.toml"), resolution=8)
+    stiffness = found.requirements[0]
+    assert stiffness.value == pytest.approx(elements.stiffness[0, 0], rel=2e-5)
+    assert stiffness.value - stiffness.band >= 60.0
+
+
+@pytest.mark.slow
+def test_a_cluster_writes_the_same_files_as_one_process(load, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    path = load(NECK + "step = 0.05\n", *WANTED, RANGE).path
+    flexfem.run_design(path, tmp_path / "one")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        flexfem.run_design(path, tmp_path / "cluster", scheduler=cluster.scheduler_address)
+    assert written(tmp_path / "one") == written(tmp_path / "cluster")
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        best("maximise", "9 ** 999 * range_x_um"),
+        require("1 / (kxx_n_per_mm - kxx_n_per_mm)", 1.0) + best("maximise", "range_x_um"),
+    ],
+)
+def test_what_has_no_finite_value_is_refused_before_finite_elements_and_nothing_is_written(load, goal, tmp_path):
+    path = load(NECK, goal).path
+    with pytest.raises(BadInput, match=r"wanted.toml: no design .* can be answered: a quantity without a finite value"):
+        flexfem.run_design(path, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["wanted.toml"]
+
+
+def test_a_design_never_replaces_its_base_stage(load, tmp_path):
+    base = tmp_path / "wanted-stage.toml"
+    base.write_text(STAGE)
+    path = load(NECK, RANGE, head=HEAD.replace(str(ROOT / "geometry/mobility6.toml"), base.name)).path
+    with pytest.raises(BadInput, match=r"wanted-stage.toml: is read for what is to be written"):
+        flexfem.run_design(path, tmp_path)
+    assert base.read_text() == STAGE and len(list(tmp_path.iterdir())) == 2
+
+
+def test_stage_files_of_a_longer_front_before_are_removed_and_no_others(load, tmp_path, monkeypatch):
+    base = tmp_path / "wanted-front-9.toml"
+    base.write_text(STAGE.replace("assumed: the paper does not state it", "designed: before, seed 7"))
+    (tmp_path / "wanted-front-8.toml").write_text('"hinges.elbow.neck_mm" = "designed: before, seed 7"\n')
+    (tmp_path / "wanted-front-7.toml").write_text("a note of somebody\n")
+    (tmp_path / "wanted-front-last.toml").write_text('"hinges.elbow.neck_mm" = "designed: before, seed 7"\n')
+    path = load(NECK, RANGE, head=HEAD.replace(str(ROOT / "geometry/mobility6.toml"), base.name)).path
+    monkeypatch.setattr(run, "designed", lambda *about: recorded(front=[]))
+    flexfem.run_design(path, tmp_path)
+    left = {path.name for path in tmp_path.glob("*front*")}
+    assert left == {base.name, "wanted-front-7.toml", "wanted-front-last.toml"}
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [{"workers": 0}, {"workers": "2"}, {"workers": True}, {"workers": 2000}, {"scheduler": 5}, {"say": 5}],
+)
+def test_an_argument_that_cannot_be_is_refused_in_one_line(load, argument):
+    path = load(NECK, RANGE).path
+    (name,) = argument
+    with pytest.raises(BadInput, match=rf"^{name} .*, expected [^\n]*$"):
+        flexfem.run_design(path, **argument)
+    with pytest.raises(BadInput, match="workers with a scheduler, expected one of them"):
+        flexfem.run_design(path, None, 2, "tcp://nowhere:1")
+
+
+@pytest.mark.parametrize(("feasible", "agreed", "code"), [(True, True, 0), (True, False, 1), (False, True, 1)])
+def test_the_command_ends_with_one_where_no_design_is_found_or_proven(flexfem, monkeypatch, feasible, agreed, code):
+    monkeypatch.setattr(run, "run_design", lambda *about: recorded(feasible=feasible, agreed=agreed))
+    monkeypatch.setenv("OMP_NUM_THREADS", "4")
+    ended, out, err = flexfem("design", "wanted.toml")
+    assert ended == code and out.startswith("Recorded: ") and os.environ["OMP_NUM_THREADS"] == "1"
+    assert err.endswith(" s\n")
+
+
+def test_the_command_hands_on_its_options_and_prints_the_record_for_machines(flexfem, monkeypatch, tmp_path):
+    calls = []
+    monkeypatch.setattr(run, "run_design", lambda *about: calls.append(about[:4]) or recorded())
+    monkeypatch.setattr("flexfem.plot.write.write_design_figures", lambda found, stored: [stored])
+    code, out, err = flexfem("design", "wanted.toml", "-o", tmp_path / "out", "--workers", "3", "--json")
+    assert code == 1 and json.loads(out) == recorded().model_dump(mode="json")
+    assert err.splitlines()[0] == str(tmp_path / "out/wanted-design.json")
+    flexfem("design", "wanted.toml", "--scheduler", "tcp://cluster:1")
+    assert calls == [
+        (Path("wanted.toml"), tmp_path / "out", 3, None), (Path("wanted.toml"), None, 1, "tcp://cluster:1")
+    ]  # fmt: skip
+
+
+def test_every_number_of_a_record_is_printed(capsys):
+    tight = [REQUIREMENTS[0].model_copy(update={"tightened_percent": 0.41}), *REQUIREMENTS[1:]]
+    print_design(recorded(requirements=tight))
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for line in (
+        "Recorded: meets not all requirements: the nearest that was found; seed 2003",
+        "l1 31.5 31.62 at an end of its range",
+        "reach: 412 ± 1.2 um, the larger the better (finite elements; the model by itself 433)",
+        "stiffness at least 60, at most 80 61.5 ± 0.25 N/mm 1.88 ± 0.31 met limits the objective finite elements",
+        "coupling at most 0.0135 0.0131 ± 0.0009, of that 0.0007 by sampling 2.96 ± 6.7 within the band "
+        "analytic model alone",
+        "82.4 % of 2,000 stages whose necks scatter keep every requirement, by the corrected model",
+        "coupling_95 of many",
+        "neck -1.310 +0.120 -2.430 +0.540",
+        "relaxed least in all, diameter would be 153: 2 %",
+        "relaxing stiffness: alone, to 57.4, 4.33 % (by the model)",
+        "relaxing diameter: no relaxation of it alone is enough",
+        "2 0.52 30 466 0.093 6.4 -7.5 8.6",
+        "evaluations: 53,345 by analytic, 12 by finite elements; 17 designs drawn",
+        "warning: life extrapolated",
+    ):
+        assert line in lines, line
+    assert any(line.endswith("may differ: stiffness by 0.41 %") for line in lines)
+
+
+def test_a_quantity_that_is_best_and_required_is_decisive_once():
+    again = requirement("range_x_um", "least reach", value=412.0, uncorrected=433.0, at_least=400.0, size=400.0,
+                        margin=12.0, margin_percent=3.0, active=True)  # fmt: skip
+    found = recorded(requirements=[*REQUIREMENTS, again], front=[]).decisive
+    assert [each.label for each in found] == ["reach", "mass", "stiffness", "diameter"]
