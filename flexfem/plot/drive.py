@@ -41,8 +41,7 @@ from flexfem.questions.large import EXACT, HELD, LOADED, STATED, STEPS, TANGENT,
 from flexfem.questions.reach import KINDS, PoseEdge, Reach
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC
-from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
 WIDTH = 11.69  # in
 ROUND_OFF = 1e-9  # of the largest stroke, pose, or command

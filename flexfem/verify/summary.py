@@ -13,9 +13,8 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.units import PLANES
+from flexfem.units import DIRECTIONS, PLANES, Direction
 from flexfem.verify.answers import BandedStress
-from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solve, Solved
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 
