@@ -60,7 +60,7 @@ def test_a_verification_without_provenance_is_not_reported_as_sourced(project):
     page = markdown_report([result])
     assert "every number has a source" not in page and "**dimensions without a source**" in page
     for key in ("case: points", "chain.link_lengths_mm"):
-        assert re.search(rf"{key}.*source not stated.*fig5", page), key
+        assert re.search(rf"{key}.*source not stated.*fig5", page), key
 
 
 def test_a_study_without_provenance_says_so(project):
