@@ -22,9 +22,9 @@ from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels
+from flexfem.questions.stiffness import element_stress
 from flexfem.verify.protocol import Solved, solve_stage
 from flexfem.verify.result import Fields
-from flexfem.verify.summary import element_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +119,7 @@ class ElementModel(PlatformModel):
     @cached_property
     def range_at_yield(self) -> Array:
         """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
-        return range_at_yield(element_limits(self.stage, self.solved).stress, lower(self.stage).yield_strength[0])
+        return range_at_yield(element_stress(self.stage, self.solved.response), lower(self.stage).yield_strength[0])
 
     @cached_property
     def band(self) -> Array:
