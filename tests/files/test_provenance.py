@@ -58,7 +58,8 @@ def test_a_verification_without_provenance_is_not_reported_as_sourced(project):
     assert len(result.not_stated) == NUMBERS + 2
     page = markdown_report([result])
     assert "every number has a source" not in page and "**dimensions without a source**" in page
-    assert "case: points | not stated | fig5" in page and "chain.link_lengths_mm | not stated | fig5" in page
+    assert "- `case: points`: source not stated (fig5)" in page
+    assert "- `chain.link_lengths_mm`: source not stated (fig5)" in page
 
 
 def test_a_study_without_provenance_says_so(project):
