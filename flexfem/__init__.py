@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
+    from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.life import life as life
@@ -98,6 +99,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.as_built": ("as_built",),
     "questions.experiment": ("experiment",),
     "questions.identify": ("identify",),
+    "questions.gravity": ("gravity",),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
