@@ -28,12 +28,12 @@ from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.as_built import Necks
+from flexfem.questions.case import Case
 from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.results import Result
 from flexfem.study.plan import Study
 from flexfem.units import unit_of
-from flexfem.verify.case import Case
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 FILE = "flexfem-{}.schema.json"

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.budget import CHART, SHARES
 
 ROOT = Path(__file__).parent.parent
 PAGES = "\n".join(page.read_text() for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))])
@@ -20,7 +21,13 @@ NUMBER = r"[-+]?\d+(?:\.\d+)?"
 
 
 def accepted(stem):
-    return json.loads((ROOT / f"tests/baselines/{stem}.json").read_text())["record"]
+    return json.loads((ROOT / f"tests/baselines/{stem}.json").read_text())["numbers"]
+
+
+def errors(figure, model):
+    """Error percentages and bands of a curve by direction."""
+    numbers, label = accepted(figure)["errors"], model.replace(" ", "_")
+    return {axis: numbers[f"percent.{label}.{axis}"] for axis in AXES}
 
 
 def table(header):
@@ -46,10 +53,10 @@ def test_the_table_of_errors_is_what_verify_printed():
     rows = table("| figure | command | model | X | Y | theta |")
     assert len(rows) == 6
     for (figure, command, model, *cells), expected in zip(rows, "556677", strict=True):
-        result = accepted(f"fig{figure}")["result"]
-        assert (figure, command.lower()) == (expected, result["direction"])
+        assert figure == expected
+        found = errors(f"fig{figure}", model)
         for axis, cell in zip(AXES, cells, strict=True):
-            percent, band = result["error_percent"][model][axis], result["uncertainty"][model][axis]["band"]
+            percent, band = found[axis]
             if axis == command.lower():
                 require_shown(cell.split(" ± "), (percent, band))
             else:
@@ -60,10 +67,10 @@ def test_the_table_of_joints_commanded_is_what_verify_printed():
     rows = table("| joints commanded | model | X | Y | theta |")
     assert len(rows) == 4
     for (command, model, *cells), expected in zip(rows, ["X", "X", "theta", "theta"], strict=True):
-        result = accepted(f"joints-{expected.lower()}")["result"]
-        assert command == expected and result["drive"] == "joints"
+        assert command == expected
+        found = errors(f"joints-{expected.lower()}", model)
         for axis, cell in zip(AXES, cells, strict=True):
-            percent, band = result["error_percent"][model][axis], result["uncertainty"][model][axis]["band"]
+            percent, band = found[axis]
             if cell == "0":
                 assert abs(percent) < JOINTS_ROUND_OFF and band <= 1e-8
             else:
@@ -71,18 +78,19 @@ def test_the_table_of_joints_commanded_is_what_verify_printed():
 
 
 def test_the_table_of_shares_is_what_budget_printed():
-    split = accepted("mobility6")["budget"]["split"]
+    numbers = accepted("mobility6")["budget"]
     rows = table("| share | X | Y | theta |")
-    shares = [part["name"] for part in split["x"]["shares"]]
     outside = [f"outside it: {what}" for what in ("hinges by the chart", "three dimensions")]
-    assert [row[0] for row in rows] == [*shares, "total", *outside, "total in three dimensions"]
+    assert [row[0] for row in rows] == [*SHARES, "total", *outside, "total in three dimensions"]
     rows = rows[:-2]  # measured by a slow test of tests/verify/test_solid.py
     for axis, *cells, total, outside in zip(AXES, *(row[1:] for row in rows), strict=True):
-        require_shown(cells, [part["points"][axis] for part in split[axis]["shares"]])
-        require_shown(total.split(" ± "), (split[axis]["total"][axis], split[axis]["band"]))
-        require_shown([outside], [split[axis]["out_of_plane"][axis]])
-    other = accepted("mobility3")["budget"]["split"]["x"]["shares"]
-    require_shown(prose("they are N, N, N, N, N in X"), [part["points"]["x"] for part in other])
+        require_shown(cells, [numbers[f"share.{share.replace(' ', '_')}.{axis}"][0] for share in SHARES])
+        require_shown(total.split(" ± "), numbers[f"share.total.{axis}"])
+        require_shown([outside], [numbers[f"solid.{CHART.replace(' ', '_')}.{axis}"][0]])
+    other = accepted("mobility3")["budget"]
+    require_shown(
+        prose("they are N, N, N, N, N in X"), [other[f"share.{share.replace(' ', '_')}.x"][0] for share in SHARES]
+    )
 
 
 def test_the_claim_of_5_to_10_percent_holds_between_the_necks_that_the_page_states():
@@ -99,8 +107,6 @@ def test_the_claim_of_5_to_10_percent_holds_between_the_necks_that_the_page_stat
 
 
 def test_the_sizes_of_the_reference_meshes_are_those_solved():
-    models = accepted("fig5")["result"]["models"]
     found = re.search(r"reference stages \((\d+),(\d+) and (\d+),(\d+) unknowns\)", PAGES)
-    assert [int("".join(found.group(k, k + 1))) for k in (1, 3)] == [
-        models[name]["unknowns"] for name in ("mobility six", "mobility three")
-    ]
+    unknowns = [accepted(name)["convergence"]["unknowns.8_across_a_neck"][0] for name in ("mobility6", "mobility3")]
+    assert [int("".join(found.group(k, k + 1))) for k in (1, 3)] == unknowns

@@ -19,7 +19,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
 from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
-from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, percent, significant, verification_tables
+from flexfem.plot.text import SYMBOLS, doubt_rows, percent, significant
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexfem.mechanism.stage import Stage
-    from flexfem.verify.result import Result
+    from flexfem.questions.errors import Verification
     from flexfem.verify.stage_report import StageReport
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
-MORE = ("workspace", "modes", "drift", "life")
+MORE = ("large", "modes", "drift", "life")
 SECTIONS = (*STANDARD, *MORE)
 OF_A_STAGE = "sections or an amplitude, expected none: they are of a stage"
 AT = (0.05, 0.05, 1e-3)  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
@@ -201,20 +201,15 @@ def _study(path: Path, folder: Path) -> Subject:
 def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.design.result import is_design, read_design
     from flexfem.page.design import design_parts
-    from flexfem.verify.result_files import read_result
+    from flexfem.questions.errors import Verification
 
     drawn = [path for path in files if is_design(path)]
-    results = [read_result(path) for path in files if path not in drawn]
+    results = [Verification.read(path) for path in files if path not in drawn]
     designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
         parts += design_parts(design, number, len(designs) > 1)
-    if results:
-        first, *others = verification_tables(results)[:-1]
-        warnings = notes([f"{result.case}: {text}" for result in results for text in result.warnings])
-        parts.append(("errors", partial(_section, "errors", first.title, first, warnings)))
-        parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
-        parts.append(("models", partial(_section, "models", "Models and meshes", *others)))
+    parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
     rows = doubt_rows([(each.name, each) for each in every])
     parts.append(("sources", partial(_sources, rows, ["key of the file", "kind", "in"])))
@@ -236,22 +231,22 @@ def _section(name: str, title: str, *parts: Any) -> PageSection:
     return PageSection(name, title, html)
 
 
-def _curves(result: Result, number: int) -> PageSection:
+def _curves(result: Verification, number: int) -> PageSection:
     """The curves of a case with the bands of the meshes."""
     from flexfem.plot.errors import error_figure
 
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     columns = {f"commanded {SYMBOLS[DIRECTIONS.index(result.direction)]} ({command})": (result.commanded, command)}
-    for label, series in result.curves.items():
+    for label in result.curves:
         for symbol, axis in zip(SYMBOLS, DIRECTIONS, strict=True):
-            values = getattr(series, axis)
+            values = result.at("error", curve=label, direction=axis).tolist()
             unit = unit_for(axis, max(map(abs, values)))
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
     shown = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
     data = table([*columns], [*zip(*shown, strict=True)], numbers=len(columns))
     said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
     figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
-    return _section(f"case-{number}", result.name, figure)
+    return _section(f"case-{number}", result.name, figure, Markup(result.to_html()))
 
 
 def _sources(rows: Sequence[Sequence[str]], head: Sequence[str]) -> PageSection:
@@ -401,49 +396,33 @@ def _stress(stage: Stage) -> PageSection:
 def _budget(stage: Stage) -> PageSection:
     """The shares of the error of the paper's model."""
     from flexfem.plot.errors import budget_figure
-    from flexfem.reports.verification import budget
+    from flexfem.questions.budget import budget
 
-    found = budget(stage, three_dimensional=False)
-    splits = found.split
-    rows = [
-        [share.name, *(minus(f"{getattr(split.shares[k].points, axis):+.3f}") for axis, split in splits.items())]
-        for k, share in enumerate(splits["x"].shares)
-    ]
-    rows.append(["total", *(banded(getattr(split.total, axis), split.band) for axis, split in splits.items())])
-    data = table(["share (percentage points)", *SYMBOLS], rows, numbers=3, sortable=False)
+    found = budget(stage, plane=True)
     said = "Bars of the shares of the error in the commanded direction, a panel for each direction."
-    figure = shown_figure("budget-figure", partial(budget_figure, found), said, data)
-    return _section("budget", "Error budget", figure, notes(found.warnings))
+    figure = shown_figure("budget-figure", partial(budget_figure, found), said, Markup(found.to_html()))
+    return _section("budget", "Error budget", figure)
 
 
 def _drive(stage: Stage) -> PageSection:
     """How far the actuators move the platform, and the limits of it."""
     from flexfem.plot.drive import reach_figure
-    from flexfem.reports.drive import reach
-    from flexfem.verify.limits import grouped
+    from flexfem.questions.reach import reach
 
-    found, rows = reach(stage, resolution=None), []
-    for symbol, each, unit in zip(SYMBOLS, found.ranges.values(), COMMANDS, strict=True):
-        shown = [
-            "none" if one is None else f"{one.low * unit.factor:.4g} to {one.high * unit.factor:.4g} {unit}"
-            for one in (each.held, each.free)
-        ]
-        rows.append([symbol, *map(minus, shown), "" if each.held is None else grouped(each.held.high_by)])
-    head = ["direction", "others at zero", "others free", "limited by (others at zero)"]
-    data = table(head, rows, caption="Range of the drive", sortable=False)
+    found = reach(stage, models="analytic")
     figure = shown_figure("reach-figure", partial(reach_figure, found), "Poses that the drive reaches.")
-    return _section("drive", "Drive", data, figure, notes(found.warnings))
+    return _answered("drive", "Drive", found, figure)
 
 
-def _workspace(stage: Stage) -> PageSection:
+def _large(stage: Stage) -> PageSection:
     """What large displacements change."""
-    from flexfem.plot.drive import workspace_figure
-    from flexfem.reports.drive import workspace
+    from flexfem.plot.drive import large_figure
+    from flexfem.questions.large import large
 
-    found = workspace(stage)
+    found = large(stage)
     said = "Tangent stiffness and errors of linear theory over the command, a row for each direction."
-    figure = shown_figure("workspace-figure", partial(workspace_figure, found), said)
-    return _section("workspace", "Large displacements", figure, notes(found.warnings))
+    figure = shown_figure("large-figure", partial(large_figure, found), said)
+    return _answered("large", "Large displacements", found, figure)
 
 
 def _modes(stage: Stage) -> PageSection:
@@ -479,7 +458,7 @@ MADE: dict[str, Callable[..., PageSection]] = {
     "budget": _budget,
     "stress": _stress,
     "drive": _drive,
-    "workspace": _workspace,
+    "large": _large,
     "modes": _modes,
     "drift": _drift,
 }

@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.mechanism.stage import load_stage
-from flexfem.plot.text import markdown_report
+from flexfem.commands import tables
 from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.result import Triple
 from flexfem.verify.solid_report import SolidReport
-from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 MATRIX = [[41.5, 2.3, 310.0], [2.1, 43.5, -290.0], [330.0, -270.0, 47000.0]]
@@ -37,20 +34,6 @@ def cells(capsys):
 def numbers(rows):
     """Rows of cells that are numbers, as numbers."""
     return [[float(cell) for cell in row] for row in rows]
-
-
-def test_hinges_are_in_mm_and_degrees(cells):
-    hinge = PlacedHinge(2, "elbow", (24.5, -32.25), 187.5, 1.75, 0.65, True)
-    other = hinge._replace(chain=3, hinge="base", centre_mm=(1.5, 2.5), prismatic=False)
-    found = {"model": "plane_strain", "chains_alike": False, "hash": "", "dimensions": {}, "hinges": [hinge, other]}
-    sources = {"provenance": {"thickness_mm": "measured"}, "warnings": [], "assumed": ["a_mm"], "not_stated": []}
-    rows = cells(stage_tables.print_stage, StageReport(file="", name="S", mobility=6, **found, **sources))
-    head = ["chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms"]
-    assert ["S: mobility 6, chains differ, plane strain"] in rows
-    at = rows.index(head)
-    assert rows[at + 1] == ["2", "elbow", "24.5000", "-32.2500", "187.50", "1.75", "0.65", "rotation, axial"]
-    assert rows[at + 2] == ["3", "base", "1.5000", "2.5000", "187.50", "1.75", "0.65", "rotation"]
-    assert ["thickness_mm: measured"] in rows and any("a_mm" in row[-1] for row in rows)
 
 
 DOUBTS = {"warnings": [], "assumed": [], "not_stated": []}
@@ -143,161 +126,3 @@ def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells, show, facts):
 def test_a_formula_outside_its_range_is_called_so(cells):
     assert "koster (outside its range" in cells(tables.print_stiffness, STIFFNESS)[0][0]
     assert "outside" not in cells(tables.print_stiffness, STIFFNESS._replace(formula_in_range=True))[0][0]
-
-
-def test_errors_have_their_own_bands(cells, made):
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    rows = cells(comparisons.print_results, [made.result(errors, direction="y")], Path("there"))
-    at = rows.index(["case", "commanded", "model", "X %", "Y %", "theta %"])
-    assert rows[at + 1] == ["fig", "y", "one", "14.071 ± 0.017", "0.020 ± 0.027", "-3.120 ± 0.037"]
-    assert rows[at + 2] == ["fig", "y", "two", "7.120 ± 0.117", "-3.100 ± 0.127", "250.000 ± 0.137"]
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"drive": "joints"}, "x, joints imposed"),
-        ({"drive": "strokes"}, "x, strokes commanded"),
-        ({"elements": "three_dimensional"}, "x, in three dimensions"),
-    ],
-)
-def test_errors_say_how_the_metal_was_driven_and_which_it_was(cells, made, given, said):
-    rows = cells(comparisons.print_results, [made.result({"one": (0.1, 0.2, 0.3)}, **given)], Path("there"))
-    assert ("and the layers" in " ".join(rows[1])) == ("elements" in given)
-    assert ["fig", said, "one"] in [row[:3] for row in rows]
-
-
-def test_convergence_has_a_column_of_its_own_for_each_direction(cells, made):
-    study = made.mesh_study()
-    rows = cells(comparisons.print_convergence, study)
-    at = rows.index(["triangles across a neck", "unknowns", "x mm/N", "y mm/N", "theta rad/(N mm)"])
-    for row, resolution, unknowns, level in zip(
-        rows[at + 1 : at + 5], (2, 3, 5, 8), (123, 234, 567, 1234), range(4), strict=True
-    ):
-        found = [study.uncertainty[axis].values[level] for axis in ("x", "y", "theta")]
-        assert row[:2] == [str(resolution), str(unknowns)]
-        assert numbers([row[2:]])[0] == pytest.approx(found, rel=1e-9)
-    assert numbers([rows[at + 5][1:]]) == [[0.0271, 0.0263, 2.57e-5]] and rows[at + 5][0] == "extrapolated"
-    assert rows[at + 6] == ["band of the finest", "7.0e-03 relative", "3.2e-02 relative", "1.6e-02 relative"]
-    assert rows[at + 7] == ["observed order", "3.97", "2.96", "none"]
-    assert rows[at + 8] == ["verdict", "converging", "out of range", "oscillatory"]
-
-
-def test_the_budget_has_the_shares_along_each_command(cells, made):
-    rows = cells(comparisons.print_budget, made.budget())
-    at = rows.index(["share", "x", "y", "theta"])
-    assert rows[at + 1 : at + 6] == [
-        ["freedoms", "+0.216", "-0.411", "+0.137"],
-        ["formula", "+11.796", "+8.523", "+9.685"],
-        ["links", "+0.526", "+0.731", "-0.722"],
-        ["what is left", "-0.308", "+0.092", "+0.051"],
-        ["large displacement", "-0.139", "+0.253", "+0.326"],
-    ]
-    assert rows[at + 6] == ["total", "12.091 ± 0.013", "9.188 ± 0.127", "9.477 ± 0.245"]
-    assert rows[at + 7] == ["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"]
-
-
-def test_the_budget_has_what_three_dimensions_change_along_each_command(cells, made):
-    rows = cells(comparisons.print_budget, made.budget(three_dimensional=made.three_dimensional))
-    at = rows.index(["outside it: hinges by the chart", "-10.533", "+6.217", "-8.461"])
-    assert rows[at + 1] == ["outside it: three dimensions", "-10.673 ± 0.121", "+5.217 ± 0.234", "-7.461 ± 0.345"]
-    assert rows[at + 2] == ["total in three dimensions", "1.418 ± 0.134", "14.405 ± 0.361", "2.016 ± 0.590"]
-
-
-def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
-    rows = cells(comparisons.print_workspace, made.workspace())
-    models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
-    at = rows.index(["per cent", "commanded", "at", *models])
-    kinds = ("tangent stiffness, change from rest", "linear position error, along", "linear position error, across")
-    expected = []
-    for kind, name in enumerate(kinds):
-        for axis, far, unit, along, aside in (
-            ("x", 300, "um", 0.7, 0.31),
-            ("y", 400, "um", -0.4, 0.22),
-            ("theta", 6, "mrad", 0.2, 0.0),
-        ):
-            size = (2 * along, along, aside)[kind]
-            shares = (0.61, 0.97, 1.0, 0.95) if kind == 0 else (0.61, 0.97, 1.0, 0.9, 1.2)
-            for end in (-1.0, -0.1, 0.1, 1.0):
-                values = [f"{share * size * end:+z.4f}" for share in shares]
-                expected.append([name, axis, f"{far * end:+g} {unit}", *values])
-    assert rows[at + 1 : at + 37] == expected
-    text = " ".join(" ".join(row) for row in rows)
-    assert "within a tenth of these commands: linear position off by up to 0.123 %" in text
-    assert re.search(
-        r"a tenth .* change the tangent compliance by up to 0\.045 % .*all of them: .*by up to 1\.237 %", text
-    )
-    assert text.rstrip().endswith("tangent compliance by up to 0.678 %")
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch, tmp_path):
-    """Of a stage without a drive, whose poses would be sought as well."""
-    asked, bare = [], tmp_path / "bare.toml"
-    load_stage(STAGE).replace(actuator=()).save(bare)
-
-    def travel(stage, amplitude, *_):
-        asked.append(amplitude)
-        return made.workspace()
-
-    monkeypatch.setattr("flexfem.verify.workspace.workspace", travel)
-    code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
-    assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
-    assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)
-
-
-def test_every_cell_of_the_page_is_its_own_number(made):
-    other = made.model(
-        stage="b",
-        hash="fedcba9876543210" * 4,
-        plane="plane_strain",
-        mobility=3,
-        formula="koster",
-        formula_in_range=False,
-        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
-        resolution=7,
-        triangles=777,
-        unknowns=888,
-    )
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    models = {"one": made.model(), "two": other}
-    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
-    bands = found.uncertainty["two"]
-    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
-    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
-    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
-    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
-
-    def below(head):
-        at = page.index(head)
-        return page[at + 2 : page.index("", at)]
-
-    assert below("| case | command | curve | X | Y | θ |") == [
-        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
-        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
-    ]
-    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
-        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
-        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
-    ]
-    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
-    assert below(head) == [
-        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
-        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
-    ]
-    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
-    rows = below(head)
-    assert rows[:3] == [
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
-    ]
-    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
-    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
-    assert below(head) == [
-        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
-        "| b | fedcba987654 | 7 | 777 | 888 |",
-    ]
-    text = "\n".join(page)
-    assert "first multiplied by l₃ (21 mm)" in text and "| thickness_mm | assumed | fig |" in text
-    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text

@@ -112,7 +112,6 @@ def test_units_are_spelled_in_one_place() -> None:
         "commands/tables",
         "commands/comparisons",
         "questions/warnings",
-        "commands/baseline/rules",
         "study/findings",
     )
     places = [*(ROOT / "flexfem/plot").glob("*.py"), *(ROOT / f"flexfem/{name}.py" for name in others)]

@@ -10,7 +10,6 @@ import pytest
 
 from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
-from flexfem.verify.result_files import write_result
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
@@ -18,12 +17,12 @@ DRAW = """
 import sys
 from pathlib import Path
 from flexfem.plot.write import write_figures
-from flexfem.verify.result_files import read_fields, read_result
-path = sys.argv[1]
-result = read_result(path)
+from flexfem.questions.errors import Verification
+path = Path(sys.argv[1])
+result = Verification.read(path)
 from flexfem.commands.console import side_by_side
 with side_by_side(2) as each:
-    write_figures([(result, read_fields(path, result))], Path(sys.argv[2]), each)
+    write_figures([(result, result.read_fields(path))], Path(sys.argv[2]), each)
 """
 
 
@@ -39,7 +38,9 @@ def names(results):
 @pytest.mark.slow
 def test_other_processes_side_by_side_give_the_same_bytes(made, tmp_path):
     """Here, of studies, `test_the_same_table_gives_the_same_files_of_every_figure` is quick, in one process."""
-    drawn, path = write_figures([stored(made)], tmp_path / "here"), write_result(*stored(made), tmp_path)
+    drawn, (found, fields) = write_figures([stored(made)], tmp_path / "here"), stored(made)
+    found.fields = fields
+    path = found.write(tmp_path / "fig.json")
     variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
     subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
     again = {file.name: file.read_bytes() for file in (tmp_path / "again").iterdir()}

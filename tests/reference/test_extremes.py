@@ -13,11 +13,11 @@ from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import read_materials
+from flexfem.questions.case import LoadedCase
 from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.schemas import FORMATS
 from flexfem.study.loaded import load_study
-from flexfem.verify.case import LoadedCase
 
 from .test_schemas import ROOT, shipped
 

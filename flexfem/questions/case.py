@@ -1,0 +1,221 @@
+"""A case: which platform displacement is commanded, over which range, to which stages and models."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
+
+from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.arrays import Array
+from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
+from flexfem.files import quantities
+from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import Keywords, both, either, has, ruled, says, when, without
+from flexfem.files.refusals import refusal
+from flexfem.files.toml import Label, Table, validate
+from flexfem.hinges.formulas import formula, formulas
+from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.refused import BadInput
+from flexfem.units import Direction
+
+Analysis: TypeAlias = Literal["linear", "nonlinear"]
+Drive: TypeAlias = Literal["force", "joints", "strokes"]
+Elements: TypeAlias = Literal["fe", "three_dimensional"]
+
+
+def known_formula(name: str) -> str:
+    """The name itself, for a key of a file; refuses one that is not registered, and says which are."""
+    try:
+        formula(name)
+    except BadInput as error:
+        raise refusal(str(error).partition("expected ")[2] or str(error)) from None
+    return name
+
+
+CommandUm: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
+CommandMrad: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_MRAD)]
+Mobility: TypeAlias = Literal[3, 6, 12, 21]
+FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
+OF_MODEL = "Of the analytic model; by default the stage's own"
+FORMULA = "Hinge formula of the analytic model"
+ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model elastic, too"
+LINKS = when(says("links", True), says("mobility", 21))
+
+
+class Curve(Table):
+    """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
+
+    model_config = ConfigDict(json_schema_extra=ruled(LINKS))
+
+    label: Label = Field(description="In the legend, used once", examples=["closed hinge formula"])
+    stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
+    mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
+    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
+    links: bool = Field(default=False, description=f"{ELASTIC}; in a linear case")
+
+    @model_validator(mode="after")
+    def _links_go_with_all_freedoms(self) -> Curve:
+        if self.links and self.mobility != 21:
+            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
+        return self
+
+
+_NONLINEAR = says("analysis", "nonlinear")
+_RULES = (
+    when(
+        says("direction", "theta"),
+        both(has("amplitude_mrad"), without("amplitude_um")),
+        both(has("amplitude_um"), without("amplitude_mrad")),
+    ),
+    when(_NONLINEAR, {"not": says("drive", "joints", "strokes")}),
+    when(_NONLINEAR, {"properties": {"curve": {"items": {"not": says("links", True)}}}}),
+    when(
+        says("model", "three_dimensional"),
+        {"not": either(_NONLINEAR, says("drive", "joints", "strokes"))},
+        without("layers"),
+    ),
+)
+
+
+class Case(Sourced):
+    """A comparison as in Figs. 5 to 7; numbers in the units of the file."""
+
+    kind: ClassVar[str] = "case file"
+
+    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
+
+    name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
+    direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])
+    amplitude_um: CommandUm | None = Field(
+        default=None, description="Commands in x or y run from minus to plus this", examples=[50.0]
+    )
+    amplitude_mrad: CommandMrad | None = Field(
+        default=None, description="Commands in theta run from minus to plus this", examples=[1.0]
+    )
+    points: int = Field(ge=3, le=10_001, description="How many commands", examples=[21])
+    analysis: Analysis = Field(
+        default="linear",
+        description="`nonlinear`: exact equilibrium of the pseudo-rigid stage against geometrically nonlinear finite "
+        "elements; the mesh bands are those of the linear problem",
+    )
+    drive: Drive = Field(
+        default="force",
+        description="What the finite elements are given: `force`, that of (18) on the platform; `joints`, the "
+        "rotations that the model computes for the pose by (29) and (30), imposed on the base hinges with mobility "
+        "three, else on base and elbow hinges; `strokes`, those of the stage's `[[actuator]]`, by least energy. The "
+        "last two are linear only",
+    )
+    model: Elements = Field(
+        default="fe",
+        description="The finite elements: `fe`, in the stage's own plane model; `three_dimensional`, of the stage "
+        "extruded, both faces free, with the force on the platform and linear alone. The analytic model follows the "
+        "stage file's `model` in both, so here that may be `corrected`, too",
+    )
+    resolution: int = Field(
+        default=RESOLUTION,  # two coarser levels follow from it
+        ge=4,
+        le=64,
+        description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
+        "meshes are made for the error bars",
+    )
+    layers: int = Field(
+        default=LAYERS,  # as do two smaller numbers
+        ge=3,
+        le=16,
+        description="In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands",
+    )
+    curve: tuple[Curve, ...] = Field(
+        min_length=1,
+        max_length=20,
+        description="A curve of the figure: a stage, and the analytic model that commands it",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_mesh(cls, given: Any) -> Any:
+        solid = isinstance(given, dict) and given.get("model") == "three_dimensional"
+        return {"resolution": SOLID_RESOLUTION} | given if solid else given
+
+    @model_validator(mode="after")
+    def _one_amplitude_of_the_right_unit(self) -> Case:
+        given = [unit for unit in ("um", "mrad") if getattr(self, f"amplitude_{unit}") is not None]
+        wanted = "mrad" if self.direction == "theta" else "um"
+        if given != [wanted]:
+            raise refusal(f"amplitude_{wanted} and no other amplitude for direction {self.direction}", "direction")
+        return self
+
+    @model_validator(mode="after")
+    def _labels_differ(self) -> Case:
+        labels = [curve.label for curve in self.curve]
+        for index, label in enumerate(labels):
+            if label in labels[:index]:
+                raise refusal("a label that no other curve has", "curve", index, "label")
+        return self
+
+    @model_validator(mode="after")
+    def _links_are_linear(self) -> Case:
+        for index, curve in enumerate(self.curve):
+            if curve.links and self.analysis == "nonlinear":
+                raise refusal(
+                    'no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', "curve", index, "links"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _joints_are_linear(self) -> Case:
+        if self.drive != "force" and self.analysis == "nonlinear":
+            raise refusal('"force" with analysis = "nonlinear", whose loads are on the platform', "drive")
+        return self
+
+    @model_validator(mode="after")
+    def _three_dimensions_are_linear(self) -> Case:
+        if self.model == "fe":
+            if "layers" in self.model_fields_set:
+                raise refusal('no layers with model = "fe"', "layers")
+            return self
+        if self.analysis == "nonlinear":
+            raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
+        if self.drive != "force":
+            raise refusal('"force" with model = "three_dimensional": stacks push the plane stage alone', "drive")
+        return self
+
+    @property
+    def commanded(self) -> Array:
+        """Commanded displacements (points,), mm or rad."""
+        largest = (self.amplitude_um if self.amplitude_mrad is None else self.amplitude_mrad) or 0.0
+        return np.linspace(-largest, largest, self.points) * 1e-3
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Key paths of the numbers that need a source: the commands, not the settings of the computation."""
+        return (*super().numbers, "points")
+
+
+class LoadedCase:
+    """A case with its stages read and found feasible; `stem` names its results."""
+
+    def __init__(self, path: str | os.PathLike[str], load: Callable[[Path], Stage] | None = None) -> None:
+        """Read case and stages, these by `load`. Raises BadInput naming the file that cannot be used."""
+        self.path = Path(path)
+        self.stem = self.path.stem
+        self.case = validate(Case, path)
+        self.stages: dict[str, Stage] = {}
+        load = load or cache(load_feasible)  # one stage of several curves is solved once
+        for curve in self.case.curve:
+            stage = load(self.stage_path(curve))
+            if self.case.drive == "strokes" and not stage.actuator:
+                raise BadInput(
+                    f'{path}: drive = "strokes", expected "force" or "joints": the stage of curve {curve.label!r}, '
+                    f"{self.stage_path(curve)}, has no [[actuator]]"
+                )
+            self.stages[curve.label] = stage
+
+    def stage_path(self, curve: Curve) -> Path:
+        """Where the stage file of a curve is."""
+        return Path(os.path.normpath(self.path.parent / curve.stage))

@@ -1,0 +1,403 @@
+"""The poses that a drive reaches: hand polygons, zonotopes, symmetry, and every point against the strokes it takes."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.collections import LineCollection
+
+import flexfem
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.commands import cli
+from flexfem.mechanism.contacts import Push, Stack
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.plot.drive import reach_figure
+from flexfem.questions.drive import Commanding, commanding, driven_elements, neck_stresses
+from flexfem.questions.driven import Driven, commands_for, drive_ranges, driven, limits_of, moved, shares
+from flexfem.questions.reach import (
+    LinearLimits,
+    Polytope,
+    PoseSet,
+    Programs,
+    Reach,
+    image,
+    limits_of_commands,
+)
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import ANALYTIC, ELEMENTS, Result
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+NONE = np.zeros(3)
+LOAD = np.array([0.7, -0.4, 7.0])
+LEVER = 24.0
+SCALE = np.array([1.0, 1.0, LEVER])
+OWN = flexfem.Analytic(formula=CALIBRATED, mobility=21, links=True)
+SIX = flexfem.Analytic(mobility=6)
+
+
+def with_actuators(stage: Stage, *changes: dict[str, object], **all_of: object) -> Stage:
+    """The stage with its first actuators changed one by one, or all of them alike."""
+    each = changes or ({},) * len(stage.actuator)
+    return stage.replace(
+        actuator=[a.model_copy(update=change | all_of) for a, change in zip(stage.actuator, each, strict=False)]
+    )
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return load_stage(GEOMETRY / "mobility6.toml").replace(model="plane_stress")
+
+
+@pytest.fixture(scope="module")
+def light(stage) -> Stage:
+    """Preloads that strokes use up, so that contacts bind."""
+    return with_actuators(stage, preload=4.0)
+
+
+@pytest.fixture(scope="module")
+def own(stage) -> Stage:
+    """Unlike chains; single stacks, tilted; light pairs on the other side of the link; a weak single on the rim."""
+    rim = 17.0 * np.exp(1j * np.deg2rad(75.0))
+    base, elbow = (actuator.model_copy for actuator in stage.actuator)
+    return stage.replace(
+        override={(2, "elbow"): {"neck": 0.61}, (3, "base"): {"radius": 3.1}, (1, "platform"): {"neck": 0.43}},
+        actuator=[
+            base(update={"tilt": np.deg2rad(-15.0), "pair": False, "preload": 0.0, "ball_radius": None}),
+            elbow(update={"arm": 7.0, "side": "right", "tilt": np.deg2rad(10.0), "preload": 12.0}),
+            {
+                "name": "rim",
+                "between": ("link 1", "platform"),
+                "point": (rim.real, rim.imag),
+                "direction": np.deg2rad(260.0),
+                "stroke": 0.03,
+                "blocking_force": 41.0,
+            },
+        ],
+    )
+
+
+def modelled(stage: Stage) -> tuple[Commanding, StageDrive]:
+    return commanding(ModelChoice(stage, None, CALIBRATED, True)), drive_of(stage)
+
+
+def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object) -> Reach:
+    return flexfem.reach(stage, load=load, models=models, **others)
+
+
+def pose_set(stage: Stage, one: Commanding, drive: StageDrive, load: np.ndarray = NONE) -> PoseSet:
+    return PoseSet(one.of, drive, limits_of_commands(one, one.of, drive, load), load)
+
+
+@pytest.fixture(scope="module")
+def reached(stage) -> Reach:
+    """Without load."""
+    return reach(stage, NONE)
+
+
+def ends(found: Reach, name: str) -> np.ndarray:
+    """Ranges in um, um, mrad."""
+    return 1e3 * found.at("ends", others=name, model=ANALYTIC).T
+
+
+def hand(rows: list[list[float]], bounds: list[float]) -> LinearLimits:
+    m = len(rows[0])
+    box = np.concatenate([np.eye(m), -np.eye(m)])
+    names = tuple(f"stroke of {k}" for k in range(2 * m)) + tuple(f"contact of {k}" for k in range(len(rows)))
+    every = np.concatenate([box, np.array(rows)])
+    return LinearLimits(every, np.append(np.ones(2 * m), bounds), np.arange(len(every)), names)
+
+
+def test_a_square_with_a_corner_cut_off_is_drawn_as_by_hand():
+    limits = hand([[1.0, 1.0], [1.0, 0.0]], [1.5, 3.0])  # the second one never binds
+    found = image(Programs(limits, np.ones(2), np.zeros((0, 2)), np.zeros(0)), np.eye(2))
+    corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
+    assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == corners
+    assert found.volume == pytest.approx(4 - 0.125)
+    assert sorted(found.by) == [(f"contact of {0}",), *((f"stroke of {k}",) for k in range(4))]
+    held = Programs(limits, np.ones(2), np.array([[1.0, -1.0]]), np.array([0.5]))  # x1 - x2 = 1/2
+    assert held.farthest(np.array([1.0, 0.0])).x == pytest.approx([1.0, 0.5])
+    assert set(held.farthest(np.array([1.0, 1.0])).by) & {"contact of 0", "stroke of 0"}
+
+
+def test_a_platform_pushed_straight_goes_as_far_as_each_stack_alone():
+    """Stacks far stiffer than the springs, along x, y and theta: a box, whose x ends where the contact is lost."""
+    nowhere = Stack(0, (Push(3, np.array([1.0, 0, 0]), None), Push(0, np.zeros(3), None)))
+    springs, one = np.array([1e3, 2e3, 3e3]), np.ones(3)  # N/mm, N mm/rad
+    S = np.diag(1 / springs)
+    C = np.block([[S, S], [S, S]])
+    preload = np.array([5.0, 50.0, 50.0])
+    names, limit = ("a", "b", "c"), 0.01 * one
+    drive = StageDrive(3 * (nowhere,), names, 1e12 * one, preload, 900 * one, np.eye(3), -limit, 2 * limit)
+    of = driven(C, drive)
+    strokes, blocking, contact = limits_of(of, drive, NONE).values()
+    limits = LinearLimits(
+        np.concatenate([strokes.rows, contact.rows, blocking.rows]),
+        np.concatenate([each.offsets + each.sizes for each in (strokes, contact, blocking)]),
+        np.arange(12),
+        tuple(f"{kind} of {k}" for kind in ("stroke", "stroke", "contact", "blocking force") for k in range(3)),
+    )
+    found = PoseSet(of, drive, limits, NONE).solid(2.0)
+    low, high = found.vertices.min(axis=0), found.vertices.max(axis=0)
+    np.testing.assert_allclose(low, [-0.005, -0.01, -0.01], rtol=1e-6)  # 5 N on 1 N/um
+    np.testing.assert_allclose(high, [0.02, 0.02, 0.02], rtol=1e-6)
+    assert found.volume == pytest.approx(0.025 * 0.03 * 0.03, rel=1e-6)
+    assert len(found.vertices) == 8 and len(found.faces) == 6
+    (left,) = [by for n, by in zip(found.normals, found.by, strict=True) if n[0] < -0.99]
+    assert left == ("contact of 0",)
+
+
+def test_strokes_alone_reach_a_zonotope(stage):
+    """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
+    one, drive = modelled(stage)
+    found = pose_set(stage, one, drive).solid(LEVER)
+    G = one.of.poses * 8.7e-3
+    assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
+    determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
+    assert found.volume == pytest.approx(8 * sum(determinants), rel=1e-9)
+    for n in np.random.default_rng(4).normal(size=(40, 3)) / SCALE[::-1]:
+        assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=1e-9)
+    np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=1e-9)
+    moved_to = [moved(one.of, drive, x, NONE).pose for x in found.commands]
+    np.testing.assert_allclose(moved_to, found.vertices, rtol=1e-9, atol=1e-15)
+
+
+def test_ranges_of_the_reference_stages(stage, reached):
+    """With the others at zero X reaches less than Y; strokes of least energy stop at 19.5 and 19.8 um, elbow first."""
+    found, both = reached, np.array([[-1.0, 1.0]])
+    np.testing.assert_allclose(ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
+    np.testing.assert_allclose(ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4)
+    assert 1e3 * np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
+    assert found.volume == pytest.approx(2.01660e-6, rel=1e-4)
+    assert list(found.fields.stops["zero", "x", "high"]) == [
+        "stroke of elbow, chain 1, longest",
+        "stroke of base, chain 3, longest",
+        "stroke of base, chain 2, shortest",
+        "stroke of elbow, chain 3, shortest",
+    ]
+    one, drive = modelled(stage)
+    for axis, stop in ((0, 19.486), (1, 19.828)):
+        least = commands_for(one.of, drive, 1e-3 * np.eye(3)[axis], NONE, LEVER, "least energy")
+        used = np.abs(least) / 8.7e-3
+        assert 1 / np.max(used) == pytest.approx(stop, rel=1e-4)
+        assert drive.names[int(np.argmax(used))].startswith("elbow")
+    three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"))
+    np.testing.assert_allclose(ends(three, "zero")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
+
+
+def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
+    """Faces against the strokes within limits, another linear program: share 1 on every face, more 0.1 % beyond."""
+    one, drive = modelled(light)
+    found = reach(light, LOAD)
+    V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields.solid
+    normals, supports = solid.normals * SCALE, solid.supports
+    assert {by.kinds for by in solid.by} == {("stroke",), ("stroke", "contact")}
+    assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
+
+    def share(pose: np.ndarray) -> float:
+        x = commands_for(one.of, drive, pose, LOAD, LEVER, "within limits")
+        return max(float(np.max(each)) for each in shares(one.of, drive, x, LOAD).values())
+
+    @settings(max_examples=8, deadline=None, database=None, derandomize=True)
+    @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda n: np.linalg.norm(n) > 0.1))
+    def check(direction):
+        along = np.array(direction) / SCALE
+        rate = normals @ along
+        far = np.min(((supports - normals @ middle) / np.where(rate > 0, rate, np.nan))[rate > 0])
+        assert share(middle + far * along) == pytest.approx(1.0, abs=1e-7)
+        assert share(middle + 1.001 * far * along) > 1.0 + 1e-5
+        assert share(middle + 0.999 * far * along) < 1.0 - 1e-5
+
+    check()
+
+
+def test_alike_chains_reach_what_is_alike_when_turned_by_120_degrees(light):
+    found = reach(light, NONE)
+    V, complex_ = found.vertices, lambda v: v[:, 0] + 1j * v[:, 1]
+    normals, supports = found.fields.solid.normals, found.fields.solid.supports
+
+    def outside(degrees: float) -> float:
+        turned = complex_(V) * np.exp(1j * np.deg2rad(degrees))
+        moved_to = np.column_stack([turned.real, turned.imag, LEVER * V[:, 2]])
+        return float(np.max(moved_to @ normals.T - supports))
+
+    assert outside(120) < 1e-9 > outside(240)
+    assert min(outside(60), outside(90), outside(180)) > 1e-4
+
+
+def test_strokes_half_as_long_reach_half_as_far(stage, reached):
+    half = with_actuators(stage, stack=None, stroke=8.7e-3, stiffness=935 / 17.4e-3)
+    whole, short = reached, reach(half, NONE)
+    np.testing.assert_allclose(ends(short, "zero"), np.array(ends(whole, "zero")) / 2, rtol=1e-9)
+    assert short.volume == pytest.approx(whole.volume / 8, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage):
+    def limited(force: float) -> Polytope:
+        one, drive = modelled(stage)
+        drive = drive._replace(blocking_force=np.full(12, force))
+        return pose_set(stage, one, drive).solid(LEVER)
+
+    one, more, less = limited(935.0), limited(1200.0), limited(54.0)
+    assert more.volume == one.volume and not any("blocking force" in str(by) for by in one.by)
+    assert less.volume < 0.9 * one.volume
+    assert any("blocking force of elbow, chain 2, partner" in by for by in less.by)
+
+
+def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage):
+    """Single stacks, light pairs and unlike chains; and yield that binds. Another method, other limits in hand."""
+    weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
+    for each in (own, weak):
+        one, drive = modelled(each)
+        numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
+        many = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
+        of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
+        studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
+        found, stops = pose_set(each, one, drive).ranges()
+        np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
+    assert any("yield" in by.kinds for by in stops.values())
+
+
+@pytest.mark.slow
+def test_yield_stops_the_poses_where_a_neck_bears_its_strength(stage):
+    weak = stage.replace(material={"yield_strength": 24.0})
+    found, (one, drive) = reach(weak, 0.1 * LOAD), modelled(weak)
+    solid = found.fields.solid
+    bound = [(face, by) for face, by in zip(solid.faces, solid.by, strict=True) if "yield" in by.kinds]
+    assert len(bound) > 20 and found.volume < 0.97 * 2.0166e-6
+
+    def stress(x: list[float]) -> np.ndarray:
+        return neck_stresses(one, np.concatenate([0.1 * LOAD, moved(one.of, drive, np.array(x), 0.1 * LOAD).force]))
+
+    highest = np.array([stress(x) for x in found.commands])
+    assert np.max(highest) == pytest.approx(23.76, rel=1e-9)  # 99 %: the model may be 1 % low
+    names = [
+        f"yield of the {hinge} hinge, chain {chain}" for chain in (1, 2, 3) for hinge in ("base", "elbow", "platform")
+    ]
+
+    def bears(face: tuple[int, ...], by: tuple[str, ...]) -> bool:
+        """Every neck named bears what its strength allows at every vertex of the face."""
+        named = [names.index(name) for name in by if name in names]
+        return bool(np.allclose(highest[list(face)].reshape(-1, 9)[:, named], 23.76, rtol=1e-6))
+
+    assert np.mean([bears(*each) for each in bound]) > 0.9  # a vertex may have other commands, too
+
+
+def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
+    load = np.array([1.0, -0.7, 5.0])
+    found = reach(own, load, "both", resolution=4, analytic=OWN)
+    np.testing.assert_allclose(ends(found, "zero"), [[-5.642, 5.791], [-5.944, 6.825], [-0.07518, 0.7150]], rtol=2e-4)
+    model, elements = found.at("ends", model=ANALYTIC), found.at("ends", model=ELEMENTS)
+    np.testing.assert_allclose(elements[0, 1], model[0, 1], rtol=1.2e-2)
+    np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
+    assert np.all(elements[0, 1] != model[0, 1])
+    one, drive = modelled(own)
+    limits, X = limits_of_commands(one, one.of, drive, load), found.commands
+    assert np.max(X @ limits.rows.T - limits.bounds) < 1e-9
+    np.testing.assert_allclose([moved(one.of, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
+    assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
+    rest = one.of.engaged @ load
+    np.testing.assert_allclose(found.rest, rest)
+    edges = found.fields.section
+    section = np.array([edge.start for edge in edges])
+    np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
+    assert np.max(section[:, 0]) > model[0, 1, 0]
+    corners = section @ [1, 1j]
+    area = np.sum(corners.conj() * np.roll(corners, -1)).imag / 2
+    assert area > np.pi * found.circle**2 > 0
+    along = np.linspace(0.0, 1.0, 1001)[:, None, None]
+    boundary = section + along * (np.roll(section, -1, axis=0) - section)
+    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle), rel=1e-4)
+    left = found.fields.solid.supports - found.fields.solid.normals @ (SCALE * rest)
+    assert np.min(left) == pytest.approx(float(found.ball)) and found.ball > 1e-3
+
+
+def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage, reached):
+    alone = with_actuators(stage, {"pair": False, "preload": 4.0})
+    (said,) = reach(alone, NONE).warnings
+    assert said.startswith("single stacks have no partner to bear their preload: the necks do, with up to 40.19 MPa")
+    assert reached.warnings == []
+    one, drive = modelled(stage)
+    free = limits_of_commands(one, one.of, drive, NONE).bounds[-1]
+    assert free == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
+    one, drive = modelled(alone)
+    at_rest = limits_of_commands(one, one.of, drive, NONE).bounds[24:]
+    assert 497.97 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
+
+
+def test_limits_that_allow_nothing_are_named(stage):
+    with pytest.raises(ComputationFailed, match="limits of contact and those of blocking force and those of yield"):
+        reach(stage, np.array([4000.0, 0.0, 0.0]))
+    alone = with_actuators(stage, {"pair": False, "preload": 60.0})
+    with pytest.raises(ComputationFailed, match=r"limits of yield allow no commands.* necks with up to 602\.9 MPa"):
+        reach(alone, NONE)
+    with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
+        reach(stage.replace(actuator=[]), NONE)
+
+
+def test_pairs_without_preload_do_not_move_and_say_so(stage):
+    found = reach(with_actuators(stage, preload=0.0, ball_radius=None), NONE)
+    assert (found.fields.solid.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
+    assert not ends(found, "free").any() and found.fields.section == [] and len(found.vertices) == 0
+    assert found.warnings == ["the limits leave no solid: the poses that the drive reaches are a single one"]
+
+
+def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
+    """Single stacks turn the platform one way; a moment the other way takes it off zero."""
+    found = reach(with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0]))
+    assert np.isnan(ends(found, "zero")[0]).all() and ends(found, "free")[0, 1] > 20.0
+    assert found.fields.section == [] and found.circle == 0.0
+
+
+def test_round_off_is_no_radius_about_rest(stage):
+    """A single stack a chain at rest stands at the shortest end of its stroke: nothing is left about it."""
+    single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
+    for load in (NONE, LOAD, np.array([1.0, 0.0, 5.0])):
+        found = reach(stage.replace(actuator=[single]), load)
+        assert found.fields.solid.dimension == 3 and found.ball == 0.0
+
+
+def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
+    """Where contacts bind, forces by the model would let the metal go elsewhere."""
+    found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).of
+    first, drive = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False)), drive_of(light)
+    own, other = (
+        PoseSet(elements, drive, limits_of_commands(first, of, drive, LOAD), LOAD).ranges()[0]
+        for of in (elements, first.of)
+    )
+    np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)
+    assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4
+
+
+def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
+    found = reach(light, LOAD)
+    figure = reach_figure(found)
+    section, solid = figure.axes[:2]
+    drawn = {each.get_label(): each for each in section.collections if isinstance(each, LineCollection)}
+    assert set(drawn) == {"stroke", "stroke and contact"}
+    for label, each in drawn.items():
+        wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
+        np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
+    filled = [each for each in solid.patches if each.get_fill()]
+    eye = [np.cos(np.deg2rad(62)) * 0.91355, -np.sin(np.deg2rad(62)) * 0.91355, 0.40674]
+    assert len(filled) == np.count_nonzero(found.fields.solid.normals @ eye > 0)
+    assert [text.get_text() for text in solid.get_legend().get_texts()] == ["stroke", "stroke and contact"]
+    flat = reach_figure(reach(with_actuators(light, preload=0.0, ball_radius=None)))
+    assert [text.get_text() for text in flat.axes[0].texts] == ["no area is reached at θ = 0"]
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, reached):
+    path = GEOMETRY / "mobility6.toml"
+    cli.app(["reach", str(path), "--models", "analytic", "-o", str(tmp_path)], standalone_mode=False)
+    text = capsys.readouterr().out
+    assert "32 vertices, 30 faces" in text and "theta, others free: low end stopped by stroke: " in text
+    kept = Result.read(tmp_path / "mobility6-reach.json")
+    assert kept.vertices.shape == (32, 3) and kept.axes["actuator"] == reached.axes["actuator"]
