@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
+from flexfem.files.refusals import place_of
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, write_atomically
 from flexfem.refused import BadInput
@@ -325,20 +326,21 @@ class Result:
         BadInput
             It is none, it was changed since it was stored, or another version stored it.
         """
+        place = place_of(path)
         try:
             data = json.loads(read_bytes(path, LARGEST_FILE))
             found = Result.kinds[data["result"]]
-            stated = data.pop("digest")
+            unchanged = data.pop("digest") == digest(data)
         except (ValueError, KeyError, TypeError, RecursionError):
-            raise BadInput(f"{path}: expected a result that flexfem stored as JSON") from None
+            raise BadInput(f"{place}: expected a result that flexfem stored as JSON") from None
         if not issubclass(found, cls):
-            raise BadInput(f"{path}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
-        if stated != digest(data):
-            raise BadInput(f"{path}: changed since it was stored, its digest is of other content")
+            raise BadInput(f"{place}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
+        if not unchanged:
+            raise BadInput(f"{place}: changed since it was stored, its digest is of other content")
         try:
             return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
-            raise BadInput(f"{path}: not what this version of flexfem stores, make it again") from None
+            raise BadInput(f"{place}: not what this version of flexfem stores, make it again") from None
 
     @classmethod
     def _from(cls, data: Mapping[str, Any]) -> Self:
