@@ -19,7 +19,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
 from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
-from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, percent, significant, verification_tables
+from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, note_on, percent, significant, verification_tables
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexfem.mechanism.stage import Stage
+    from flexfem.results import TextTable
     from flexfem.verify.result import Result
     from flexfem.verify.stage_report import StageReport
 
@@ -210,9 +211,9 @@ def _stored(files: Sequence[Path]) -> Subject:
     for number, design in enumerate(designs, start=1):
         parts += design_parts(design, number, len(designs) > 1)
     if results:
-        first, *others = verification_tables(results)[:-1]
+        first, *others = [_table(each, note_on(each, results)) for each in verification_tables(results)[:-1]]
         warnings = notes([f"{result.case}: {text}" for result in results for text in result.warnings])
-        parts.append(("errors", partial(_section, "errors", first.title, first, warnings)))
+        parts.append(("errors", partial(_section, "errors", "Errors at the largest command", first, warnings)))
         parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
         parts.append(("models", partial(_section, "models", "Models and meshes", *others)))
     every: list[Any] = [*results, *designs]
@@ -224,16 +225,14 @@ def _stored(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", assumed, not_stated, parts)
 
 
-def _section(name: str, title: str, *parts: Any) -> PageSection:
-    """A section of markup and tables of text, the latter with their notes."""
-    html = Markup("")
-    for each in parts:
-        if isinstance(each, Markup):
-            html += each
-        else:
-            html += notes([each.note] if each.note else [], "note")
-            html += table(each.head, each.rows, caption=each.title, numbers=each.numbers)
-    return PageSection(name, title, html)
+def _section(name: str, title: str, *parts: Markup) -> PageSection:
+    return PageSection(name, title, Markup("").join(parts))
+
+
+def _table(of: TextTable, note: str) -> Markup:
+    """A table of text with its note."""
+    below = table(of.head, of.rows, caption=of.caption, numbers=len(of.head) - of.names)
+    return notes([note] if note else [], "note") + below
 
 
 def _curves(result: Result, number: int) -> PageSection:

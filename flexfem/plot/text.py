@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.files.writing import markdown_table
+from flexfem.results import TextTable
 from flexfem.units import FORCES, LENGTH, STIFFNESSES, STRESS, unit_for
 from flexfem.verify.case import DIRECTIONS, Drive, Elements
 from flexfem.verify.result import Result
@@ -105,16 +105,6 @@ def _what(keys: Sequence[str]) -> str:
     return "commands" if all(key.startswith("case: ") for key in keys) else "dimensions"
 
 
-class TextTable(NamedTuple):
-    """A table to print: title, a sentence below it, headings, rows, and how many of the last columns are numbers."""
-
-    title: str
-    note: str
-    head: list[str]
-    rows: list[list[str]]
-    numbers: int = 0
-
-
 def markdown_report(results: Sequence[Result]) -> str:
     """A page in Markdown: errors, forces, stiffness, meshes, versions, warnings and numbers in doubt of verifications.
 
@@ -125,9 +115,9 @@ def markdown_report(results: Sequence[Result]) -> str:
     """
     parts = ["# Verification: analytic stage against finite elements", _opening(results)]
     for each in verification_tables(results):
-        align = "l" * (len(each.head) - each.numbers) + "r" * each.numbers
+        align = "l" * each.names + "r" * (len(each.head) - each.names)
         shown = markdown_table(each.head, each.rows, align) if each.rows else "None: every number has a source."
-        parts += [f"## {each.title}", each.note, shown]
+        parts += [f"## {each.caption}", note_on(each, results), shown]
     warnings = [f"- {result.case}: {text}" for result in results for text in result.warnings]
     parts += ["## Warnings", "\n".join(warnings)] if warnings else []
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -137,19 +127,25 @@ def verification_tables(results: Sequence[Result]) -> list[TextTable]:
     """What verifications found, as tables for Markdown and pages; the last is of numbers in doubt and may be empty."""
     forced = [each for each in results if each.drive == "force"]
     imposed = [each for each in results if each.drive != "force"]
-    levers = ", ".join(f"{lever:g} {LENGTH}" for lever in sorted({m.lever for r in results for m in r.models.values()}))
     tables = [
-        TextTable("Errors at the largest command", NORMALISATION.format(levers), ERRORS, list(_errors(results)), 3),
-        TextTable("Uncertainty of the meshes", UNCERTAINTY, UNCERTAIN, list(_uncertainty(results)), 3),
-        TextTable("Forces of the analytic model at the largest command", "", FORCED, list(_forces(forced)), 4),
-        TextTable("Rotations and strokes imposed at the largest command", "", IMPOSED, list(_imposed(imposed)), 1),
-        TextTable("Stiffness of the platform", STIFFNESS_NOTE, STIFF, _once(_stiffness(results)), 3),
-        TextTable("Meshes", "", MESHES, _once(_meshes(results)), 3),
-        TextTable("Versions", "", ["case", "computed (UTC)", "time", "versions"], list(_versions(results))),
+        TextTable(ERRORS, list(_errors(results)), 3, "Errors at the largest command"),
+        TextTable(UNCERTAIN, list(_uncertainty(results)), 3, "Uncertainty of the meshes"),
+        TextTable(FORCED, list(_forces(forced)), 2, "Forces of the analytic model at the largest command"),
+        TextTable(IMPOSED, list(_imposed(imposed)), 3, "Rotations and strokes imposed at the largest command"),
+        TextTable(STIFF, _once(_stiffness(results)), 5, "Stiffness of the platform"),
+        TextTable(MESHES, _once(_meshes(results)), 2, "Meshes"),
+        TextTable(["case", "computed (UTC)", "time", "versions"], list(_versions(results)), 4, "Versions"),
     ]
     doubts = doubt_rows([(each.case, each) for each in results])
-    last = TextTable("Assumed numbers, and numbers without a source", "", ["key of the file", "kind", "in"], doubts)
+    last = TextTable(["key of the file", "kind", "in"], doubts, 3, "Assumed numbers, and numbers without a source")
     return [*(each for each in tables if each.rows), last]
+
+
+def note_on(table: TextTable, results: Sequence[Result]) -> str:
+    """What is to be said of a table of verifications; "" for nothing."""
+    levers = ", ".join(f"{lever:g} {LENGTH}" for lever in sorted({m.lever for r in results for m in r.models.values()}))
+    notes = {"Uncertainty of the meshes": UNCERTAINTY, "Stiffness of the platform": STIFFNESS_NOTE}
+    return (notes | {"Errors at the largest command": NORMALISATION.format(levers)}).get(table.caption, "")
 
 
 NORMALISATION = (

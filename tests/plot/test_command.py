@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -15,8 +13,6 @@ from flexfem.mechanism.drives import drive_of
 from flexfem.plot.drive import command_figure, plot_drive, plot_forces, plot_open_loop, plot_strokes
 from flexfem.plot.stage import outline_of
 from flexfem.verify.open_loop import OpenLoop
-
-from ..conftest import stored
 
 POSE = [3e-3, -1e-3, 2e-4]
 RIM = 17.0 * np.exp(1j * np.deg2rad(100.0))  # mm
@@ -186,14 +182,6 @@ def test_the_platform_is_drawn_at_the_pose_times_the_stated_factor(stage, found,
     assert of_platform(ax) == []
 
 
-def test_the_figure_says_what_is_out_of_reach_and_leaves_out_what_is_not_there(stage, figure):
-    far = command_figure(package.command(stage, [0.1, 0.0, 0.0], resolution=None), stage)
-    assert "the drive does not reach this pose: it takes" in header(far)
-    for drawn, letters in ((far, "abc"), (figure, "abcdef")):
-        titles = [axes.get_title(loc="left") for part in drawn.subfigs for axes in part.axes]
-        assert [title[:3] for title in titles] == [f"({letter})" for letter in letters]
-
-
 def test_what_does_not_belong_together_is_refused(stage, found, ax):
     with pytest.raises(package.BadInput, match="expected that of the record, with the same drive"):
         plot_drive(ax, found, package.load("geometry/mobility6.toml"))
@@ -205,15 +193,3 @@ def test_what_does_not_belong_together_is_refused(stage, found, ax):
         plot_open_loop(ax, found, "z")
     with pytest.raises(package.BadInput, match="expected one with finite elements"):
         plot_open_loop(ax, found.model_copy(update={"open_loop": []}), "x")
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_command_writes_record_and_figure(flexfem, project, tmp_path):
-    path = project.path("geometry/mobility3.toml")
-    arguments = ("command", path, "--pose", "0.002", 0, 0, "--analytic", "--json")
-    code, out, _ = flexfem(*arguments, "-o", tmp_path / "made")
-    assert code == 0
-    assert stored(tmp_path / "made/mobility3-command.json") == json.loads(out)
-    made = list((tmp_path / "made").iterdir())
-    assert sorted(each.name for each in made) == [f"mobility3-command.{form}" for form in ("json", "pdf", "png")]
-    assert all(each.read_bytes() == each.suffix[1:].encode() for each in made if each.suffix != ".json")

@@ -51,30 +51,6 @@ def test_each_direction_shows_stiffness_and_errors_along_and_across_by_name(made
         assert not shown(panels[0], LOADED) and not shown(panels[2], LOADED)
 
 
-def test_panels_say_what_they_show(figure):
-    kinds = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
-    titles = [f"({'abcdefghi'[k]}) {'XYθ'[k // 3]}: {kinds[k % 3]}" for k in range(9)]
-    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
-    assert [axes.get_ylabel() for axes in figure.axes] == 3 * [
-        "change from rest (%)",
-        *2 * ["error (% of the command)"],
-    ]
-    legend = {
-        text.get_text(): line
-        for text, line in zip(figure.legends[0].get_texts(), figure.legends[0].get_lines(), strict=True)
-    }
-    assert set(legend) == {*SHARE, HELD, LOADED, "linear theory, (18)"}
-    for line in figure.axes[1].get_lines():
-        look = legend[line.get_label()]
-        assert (look.get_color(), look.get_marker(), look.get_linestyle()) == (
-            line.get_color(),
-            line.get_marker(),
-            line.get_linestyle(),
-        )
-    for axes, names in zip(figure.axes[2:6:3], (("Y", 0.31, "θ", -0.17), ("X", 0.22, "θ", 0.13)), strict=True):
-        assert [part for text in axes.texts for part in (text.get_text()[3:], round(text.xy[1], 9))] == list(names)
-
-
 def test_the_figure_says_what_the_terms_are_worth(made, figure):
     minus = "\N{MINUS SIGN}"
     said = [

@@ -96,3 +96,60 @@ def test_displacements_are_drawn_beside_the_figure_of_errors_and_not_over_it(mad
     stored = [(made.result({"one": (0.1, 0.2, 0.3)}), {"one": made.fields()})]
     shown, errors = ([plan.name for plan in plans(stored, displacement)] for displacement in (True, False))
     assert shown[0] == "fig-displacement" and errors[0] == "fig" and shown[1:] == errors[1:]
+
+
+def test_every_cell_of_the_page_is_its_own_number(made):
+    other = made.model(
+        stage="b",
+        hash="fedcba9876543210" * 4,
+        plane="plane_strain",
+        mobility=3,
+        formula="koster",
+        formula_in_range=False,
+        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
+        resolution=7,
+        triangles=777,
+        unknowns=888,
+    )
+    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
+    models = {"one": made.model(), "two": other}
+    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
+    bands = found.uncertainty["two"]
+    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
+    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
+    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
+    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
+
+    def below(head):
+        at = page.index(head)
+        return page[at + 2 : page.index("", at)]
+
+    assert below("| case | command | curve | X | Y | θ |") == [
+        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
+        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
+    ]
+    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
+        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
+        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
+    ]
+    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
+    assert below(head) == [
+        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
+        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
+    ]
+    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
+    rows = below(head)
+    assert rows[:3] == [
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
+        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
+    ]
+    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
+    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
+    assert below(head) == [
+        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
+        "| b | fedcba987654 | 7 | 777 | 888 |",
+    ]
+    text = "\n".join(page)
+    assert "first multiplied by l₃ (21 mm)" in text and "| thickness_mm | assumed | fig |" in text
+    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text
