@@ -61,8 +61,8 @@ def test_a_verification_without_provenance_is_not_reported_as_sourced(project, t
     assert f"{NUMBERS + 2} of these numbers have no stated source" in capsys.readouterr().out
     page = markdown_report([result])
     assert "every number has a source" not in page and "**dimensions without a source**" in page
-    assert "- `case: points`: source not stated (fig5)" in page
-    assert "- `chain.link_lengths_mm`: source not stated (fig5)" in page
+    assert "| case: points | source not stated | fig5 |" in page
+    assert "| chain.link_lengths_mm | source not stated | fig5 |" in page
 
 
 def test_a_study_without_provenance_says_so(project):
