@@ -6,7 +6,7 @@ off are the analytic models?
 The truth is extrapolated from two much finer meshes, by order four: above the third mode, where the order falls with
 the mesh, that says too little. What the model with rigid links leaves out is their bending; the one with elastic links,
 that inertia acts along a link as a whole, and the rotary inertia within it. `--keep` stores what was solved, which
-`tests/verify/test_modes.py` counts again without solving.
+`tests/questions/test_modes.py` counts again without solving.
 """
 
 from __future__ import annotations

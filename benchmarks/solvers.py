@@ -127,7 +127,7 @@ def installed() -> list[str]:
 
 
 def child(name: str, path: Path) -> None:
-    from flexfem.commands.baseline.committed import read_mesh
+    from flexfem.baselines import read_mesh
     from flexfem.fem.elements import Plate
 
     with path.with_suffix(".pickle").open("rb") as file:
@@ -154,7 +154,7 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
-    from flexfem.commands.baseline.committed import write_mesh
+    from flexfem.baselines import write_mesh
     from flexfem.fem.mesh import mesh_sectors, welded
     from flexfem.fem.structure import tie_hub
     from flexfem.mechanism.stage import load_feasible

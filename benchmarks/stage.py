@@ -19,7 +19,7 @@ from typing import Any
 
 ROOT = Path(__file__).parent.parent
 STAGE = ROOT / "geometry/mobility6.toml"
-IMPORTS = "import flexfem.verify.protocol, flexfem.fem.factor, skfem, cvxopt.cholmod"
+IMPORTS = "import flexfem.questions.errors, flexfem.fem.factor, skfem, cvxopt.cholmod"
 
 
 class Clock:
@@ -36,8 +36,6 @@ class Clock:
 
 
 def run() -> dict[str, float]:
-    import numpy as np
-
     from flexfem.analytic.model import analyse
     from flexfem.fem.elements import integration, tied_lower
     from flexfem.fem.factor import factorise
@@ -45,7 +43,7 @@ def run() -> dict[str, float]:
     from flexfem.fem.response import platform_response
     from flexfem.fem.structure import plate_of, tie_hub
     from flexfem.mechanism.stage import load_feasible
-    from flexfem.verify.errors import compare
+    from flexfem.questions.bands import error_matrix
 
     clock = Clock()
     clock("import", lambda: subprocess.run([sys.executable, "-c", IMPORTS], check=True))
@@ -60,7 +58,7 @@ def run() -> dict[str, float]:
     whole = time.perf_counter() - started
     clock.seconds["solve, refine, check"] = whole - clock.seconds["assembly"] - clock.seconds["factor"]
     analytic = clock("analytic model", lambda: analyse(stage))
-    clock("comparison", lambda: compare(analytic.stiffness, response.compliance, "x", np.linspace(-1, 1, 21), 24.0))
+    clock("comparison", lambda: error_matrix(analytic.stiffness, response.compliance, 24.0))
     return clock.seconds
 
 

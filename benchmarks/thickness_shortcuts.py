@@ -27,7 +27,8 @@ from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import error_matrix
-from flexfem.verify.solid_budget import BUDGET, _change
+from flexfem.questions.budget import SOLID as BUDGET
+from flexfem.questions.budget import change as _change
 
 ROOT = Path(__file__).parents[1]
 REFINEMENT, FINE = 2, 3

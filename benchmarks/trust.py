@@ -3,7 +3,7 @@
     python benchmarks/trust.py [--output reports]
 
 The designs of the study, but in the place of plane finite elements the hinges of three-dimensional ones (the thickness
-chart) with elastic links, `verify.budget.thick_compliance`. Draws the map, and prints the error along X and theta where
+chart) with elastic links. Draws the map, and prints the error along X and theta where
 the plane one says that necks are thin, and the neck at which it changes its sign.
 """
 
@@ -20,9 +20,9 @@ from flexfem.mechanism.stage import Stage
 from flexfem.plot.study_figures import Caption, StudyMap, factor, map_figure, output
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
 from flexfem.study.loaded import load_study, sample, stage_of
-from flexfem.verify.budget import thick_compliance
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

@@ -33,7 +33,6 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",
     "outside",
-    "docstrings",
 ]
 extensions += [path.stem for path in sorted((ROOT / "docs/_ext").glob("generate_*.py"))]
 exclude_patterns = ["_ext", "jupyter_execute", *(f"gallery/*.{end}" for end in ("ipynb", "py", "zip", "json", "md5"))]

@@ -62,10 +62,10 @@ from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import error_bands, error_matrix, levels
+from flexfem.questions.budget import other_thickness
+from flexfem.questions.imposed import elements, imposed
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.imposed import elements, imposed
 from flexfem.verify.protocol import Solved, solve_stage
-from flexfem.verify.solid_budget import other_thickness
 
 try:
     ROOT = Path(__file__).parents[1]

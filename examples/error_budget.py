@@ -12,7 +12,7 @@ import flexfem
 
 stage = flexfem.load("../geometry/mobility6.toml")
 necks = (0.2, 0.5)
-found = [flexfem.budget(stage.replace(neck=neck), resolution=4, three_dimensional=False) for neck in necks]
+found = [flexfem.budget(stage.replace(neck=neck), resolution=4, plane=True) for neck in necks]
 
 figure, axes = pyplot.subplots(2, 1, figsize=(9, 6), layout="constrained", sharex=True)
 for ax, neck, budget in zip(axes, necks, found, strict=True):
@@ -23,7 +23,7 @@ for ax, neck, budget in zip(axes, necks, found, strict=True):
 # The numbers, in percentage points of the command:
 
 for neck, budget in zip(necks, found, strict=True):
-    split = budget.split["x"]
-    print(f"necks {neck} mm: {split.total.x:.2f} ± {split.band:.2f} in all")
-    for share in split.shares:
-        print(f"    {share.points.x:+7.2f}  {share.name}")
+    *shares, total = zip(budget.axes["share"], budget.at("share", direction="x"), strict=True)
+    print(f"necks {neck} mm: {total[1]:.2f} ± {budget.band('share', share='total', direction='x'):.2f} in all")
+    for name, points in shares:
+        print(f"    {points:+7.2f}  {name}")

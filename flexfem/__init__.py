@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flexfem.api import errors as errors
     from flexfem.api import load as load
     from flexfem.api import solve as solve
-    from flexfem.commands.baseline.regression import baseline as baseline
-    from flexfem.commands.baseline.regression import regression as regression
+    from flexfem.baselines import baseline as baseline
+    from flexfem.baselines import regression as regression
     from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
@@ -44,7 +44,12 @@ if TYPE_CHECKING:
     from flexfem.models import ElementModel as ElementModel
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
+    from flexfem.questions.budget import budget as budget
+    from flexfem.questions.convergence import converge as converge
+    from flexfem.questions.errors import Verification as Verification
+    from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
+    from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.life import life as life
@@ -59,10 +64,7 @@ if TYPE_CHECKING:
     from flexfem.reports.drive import reach as reach
     from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.stage import check as check
-    from flexfem.reports.verification import Verification as Verification
-    from flexfem.reports.verification import budget as budget
-    from flexfem.reports.verification import converge as converge
-    from flexfem.reports.verification import verification as verification
+    from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
@@ -76,7 +78,6 @@ if TYPE_CHECKING:
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
     from flexfem.workshop import new_stage as new_stage
-    from flexfem.workshop import schema_of as schema_of
     from flexfem.workshop import view as view
 
 
@@ -98,18 +99,22 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.as_built": ("as_built",),
     "questions.experiment": ("experiment",),
     "questions.identify": ("identify",),
+    "questions.gravity": ("gravity",),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),
     "questions.summary": ("summary",),
     "questions.life": ("life",),
     "questions.modes": ("dynamic_model", "modes"),
-    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "schema_of", "view"),
+    "schemas": ("schema",),
+    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "view"),
     "reports.stage": ("check",),
-    "reports.verification": ("Verification", "budget", "converge", "verification"),
+    "questions.budget": ("budget",),
+    "questions.convergence": ("converge",),
+    "questions.errors": ("Verification", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
     "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
-    "commands.baseline.regression": ("baseline", "regression"),
+    "baselines": ("baseline", "regression"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
 

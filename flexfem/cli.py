@@ -29,7 +29,7 @@ GROUPS = {
     "Ask a stage": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("command", "workspace"),
-    "Vibration, heat and life": ("modes", "drift", "life"),
+    "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
     "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
@@ -39,6 +39,7 @@ MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
     "as-built": "as_built",
+    "verify": "verification",
     **{
         name: name
         for name in (
@@ -48,17 +49,24 @@ MADE = {  # commands made from signatures, and the functions behind them
             "stiffness",
             "modes",
             "drift",
+            "gravity",
             "life",
+            "budget",
+            "converge",
+            "regression",
+            "baseline",
             "experiment",
             "identify",
             "export",
             "mesh",
+            "schema",
         )
     },
 }
 RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
 OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
+LONG = 40  # characters: texts of a list that are longer have lines of their own
 
 
 class Commands(TyperGroup):
@@ -150,7 +158,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             callback = _usable if one.default is None else None
             option = typer.Option("--output", "-o", callback=callback, help=texts[name])
             yield _parameter(name, Annotated[hint, option], one.default)
-        elif one.default is one.empty and one.kind is not one.KEYWORD_ONLY:
+        elif one.kind is not one.KEYWORD_ONLY:
             metavar = name.upper() + ("..." if one.kind is one.VAR_POSITIONAL else "")
             annotation = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
             yield _parameter(
@@ -217,12 +225,20 @@ def show(found: Any, stem: str, as_json: bool, folder: Path | None) -> None:
 
     if isinstance(found, Result) and folder is not None:
         write(found, folder / f"{stem}.json")
+    every = found if isinstance(found, list) else [found]
     if as_json:
-        print(json.dumps(found.to_dict() if isinstance(found, Result) else plain(found), indent=1, allow_nan=False))
-    elif isinstance(found, Result):
-        print_result(found)
-    else:
-        print_record(found)
+        data = [each.to_dict() if isinstance(each, Result) else plain(each) for each in every]
+        print(json.dumps(data if isinstance(found, list) else data[0], indent=1, allow_nan=False))
+        every = []
+    for each in every:
+        if isinstance(each, Result):
+            print_result(each)
+        elif hasattr(each, "_asdict"):
+            print_record(each)
+        else:  # files written, or what says itself
+            people().print(str(each))
+    if getattr(found, "findings", None):  # of a check
+        raise typer.Exit(1)
 
 
 def plain(value: Any) -> Any:
@@ -284,6 +300,8 @@ def print_record(found: Any) -> None:
         elif isinstance(value, dict):
             for text in dict.fromkeys(map(_text, value.values())):
                 out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
+        elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
+            print(f"{title}:", *value, sep="\n")
         elif value not in (None, "", [], False):
             out.print(f"{title}: {_text(value)}")
     _print_doubts(out, *doubts)

@@ -213,6 +213,7 @@ class Result:
         fields: Any = None,
     ) -> None:
         self.about, self.settings, self.fields = about, dict(settings or {}), fields
+        self.versions = versions()
         self.warnings, self.notes = list(warnings), list(notes)
         used = {axis for name in values for axis in self.quantities[name].over}
         self.axes = {
@@ -305,7 +306,7 @@ class Result:
             "quantities": found,
             "warnings": self.warnings,
             "notes": self.notes,
-            "versions": versions(),
+            "versions": self.versions,
         }
 
     def write(self, path: Path) -> Path:
@@ -349,7 +350,9 @@ class Result:
                     found[name] = array / cls.quantities[name].factors(array.shape)
         about = About(**{key: data[key] for key in About._fields})
         rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
-        return cls(about, parts["values"], parts["bands"], **rest)
+        result = cls(about, parts["values"], parts["bands"], **rest)
+        result.versions = data["versions"]
+        return result
 
     @classmethod
     def schema(cls) -> dict[str, Any]:
@@ -504,7 +507,8 @@ class Result:
 
     def heading(self) -> str:
         """The stage and the settings in one line."""
-        said = [f"{key} {value}" for key, value in self.settings.items() if value not in (None, "", False)]
+        shown = {key: value for key, value in self.settings.items() if not isinstance(value, Mapping)}
+        said = [f"{key} {value}" for key, value in shown.items() if value not in (None, "", False)]
         return f"{self.about.name}: {'; '.join([self.title, *said])}" if said else f"{self.about.name}: {self.title}"
 
     def sentences(self) -> list[str]:

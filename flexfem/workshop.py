@@ -213,27 +213,6 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     )
 
 
-def schema_of(name: str) -> dict[str, Any]:
-    """The JSON schema, draft 7, of a kind of file: whatever flexfem accepts, it accepts.
-
-    Parameters
-    ----------
-    name : "stage", "case", "study", "requirements", "fixture", "measured", "material", "stack" or "necks".
-
-    Hinge formulas, materials and stacks are those that are known now, the user's own included. Raises BadInput when
-    there is no such kind.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.schema_of("stage")["properties"]["thickness_mm"]["x-unit"]
-    'mm'
-    """
-    from flexfem.reference import schemas
-
-    return schemas.schema_of(name)
-
-
 class HingeFormulas(NamedTuple):
     """What is known of all formulas by name, and figures that were written."""
 

@@ -15,7 +15,7 @@ import pytest
 from flexfem import cli, own
 from flexfem.commands.cli import app
 from flexfem.mechanism.stage import load_feasible
-from flexfem.verify.case import LoadedCase
+from flexfem.questions.case import LoadedCase
 
 from .conftest import COMMAND_OF
 
@@ -210,6 +210,7 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["verify", STAGE], "expected a case file"),
         (["study", "rn"], "Did you mean 'run'?"),
         (["--bogus"], "--bogus"),
+        (["--install-completion", "nosh"], "--install-completion nosh: expected nothing behind it"),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
     ],
 )

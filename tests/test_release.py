@@ -97,30 +97,23 @@ def test_a_wheel_carries_the_package_and_its_data_and_nothing_else(built):
 
 
 @pytest.mark.slow
-def test_an_index_would_show_the_distributions(built):
-    said = run(sys.executable, "-m", "twine", "check", "--strict", built.sdist, built.wheel, cwd=built.sdist.parent)
-    assert said.count("PASSED") == 2
-
-
-@pytest.mark.slow
 def test_tests_run_from_the_source_distribution(built):
     """All are found, and those of pages and figures have what they read."""
     pytest_there = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q")
     where = {"cwd": built.source, "PYTHONPATH": str(built.source)}
     assert "error" not in run(*pytest_there, "--collect-only", **where).rpartition("\n\n")[2]
-    quick = ("tests/test_readme.py", "tests/test_docs.py", "tests/files", "tests/commands/test_part.py")
+    quick = ("tests/test_readme.py", "tests/test_docs.py", "tests/files")
     run(*pytest_there, "-m", "not slow", *quick, **where)
 
 
 COMMANDS = (
     ("new mine.toml --case --study", "written: mine.toml"),
     ("check mine.toml", "my stage"),
-    ("view mine.toml -o out", "written: out/mine-drawing.png"),
-    ("export mine.toml -o part.dxf", "written: part.dxf"),
-    ("export mine.toml -o part.step", "29733.138 mm^3"),
-    ("stiffness mine.toml --formula calibrated --links", "N/mm"),
-    ("command mine.toml --pose 0.005 0 0 --analytic", "stack"),
-    ("drift mine.toml --analytic", "frame 12 um/(m K)"),
+    ("view mine.toml -o out", "out/mine-drawing.png"),
+    ("export mine.toml -o part.dxf", "part.dxf"),
+    ("export mine.toml -o part.step", "29733.138"),
+    ("stiffness mine.toml --models analytic --formula calibrated --links", "N/mm"),
+    ("drift mine.toml --models analytic", "change of temperature"),
     ("verify mine-case.toml -o out", "12.538"),
     ("plot out/mine-case.json -o out", "out/mine-case.png"),
     ("study run mine-study.toml -o out", "done 256: 256 ok"),
@@ -166,19 +159,3 @@ def test_the_image_and_the_workflow_install_what_gmsh_needs():
     assert 'CMD ["make", "reproduce-figures"]' in image
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"] == ">=3.11"
     assert "FROM python:3.11-slim-bookworm" in image
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("schema", "file"), [("github-workflows", ".github/workflows/ci.yml"), ("citation-file-format", "CITATION.cff")]
-)
-def test_files_for_a_forge_are_as_it_expects(schema, file):
-    run(sys.executable, "-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}", ROOT / file, cwd=ROOT)
-
-
-@pytest.mark.slow
-def test_the_image_is_written_as_it_should_be():
-    program = shutil.which("hadolint", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
-    if program is None:
-        pytest.skip("hadolint is not installed")
-    run(program, "Dockerfile", cwd=ROOT)

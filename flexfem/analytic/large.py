@@ -36,8 +36,8 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.paper import (
     KINDS,
     ROTATION,
+    JointStiffness,
     PaperModel,
-    Stiffness,
     apply,
     chain_poses,
     effective_load,
@@ -211,7 +211,7 @@ class Missed(NamedTuple):
     terms: Array
 
 
-def without_terms(of: PaperModel, at: Stiffness) -> Array:
+def without_terms(of: PaperModel, at: JointStiffness) -> Array:
     """K_uu (..., 3, 3) at a configuration by (16) without `- tau_p o H_p - F_u o H_u`.
 
     Notes

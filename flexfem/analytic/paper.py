@@ -324,7 +324,7 @@ class PaperModel(NamedTuple):
     springs: Array
 
 
-class Stiffness(NamedTuple):
+class JointStiffness(NamedTuple):
     """Stiffness at one configuration and load; nan for a design with singular loops or a singular K_aa.
 
     K_aa, C_aa : (..., M, M), stiffness of the independent joints (16) and its inverse.
@@ -358,7 +358,7 @@ def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice
     return PaperModel(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
 
 
-def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | None = None) -> Stiffness:
+def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | None = None) -> JointStiffness:
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
@@ -375,7 +375,7 @@ def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | N
     C_aa = _joint_compliance(K_a, K_p, G_p, S)
     C_uu = first.G_u @ C_aa @ np.swapaxes(first.G_u, -1, -2)  # (17)
     C_uu = 0.5 * (C_uu + np.swapaxes(C_uu, -1, -2))
-    return Stiffness(K_aa, C_aa, C_uu, inverse(C_uu), first)  # (18)
+    return JointStiffness(K_aa, C_aa, C_uu, inverse(C_uu), first)  # (18)
 
 
 def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
@@ -401,7 +401,7 @@ def effective_load(of: PaperModel, first: Influence, displacement: Array, load: 
     return tau_a + transposed(first.G_p, tau_p) + transposed(first.G_u, load)  # (13)
 
 
-def inverse_kinematics(of: PaperModel, at: Stiffness, du: Array) -> JointMotion:
+def inverse_kinematics(of: PaperModel, at: JointStiffness, du: Array) -> JointMotion:
     """Joint motion of least potential energy for the platform displacement du (..., 3), (29)-(31)."""
     G_u, G_p = at.influence.G_u, at.influence.G_p
     dphi_a = apply(at.C_aa, transposed(G_u, apply(at.K_uu, du)))  # (29)

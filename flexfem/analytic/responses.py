@@ -38,7 +38,7 @@ from flexfem.mechanism.bodies import (
     payload_matrix,
 )
 from flexfem.mechanism.contacts import LINKS, Push, Stack, Station, share_beyond
-from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, stage_frames
+from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
@@ -277,6 +277,24 @@ def _whole(stage: Stage, chain: int, link: int) -> Station:
     path = centrelines(stage, chain)[link]
     length = sum(segment.length for segment in path)
     return Station(path, stage.chain.link_width, length / 2, length / 2)
+
+
+def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleration: Array) -> tuple[Array, Array]:
+    """Pose (3,) and highest neck stress (3 chains, 3 hinges), MPa, of a stage whose bodies weigh on it.
+
+    Parameters
+    ----------
+    acceleration : (2,), of gravity in the plane, mm/s^2.
+    """
+    bodies = on_bodies(stage if of.links else None)
+    elastic = link_parts(stage, bodies) if of.links else None
+    found = driven(stage_frames(stage), of.hinges, of.freedoms, bodies, elastic)
+    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
+    weights = M @ np.tile([*acceleration, 0.0], MOVING)
+    design = lower(stage)
+    carried = at_necks(design.frames, (found.necks @ weights)[None, ..., None])
+    stress = neck_stress(carried, design.neck, design.thickness, stress_raised(design))
+    return found.compliance[:3] @ weights, stress[0, ..., 0]
 
 
 MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expansion"

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from flexfem.cad.sheet import sheet_of
-from flexfem.cad.svg import svg_text
+from flexfem.cad.drawings import dxf_text, sheet_of, svg_text
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.step import Extruded
 from flexfem.files.refusals import place_of
@@ -58,7 +57,10 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
     ComputationFailed
         A solid that was read back is not the part.
     """
-    check_target(path, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
+    if path.suffix not in FORMATS:
+        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
+        raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
+    check_file(path, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
     if kerf is not None and path.suffix == ".step":
         raise BadInput(f"{place_of(path)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
     part, layers = part_of(stage, mounting), list[str]()
@@ -66,11 +68,7 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
         write_step(stage, part, path)
     else:
         sheet = sheet_of(stage, part, kerf)
-        layers, text = sheet.layers, svg_text(sheet)
-        if path.suffix == ".dxf":
-            from flexfem.cad.dxf import dxf_text
-
-            text = dxf_text(sheet)
+        layers, text = sheet.layers, svg_text(sheet) if path.suffix == ".svg" else dxf_text(sheet)
         write_atomically(path, lambda file: file.write(text.encode()))
     return PartReport(
         stage.origin.path or "",
@@ -89,14 +87,6 @@ def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | 
         list(stage.assumed),
         list(stage.not_stated),
     )
-
-
-def check_target(path: Path, *read: Path) -> None:
-    """Raise BadInput when no format is known by the file's extension, or it cannot be written there; see check_file."""
-    if path.suffix not in FORMATS:
-        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
-        raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
-    check_file(path, *read)
 
 
 def _warnings(part: Part, kerf: float | None) -> list[str]:

@@ -18,9 +18,7 @@ from flexfem.commands import (
     design,
     drive,
     page,
-    reference,
     study,
-    validation,
     verification,
 )
 from flexfem.files.inputs import noted
@@ -31,10 +29,9 @@ USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has 
 CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
-for group in (page, design, drive, verification, validation):
+for group in (page, design, drive, verification):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
-app.command()(reference.schema)
 
 
 def _print_version(wanted: bool) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,15 +17,11 @@ import typer
 from flexfem.commands.plain import plain
 from flexfem.refused import BadInput
 from flexfem.studies import processors
-from flexfem.terminal import raw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexfem.mechanism.stage import Stage
-    from flexfem.verify.case import LoadedCase
-    from flexfem.verify.protocol import Solved
-    from flexfem.verify.result import Fields, Record, Result
+    from flexfem.verify.result import Record
 
 Item = TypeVar("Item")
 Kept = TypeVar("Kept", bound="Record")
@@ -117,62 +111,6 @@ def keep(record: Kept, path: Path, draw: Callable[[Kept], Figure]) -> None:
 
     target(path.parent, path.stem)  # again, for what was read since
     write_beside(write_record(record, path), draw(record))
-
-
-def load_cases(paths: Sequence[Path]) -> list[LoadedCase]:
-    """Read all cases before any is run. Raises BadInput, also when two would write the same result."""
-    from flexfem.verify.case import LoadedCase
-
-    loaded = [LoadedCase(path) for path in paths]
-    seen: dict[str, Path] = {}
-    for case in loaded:
-        if case.stem in seen:
-            raise BadInput(
-                f"{case.path}: its results would overwrite those of {seen[case.stem]}, expected another name"
-            )
-        seen[case.stem] = case.path
-    return loaded
-
-
-def solved_once() -> Callable[[Stage, int], Solved]:
-    """A `solve_stage` that solves each stage and resolution once."""
-    from flexfem.verify.protocol import solve_stage
-
-    return functools.cache(solve_stage)
-
-
-def run_cases(
-    loaded: Sequence[LoadedCase], solve: Callable[[Stage, int], Solved]
-) -> Iterator[tuple[Result, dict[str, Fields]]]:
-    """Run cases one by one; says on standard error how far it is."""
-    from flexfem.verify.protocol import run_case
-
-    terminal = raw(sys.stderr).isatty()
-    for case in told(loaded, "verifying"):
-        result, fields = run_case(case, solve)
-        if not terminal:
-            print(f"{case.stem}: {len(result.curves)} curves in {result.seconds:.1f} s", file=sys.stderr)
-        yield result, fields
-
-
-def told(items: Sequence[Item], description: str) -> Iterator[Item]:
-    """The items one by one; says on standard error how far it is, on a terminal only."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(file=raw(sys.stderr))
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield from progress.track(items, description=description)
-
-
-def now_and_then(description: str, every: int = 50) -> Callable[[int, int], None]:
-    """What says on a terminal how far a command is, told how many of how many are done."""
-
-    def say(done: int, of: int) -> None:
-        if done % every == 0 and sys.stderr.isatty():
-            print(f"{description}: {done} of {of}", file=sys.stderr)
-
-    return say
 
 
 @contextmanager

@@ -11,8 +11,8 @@ from flexfem.units import COMMANDS, DEGREE, FORCES, LENGTH, MICROMETRE, PLANES, 
 from flexfem.verify.limits import grouped
 
 if TYPE_CHECKING:
+    from flexfem.units import Direction
     from flexfem.verify.answers import MeshReport
-    from flexfem.verify.case import Direction
     from flexfem.verify.hinges import KnownFormula
     from flexfem.verify.pose_set import Range
     from flexfem.verify.stage_report import PlacedActuator, PlacedHinge, StageReport

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from flexfem.arrays import Array
+    from flexfem.units import Direction
     from flexfem.verify.answers import LoadReport, StiffnessReport
-    from flexfem.verify.case import Direction
     from flexfem.verify.pose_set import Extent
     from flexfem.verify.solid_report import SolidReport
 

@@ -38,22 +38,14 @@ WHOLE = 6  # dimensions up to which every combination of neighbours is looked at
 
 
 class FreeDimension(NamedTuple):
-    """One free dimension in file units.
-
-    Attributes
-    ----------
-    allowed : array (k,) or None
-        Values that can be made, rising; None where it is continuous.
-    listed : bool
-        Whether they are a list, not a range with steps.
-    """
+    """One free dimension in file units; `allowed` (k,) are values that can be made, rising, None where all can."""
 
     name: str
     low: float
     high: float
     log: bool
     allowed: Array | None
-    listed: bool
+    listed: bool  # of a list, not of a range with steps
 
     @classmethod
     def of(cls, column: Column) -> FreeDimension:
@@ -61,16 +53,13 @@ class FreeDimension(NamedTuple):
         factor = column.factor
         assert isinstance(factor, Free)
         allowed = factor.allowed
-        if factor.values is not None:
-            return cls(column.name, min(factor.values), max(factor.values), False, allowed, True)
-        assert factor.start is not None and factor.end is not None
-        high = factor.end if allowed is None else float(allowed[-1])
-        return cls(column.name, factor.start, high, factor.scale == "log", allowed, False)
+        ends = allowed if allowed is not None else np.array([factor.start, factor.end], dtype=float)
+        log = factor.scale == "log"
+        return cls(column.name, float(ends[0]), float(ends[-1]), log, allowed, factor.values is not None)
 
     def from_unit(self, u: Array) -> Array:
         """Values (n,) at places `u` (n,) from 0 to 1, those of a list each as likely."""
-        if self.listed:
-            assert self.allowed is not None
+        if self.listed and self.allowed is not None:
             return np.asarray(self.allowed[np.minimum((u * len(self.allowed)).astype(int), len(self.allowed) - 1)])
         if self.log:
             return np.asarray(self.low * (self.high / self.low) ** u)
@@ -78,30 +67,26 @@ class FreeDimension(NamedTuple):
 
     def to_unit(self, x: Array) -> Array:
         """Places (n,) of values (n,)."""
-        if self.listed:
-            assert self.allowed is not None
-            return np.asarray((np.argmin(np.abs(self.allowed - x[:, None]), axis=1) + 0.5) / len(self.allowed))
+        if self.listed and self.allowed is not None:
+            return np.asarray((self._nearest(x) + 0.5) / len(self.allowed))
         if self.log:
             return np.asarray(np.log(x / self.low) / np.log(self.high / self.low))
         return np.asarray((x - self.low) / (self.high - self.low))
 
     def snapped(self, x: Array) -> Array:
         """The nearest values (n,) that can be made."""
-        return x if self.allowed is None else self.allowed[np.argmin(np.abs(self.allowed - x[:, None]), axis=1)]
-
-    def around(self, x: float) -> list[float]:
-        """The values that can be made on either side of one; of a list the nearest three."""
-        if self.allowed is None or self.listed:
-            return self.beside(x)
-        place = int(np.clip(np.searchsorted(self.allowed, x), 1, max(len(self.allowed) - 1, 1)))
-        return [float(each) for each in self.allowed[place - 1 : place + 1]]
+        return x if self.allowed is None else np.asarray(self.allowed[self._nearest(x)])
 
     def beside(self, x: float) -> list[float]:
-        """The value and those made next to it; of a continuous dimension the value alone."""
+        """The nearest value that can be made and those next to it; of a continuous dimension the value alone."""
         if self.allowed is None:
             return [x]
-        place = int(np.argmin(np.abs(self.allowed - x)))
+        place = int(self._nearest(np.array([x]))[0])
         return [float(each) for each in self.allowed[max(place - 1, 0) : place + 2]]
+
+    def _nearest(self, x: Array) -> AnyArray:
+        assert self.allowed is not None
+        return np.asarray(np.argmin(np.abs(self.allowed - x[:, None]), axis=1))
 
 
 class DesignSpace:
@@ -163,20 +148,10 @@ class Found(NamedTuple):
 class Model:
     """The corrected analytic model of requirements; every evaluation is counted.
 
-    Attributes
-    ----------
-    corrections : mapping of str to Correction
-        By column.
-    shifts : mapping of str to float
-        By column, its value of other scattered stages than it is searched with, over its own.
-    guard : array (m,) or None
-        By how much of its size each requirement is to be met beyond its end.
-    objective : int
-        Which of the objectives is to be best.
-    bounds : mapping of int to float
-        Values that other objectives must not exceed, times their signs.
-    yielding : int or None
-        A requirement that is not asked: its miss is what is to be small instead of the objective.
+    `corrections` are by column; `shifts`, by column, its value of other scattered stages over that of those searched.
+    `guard` (m,) says by how much of its size each requirement is to be met beyond its end; `objective` which one is to
+    be best while `bounds` are values, with their signs, that others must not exceed. A `yielding` requirement is not
+    asked: its miss is what is to be small instead of the objective.
     """
 
     loaded: LoadedRequirements
@@ -341,17 +316,9 @@ class Model:
 
 
 def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
-    """Errors of a hinge formula with the stage's own mobility.
+    """Errors (n, 3), %, along x, y, theta, of the force by a hinge formula with the stage's own mobility.
 
-    Parameters
-    ----------
-    stiffness : array (n, 3, 3)
-        Of the model that answers, N, mm, rad.
-
-    Returns
-    -------
-    array (n, 3)
-        Error, %, along x, y and theta of the force that the formula gives; nan where the stiffness has none.
+    stiffness : (n, 3, 3), of the model that answers; nan where it has none.
     """
     paper = ask_formulas(designs, hinge_compliances(designs, formula), stage_freedoms(designs.prismatic)).stiffness
     found, sound = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))

@@ -86,7 +86,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         designs = front_of(found.model, best.relaxed, of.front, elements, say)
         front = [_front_design(found.model, proof(found.model, elements, each, say)) for each in designs]
     places = zip(model.space.dimensions, model.space.to_unit(best.relaxed[None])[0], strict=True)
-    history = best.history if len(found.optima) == 1 else found.optima[0].history
+    history = found.optima[0].history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
     return Designed(
         name=of.name,
@@ -198,30 +198,20 @@ def _moved(found: Mapped, steps: dict[str, float]) -> Array:
 
 
 def _requirements(found: Mapped) -> list[Requirement]:
-    model, kept = found.model, list[Requirement]()
-    guard = np.zeros(len(model.sizes)) if found.proposing.guard is None else found.proposing.guard
-    tight = np.minimum(guard, model.room / model.sizes)
-    slack = found.proposing.margins(found.proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
+    model, proposing, kept = found.model, found.proposing, list[Requirement]()
+    guard = np.zeros(len(model.sizes)) if proposing.guard is None else proposing.guard
+    tight = 100 * np.minimum(guard, model.room / model.sizes)
+    slack = proposing.margins(proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
     for k, each in enumerate(model.loaded.requirements.require):
         about = _quantity(found, model.objectives + k, each.quantity, each.title)
         value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
         verdict: Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
-        kept.append(
-            Requirement(
-                **about,
-                at_least=each.at_least,
-                at_most=each.at_most,
-                size=size,
-                margin=margin,
-                margin_percent=100 * margin / size,
-                band_percent=None if about["band"] is None else 100 * band / size,
-                verdict=verdict,
-                active=bool(abs(slack[k]) <= ACTIVE),
-                relax_to=value if verdict == "missed" else None,
-                tightened_percent=100 * float(tight[k]),
-            )
-        )
+        about |= {"at_least": each.at_least, "at_most": each.at_most, "size": size, "verdict": verdict}
+        about |= {"margin": margin, "margin_percent": 100 * margin / size, "active": bool(abs(slack[k]) <= ACTIVE)}
+        about |= {"band_percent": None if about["band"] is None else 100 * band / size}
+        about |= {"relax_to": value if verdict == "missed" else None, "tightened_percent": float(tight[k])}
+        kept.append(Requirement(**about))
     return kept
 
 

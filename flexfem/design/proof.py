@@ -24,6 +24,7 @@ from flexfem.design.scatter import ScatteredStages, stated
 from flexfem.design.search import BestDesign, Say, optimum, silent
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import digest, write_atomically
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
@@ -40,7 +41,6 @@ ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
 OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
-
 
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
@@ -74,12 +74,11 @@ class Store:
     def searched(self, question: Any, counts: Counter[str], search: Callable[[], Any]) -> Any:
         """What `search`, or one before with this question, found; `counts` grow as in that search."""
         known, before = self.answer(question), counts.copy()
-        if known is None:
-            known = self.keep(question, [search(), {}])
-            self.keep(question, [known[0], dict(counts - before)])
-        else:
+        if known is not None:
             counts.update(known[1])
-        return known[0]
+            return known[0]
+        found = search()
+        return self.keep(question, [found, dict(counts - before)])[0]
 
     def forget(self) -> None:
         """Remove the folder: the results are written."""
@@ -103,6 +102,7 @@ def solved(number: int, loaded: LoadedStudy, stage: Stage, versions: Mapping[str
     if versions is not None:
         require_same_versions(versions, True)
     try:
+        check_feasible(stage)
         return [float(value) for value in solved_values(stage, loaded)]
     except (BadInput, ComputationFailed) as error:
         return Failure("failed", str(error))
@@ -189,18 +189,9 @@ class ProposedElements:
 class Proof(NamedTuple):
     """What finite elements say of a design, quantities in their order (q,).
 
-    Attributes
-    ----------
-    predicted, uncorrected : array (q,)
-        By the model as it was corrected when it proposed the design, and by the analytic model itself.
-    bands, sampling : array (q,)
-        By meshes and by sampling, and the part of it by sampling.
-    gap : float
-        Largest difference of prediction and finite elements, over the sizes.
-    corrections, shifts : mapping
-        That make the model agree here.
-    columns : dict
-        By name, of finite elements where they answer.
+    `predicted` is by the model as it was corrected when it proposed the design, `uncorrected` by the analytic model
+    itself; `bands` are by meshes and `sampling`. `gap` is the largest difference of prediction and finite elements over
+    the sizes; with `corrections` and `shifts` the model agrees here. `columns` are those of finite elements if any.
     """
 
     values: Array
@@ -261,13 +252,14 @@ def _guarded(
     Where there is none without guards either, it is that with the widest.
     """
     tried = list[tuple[Model, BestDesign]]()
-    for guard in (guards[0], *guards[:0:-1]):  # the widest, then none, then from narrow to wide
+    for guard in guards:
         guarded = model.changed(guard=guard)
-        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
-        if (len(tried) == 1) is (tried[-1][1].merit < MISSED) and len(tried) < 3:
-            return tried[0]
-        near = tried[-1][1].values
-    return next((each for each in reversed(tried) if each[1].merit < MISSED), tried[0])
+        best = searched(guarded, near, store, everywhere, say)
+        tried.append((guarded, best))
+        if best.merit < MISSED:
+            return tried[-1]
+        near = best.values
+    return tried[0]
 
 
 def is_kept(model: Model, of: Proof, side: float = 1.0) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,12 +22,12 @@ from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys, meant
 from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.refused import BadInput
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
 from flexfem.study.loaded import LoadedStudy, require_model
 from flexfem.study.plan import Drifting, Drive, Expression, Frequencies, Lasting, Output, Study, names_in
-from flexfem.verify.case import ELASTIC, FORMULA, FormulaName, Mobility
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -41,6 +41,7 @@ SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95"
 SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # with studies
 
 Scatter: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TOLERANCE)]
+End: TypeAlias = Annotated[float | None, Field(ge=-LARGEST, le=LARGEST, json_schema_extra=OF_THE_KEY)]
 Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 
 
@@ -113,22 +114,8 @@ class Require(Table):
     model_config = ConfigDict(json_schema_extra=ruled(either(has("at_least"), has("at_most"))))
 
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
-    at_least: float | None = Field(
-        default=None,
-        ge=-LARGEST,
-        le=LARGEST,
-        description="The lower end",
-        examples=[100.0],
-        json_schema_extra=OF_THE_KEY,
-    )
-    at_most: float | None = Field(
-        default=None,
-        ge=-LARGEST,
-        le=LARGEST,
-        description="The upper end; one of both or both",
-        examples=[150.0],
-        json_schema_extra=OF_THE_KEY,
-    )
+    at_least: End = Field(default=None, description="The lower end", examples=[100.0])
+    at_most: End = Field(default=None, description="The upper end; one of both or both", examples=[150.0])
     label: Label | None = Field(
         default=None, description="How it is called in what is printed", examples=["stiffness in X"]
     )
@@ -409,22 +396,8 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
             columns += [acting(column, stage, unused) for column in columns_of([free])]
         except BadInput as error:
             raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
-    for index, free in enumerate(found.free):
-        if all(_is_overridden(column, columns, stage) for column in columns_of([free])):
-            message = f"free[{index}]: nothing follows it, expected a number that other free dimensions do not override"
-            raise bad_key(path, ("free", index), message)
     _require_changes(path, found, stage, columns)
     return LoadedRequirements(Path(path), found, stage, tuple(columns))
-
-
-def _is_overridden(column: Column, columns: Sequence[Column], stage: Stage) -> bool:
-    """Whether other columns, each of one chain, set all that this one of all three chains sets."""
-    single = [key for each in columns for path in each.keys if (key := keys()[path]).table[:1] == ("override",)]
-    places = {place for key in single for place in key.places_in(stage)}
-    own = [keys()[path] for path in column.keys]
-    return not any(key in single for key in own) and all(
-        place in places for key in own for place in key.places_in(stage)
-    )
 
 
 def _require_changes(path: str | os.PathLike[str], of: Requirements, stage: Stage, columns: Iterable[Column]) -> None:

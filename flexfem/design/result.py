@@ -20,16 +20,8 @@ Checked: TypeAlias = Literal["finite elements", "finite elements in three dimens
 class Stated(Record):
     """One quantity of the design; zero where it is round-off of what symmetry makes zero.
 
-    Attributes
-    ----------
-    value, band : float
-        Of finite elements where they answer it, with the half-width by meshes and sampling; else of the analytic model.
-    uncorrected : float
-        Of the analytic model by itself.
-    sampling : float or None
-        Of a coupling under tolerance, the part of the band that is not by meshes.
-    push_spread : float or None
-        Of engaged stiffness, by how much it moves with the length over which pushes spread.
+    Where finite elements answer it, `value` is theirs and `band` the half-width by meshes and sampling; `sampling` is
+    the part that is not by meshes. `push_spread` says by how much engaged stiffness moves with the spread of pushes.
     """
 
     name: str
@@ -59,22 +51,10 @@ class Goal(Stated):
 
 
 class Requirement(Stated):
-    """A requirement.
+    """A requirement; percentages are of its `size`, the larger end, or one unit where that is zero.
 
-    Attributes
-    ----------
-    size : float
-        Its larger end, or where that is zero one unit: what percentages are of.
-    margin : float
-        How far the value is inside the nearer end, in its unit.
-    active : bool
-        Whether it limits the objective, at the optimum without steps.
-    relax_to : float or None
-        Where it is missed, the end that would have to do: of the smallest relaxation in all, in parts of sizes.
-    tightened_percent : float
-        By how much the search kept it inside its ends.
-    share : float or None
-        Share of stages that keep it when their nine necks scatter.
+    `active` says whether it limits the objective at the optimum without steps; `relax_to`, where it is missed, which
+    end the smallest relaxation in all would take; `tightened_percent` by how much the search kept it inside its ends.
     """
 
     at_least: float | None
@@ -87,7 +67,6 @@ class Requirement(Stated):
     active: bool
     relax_to: float | None
     tightened_percent: float = 0.0
-    share: float | None = None
 
     @property
     def wanted(self) -> list[str]:
@@ -113,19 +92,7 @@ class Round(Record):
 
 
 class FrontDesign(Record):
-    """A design that no other beats in both objectives.
-
-    Attributes
-    ----------
-    values, predicted : list of float
-        Objectives by finite elements, and by the model as it was corrected at the design of the record.
-    margins_percent : list of float
-        Of every requirement.
-    met : bool
-        Whether each is kept, within its band.
-    stage : str
-        Text of its stage file.
-    """
+    """A design that no other beats in both objectives, their values by finite elements and by the corrected model."""
 
     design: dict[str, float]
     values: list[float]
@@ -136,15 +103,7 @@ class FrontDesign(Record):
 
 
 class Scattered(Record):
-    """What scatter of the nine necks does to the design.
-
-    Attributes
-    ----------
-    share, stages : float, int
-        Share of stages that keep every requirement, by the corrected model, and how many were drawn.
-    notes : list of str
-        What couplings under tolerance rest on.
-    """
+    """Share of stages with scattered necks that keep every requirement, and what couplings under tolerance rest on."""
 
     share: float
     stages: int
@@ -174,8 +133,6 @@ class Designed(Record):
         Whether model and finite elements came to agree within `accuracy_percent`.
     sensitivities : dict
         By dimension and quantity (`Stated.name`), per cent for 1 %; None of what is not known or zero.
-    history : list of Step
-        Of the first search.
     """
 
     name: Label

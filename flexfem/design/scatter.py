@@ -39,14 +39,8 @@ def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NeckScatter:
-    """Deviations of the nine necks, mm.
-
-    Attributes
-    ----------
-    searched : array (stages, 3, 3)
-        The same for every design.
-    others : array (OTHERS, 3, 3)
-        Which no search sees; what is found is stated for these.
+    """Deviations (stages, 3, 3) of the nine necks, mm: those `searched`, the same for every design, and `others`, which
+    no search sees and what is found is stated for.
     """
 
     searched: Array
@@ -116,14 +110,9 @@ class NeckScatter:
 class ScatteredStages(NamedTuple):
     """The couplings of `requirements.SCATTERED` (4,) of a design, of stages that no search has seen.
 
-    Attributes
-    ----------
-    searched, others, low, high : array (4,)
-        By the model: of the stages that the design was searched with, of the others, and their 95 % interval.
-    factors : array (meshes, 4)
-        By which finite elements differ from the model in the stages that both solve, coarse to fine; 1 without them.
-    misfit : array (4,)
-        The largest difference that the last factor leaves in one of these stages; zero without them.
+    By the model: of the stages that the design was `searched` with, and of the `others` with their 95 % interval.
+    `factors` (meshes, 4), coarse to fine, are those by which finite elements differ from the model in the stages that
+    both solve, 1 without them; `misfit` (4,) is the largest difference that the last leaves in one of these stages.
     """
 
     searched: Array
@@ -141,16 +130,9 @@ class ScatteredStages(NamedTuple):
 
 
 def stated(searched: Array, couplings: Array, checked: list[Array]) -> ScatteredStages:
-    """What is stated of couplings.
+    """What is stated of couplings (3, stages) of the others by the model, the first of them `checked` on each mesh.
 
-    Parameters
-    ----------
-    searched : array (4,)
-        The 95 % values of the stages that were searched with.
-    couplings : array (3, stages)
-        Of the others, by the model.
-    checked : list of array (3, solved)
-        Of the first of these by finite elements, on each mesh.
+    `searched` (4,) are the 95 % values of the stages that were searched with.
 
     Notes
     -----

@@ -31,18 +31,10 @@ def silent(text: str) -> None:
 
 
 class BestDesign(NamedTuple):
-    """What a search found.
+    """What a search found: the best design (d,) that can be made, in file units, and the best as if steps were none.
 
-    Attributes
-    ----------
-    values : array (d,)
-        The best design that can be made, in file units.
-    relaxed : array (d,)
-        The best one as if steps were none.
-    merit : float
-        Of the first, see `Model.merit`.
-    history : list of tuple
-        Evaluations so far, the best objective (None before there is one), and what is missed in all.
+    `merit` is of the first, see `Model.merit`; `history` has evaluations so far, the best objective (None before there
+    is one), and what is missed in all.
     """
 
     values: Array
@@ -177,7 +169,7 @@ class _Search:
         for k in np.argsort(coarseness, kind="stable")[: np.sum(~space.continuous)]:
             free[k] = False
             started = {
-                (*each[:k], value, *each[k + 1 :]) for each in beam for value in space.dimensions[k].around(each[k])
+                (*each[:k], value, *each[k + 1 :]) for each in beam for value in space.dimensions[k].beside(each[k])
             }
             ends = np.array([self.polished(np.array(start), free) for start in sorted(started)])
             beam = ends[np.argsort(self.merit(ends), kind="stable")[:BEAM]]

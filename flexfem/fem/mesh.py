@@ -2,7 +2,7 @@
 
 Sizes are cones about the necks that stay at their least over the length on which a notch bends, about `sqrt(t R)`: four
 triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1 (see
-`benchmarks/study_fe.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and GROWTH were chosen
+`benchmarks/study.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and GROWTH were chosen
 for that accuracy on 12 stages other than those of the benchmark.
 """
 

@@ -20,7 +20,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, integration, internal_forces, shape_values
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import Sector, StageMesh, joined, welded
-from flexfem.fem.structure import Structure, structure
+from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import cyclic, turned_fields, under_loads, whole_fields
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.contacts import Push, Stack, spread
@@ -229,6 +229,17 @@ def platform_response(
     """
     of = structure(mesh, plate, layers, degree=degree)
     return settle(of, factorise(of.lower()), _unit_loads(of))
+
+
+def weight_response(of: Structure, mass: Mass, acceleration: Array) -> StaticSolution:
+    """What a structure does under the weight of its mass; `acceleration` (3,) along the components of its pose, mm/s^2.
+
+    Raises ComputationFailed as `settle` and `Structure.lower`.
+    """
+    rigid = np.moveaxis(of.rigid_fields(np.arange(len(of.mesh.nodes))), -1, 0)
+    loads = of.loads(mass.forces(np.tensordot(acceleration, rigid, axes=1)[None]))
+    loads[-3:, 0] += mass.carried @ acceleration
+    return settle(of, factorise(of.lower()), loads)
 
 
 def _unit_loads(of: Structure) -> Array:

@@ -124,7 +124,7 @@ def one_line(text: str, limit: int | None = None) -> str:
 
 def shown(value: Any) -> str:
     """Return `value` as TOML on one line of at most `SHOWN` characters."""
-    return one_line(_as_toml(value), SHOWN)
+    return one_line(as_toml(value), SHOWN)
 
 
 def checked_path(value: Any) -> Path:
@@ -279,13 +279,14 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models_in(inner)
 
 
-def _as_toml(value: Any) -> str:
+def as_toml(value: Any) -> str:
+    """A value as TOML writes it on one line; integers that are too long for a message are clipped."""
     if isinstance(value, bool | str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, int) and value.bit_length() > 4 * SHOWN:
         return f"{value >> (value.bit_length() - 64)}... ({value.bit_length()} bits)"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{as_key(key)} = {_as_toml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_as_toml, value)) + "]"
-    return str(value)
+        return "[" + ", ".join(map(as_toml, value)) + "]"
+    return repr(value)

@@ -303,9 +303,7 @@ def validate(
         As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
         first such value in the file is named, the others are counted; missing keys are named all.
     """
-    data, lines = read_toml(path)
-    require_plain_stem(path)
-    return _validated(model_class, path, data if completed is None else completed(data, lines), lines)
+    return validate_partly(model_class, path, {}, completed)[0]
 
 
 def validate_partly(
@@ -321,34 +319,34 @@ def validate_partly(
     data, lines = read_toml(path)
     require_plain_stem(path)
     data = data if completed is None else completed(data, lines)
-    _refuse_other_kind(model_class, path, data)
     try:
         return model_class.model_validate(data), []
     except ValidationError as error:
-        missing = _missing(model_class, data, _problems(error, data))
-    filled = copy.deepcopy(data)
-    for key in (key for key in missing if key in spare):
-        *tables, name = key.split(".")
-        table = filled
-        for each in tables:
-            table = table.setdefault(each, {})
-        table[name] = spare[key]
-    return _validated(model_class, path, filled, lines), missing
-
-
-def _validated(model_class: type[Model], path: Path, data: dict[str, Any], lines: LineIndex) -> Model:
-    try:
-        return model_class.model_validate(data)
-    except ValidationError as error:
-        _refuse_other_kind(model_class, path, data)
         problems = _problems(error, data)
-        wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
-        missing = _missing(model_class, data, problems)
-        said = [sentence(wrong[0], model_class, data) + _more(len(wrong) - 1)] if wrong else []
-        said += [missing_sentence(missing)] if missing else []
-        first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
-        place = place_of(path, lines.line(first.path))
-        raise BadInput(one_line(f"{place}: {'; '.join(said)}")) from None
+    expected = getattr(model_class, "kind", None)
+    found = kind_of(data, expected)
+    if expected and found and found != expected:
+        raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
+    missing = _missing(model_class, data, problems)
+    if spare:
+        data = copy.deepcopy(data)
+        for key in spare.keys() & set(missing):
+            *tables, name = key.split(".")
+            table = data
+            for each in tables:
+                table = table.setdefault(each, {})
+            table[name] = spare[key]
+        try:
+            return model_class.model_validate(data), missing
+        except ValidationError as error:
+            problems = _problems(error, data)
+    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
+    keys = _missing(model_class, data, problems)
+    more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
+    said = [sentence(wrong[0], model_class, data) + more] if wrong else []
+    said += [missing_sentence(keys)] if keys else []
+    first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
+    raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
 
 
 def _problems(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
@@ -358,18 +356,6 @@ def _problems(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
 def _missing(model_class: type[BaseModel], data: dict[str, Any], problems: list[Problem]) -> list[str]:
     """Key paths that are missing."""
     return [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
-
-
-def _more(count: int) -> str:
-    return f" (and {count} more)" if count else ""
-
-
-def _refuse_other_kind(model_class: type[BaseModel], path: Path, data: Mapping[str, Any]) -> None:
-    """Raise BadInput when a file is plainly of another kind than the one that was expected."""
-    expected = getattr(model_class, "kind", None)
-    found = kind_of(data, expected)
-    if expected and found and found != expected:
-        raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
 
 
 def _is_json(text: str) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.files.inputs import require_unread, wrote
-from flexfem.files.refusals import place_of
+from flexfem.files.refusals import as_toml, place_of
 from flexfem.refused import BadInput
 
 LONGEST_NAME = 240  # bytes of a file's name; systems take 255, with what the temporary file beside it adds
@@ -34,7 +34,7 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
     arrays = {key: value for key, value in table.items() if _is_array_of_tables(value)}
     for key, value in table.items():
         if key not in tables and key not in arrays:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{_key(key)} = {as_toml(value)}"
     for key, value in tables.items():
         if not all(isinstance(inner, Mapping) for inner in value.values()) or not value:
             yield f"\n[{path}{_key(key)}]"
@@ -47,14 +47,6 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
 
 def _is_array_of_tables(value: Any) -> bool:
     return isinstance(value, list | tuple) and bool(value) and all(isinstance(item, Mapping) for item in value)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, bool | str):
-        return json.dumps(value, ensure_ascii=False)
-    return repr(value)
 
 
 def _key(key: str) -> str:

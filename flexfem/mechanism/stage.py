@@ -6,7 +6,6 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import partial
-from importlib import import_module
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -118,14 +117,6 @@ link, expected < chain.link_width_mm = 9
         """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
         check_file(FilePath(path))
         write_atomically(FilePath(path), lambda file: file.write(self.to_toml().encode()))
-
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the outline to scale, in mm, on a matplotlib axes, a new one by default; returns the axes.
-
-        Raises BadInput when the stage cannot be made.
-        """
-        check_feasible(self)
-        return import_module(".plot.stage", "flexfem").plot_stage(ax, self)  # shows, and decides nothing
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""

@@ -19,7 +19,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
 from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
-from flexfem.plot.text import SYMBOLS, banded, doubt_rows, minus, note_on, percent, significant, verification_tables
+from flexfem.plot.text import SYMBOLS, doubt_rows, minus, percent, significant
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
@@ -42,8 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexfem.mechanism.stage import Stage
-    from flexfem.results import TextTable
-    from flexfem.verify.result import Result
+    from flexfem.questions.errors import Verification
     from flexfem.verify.stage_report import StageReport
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
@@ -202,20 +201,15 @@ def _study(path: Path, folder: Path) -> Subject:
 def _stored(files: Sequence[Path]) -> Subject:
     from flexfem.design.result import is_design, read_design
     from flexfem.page.design import design_parts
-    from flexfem.verify.result_files import read_result
+    from flexfem.questions.errors import Verification
 
     drawn = [path for path in files if is_design(path)]
-    results = [read_result(path) for path in files if path not in drawn]
+    results = [Verification.read(path) for path in files if path not in drawn]
     designs = [read_design(path) for path in drawn]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
         parts += design_parts(design, number, len(designs) > 1)
-    if results:
-        first, *others = [_table(each, note_on(each, results)) for each in verification_tables(results)[:-1]]
-        warnings = notes([f"{result.case}: {text}" for result in results for text in result.warnings])
-        parts.append(("errors", partial(_section, "errors", "Errors at the largest command", first, warnings)))
-        parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
-        parts.append(("models", partial(_section, "models", "Models and meshes", *others)))
+    parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
     rows = doubt_rows([(each.name, each) for each in every])
     parts.append(("sources", partial(_sources, rows, ["key of the file", "kind", "in"])))
@@ -229,28 +223,22 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
     return PageSection(name, title, Markup("").join(parts))
 
 
-def _table(of: TextTable, note: str) -> Markup:
-    """A table of text with its note."""
-    below = table(of.head, of.rows, caption=of.caption, numbers=len(of.head) - of.names)
-    return notes([note] if note else [], "note") + below
-
-
-def _curves(result: Result, number: int) -> PageSection:
+def _curves(result: Verification, number: int) -> PageSection:
     """The curves of a case with the bands of the meshes."""
     from flexfem.plot.errors import error_figure
 
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     columns = {f"commanded {SYMBOLS[DIRECTIONS.index(result.direction)]} ({command})": (result.commanded, command)}
-    for label, series in result.curves.items():
+    for label in result.curves:
         for symbol, axis in zip(SYMBOLS, DIRECTIONS, strict=True):
-            values = getattr(series, axis)
+            values = result.at("error", curve=label, direction=axis).tolist()
             unit = unit_for(axis, max(map(abs, values)))
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
     shown = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
     data = table([*columns], [*zip(*shown, strict=True)], numbers=len(columns))
     said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
     figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
-    return _section(f"case-{number}", result.name, figure)
+    return _section(f"case-{number}", result.name, figure, Markup(result.to_html()))
 
 
 def _sources(rows: Sequence[Sequence[str]], head: Sequence[str]) -> PageSection:
@@ -400,19 +388,12 @@ def _stress(stage: Stage) -> PageSection:
 def _budget(stage: Stage) -> PageSection:
     """The shares of the error of the paper's model."""
     from flexfem.plot.errors import budget_figure
-    from flexfem.reports.verification import budget
+    from flexfem.questions.budget import budget
 
-    found = budget(stage, three_dimensional=False)
-    splits = found.split
-    rows = [
-        [share.name, *(minus(f"{getattr(split.shares[k].points, axis):+.3f}") for axis, split in splits.items())]
-        for k, share in enumerate(splits["x"].shares)
-    ]
-    rows.append(["total", *(banded(getattr(split.total, axis), split.band) for axis, split in splits.items())])
-    data = table(["share (percentage points)", *SYMBOLS], rows, numbers=3, sortable=False)
+    found = budget(stage, plane=True)
     said = "Bars of the shares of the error in the commanded direction, a panel for each direction."
-    figure = shown_figure("budget-figure", partial(budget_figure, found), said, data)
-    return _section("budget", "Error budget", figure, notes(found.warnings))
+    figure = shown_figure("budget-figure", partial(budget_figure, found), said, Markup(found.to_html()))
+    return _section("budget", "Error budget", figure)
 
 
 def _drive(stage: Stage) -> PageSection:

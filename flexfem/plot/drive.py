@@ -36,8 +36,7 @@ from flexfem.plot.style import (
 )
 from flexfem.plot.text import minus, round_factor, scientific, significant
 from flexfem.refused import BadInput
-from flexfem.units import COMMANDS, FORCES, LENGTH, MICROMETRE, Unit, unit_for
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, Unit, unit_for
 from flexfem.verify.command import Command
 from flexfem.verify.driven import CRITERIA, Criterion
 from flexfem.verify.limits import KINDS, grouped, kinds

@@ -26,12 +26,11 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
+from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
+from flexfem.questions.convergence import MeshConvergence
+from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
-from flexfem.units import LENGTH, Unit, unit_for
-from flexfem.verify.budget import Budget
-from flexfem.verify.case import DIRECTIONS, Direction
-from flexfem.verify.converge import MeshStudy
-from flexfem.verify.result import Result
+from flexfem.units import DIRECTIONS, LENGTH, Direction, Unit, unit_for
 
 ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
 HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
@@ -54,16 +53,18 @@ class Panel(NamedTuple):
     round_off: bool
 
 
-def _comparable(result: Result, label: str, freedom: Direction) -> float:
+def _comparable(result: Verification, label: str, freedom: Direction) -> float:
     """What a command is in another direction, by the lever l3."""
     lever = result.models[label].lever
     return (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
 
 
-def panel_of(result: Result, freedom: Direction) -> Panel:
+def panel_of(result: Verification, freedom: Direction) -> Panel:
     """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
     amplitude = max(map(abs, result.commanded))
-    sizes = {label: max(map(abs, getattr(series, freedom))) for label, series in result.curves.items()}
+    sizes = {
+        label: float(np.max(np.abs(result.at("error", curve=label, direction=freedom)))) for label in result.curves
+    }
     commands = {label: amplitude * _comparable(result, label, freedom) for label in sizes}
     largest, honest = max(sizes.values()), HONEST * max(commands.values())
     round_off = all(size < ROUND_OFF * commands[label] for label, size in sizes.items())
@@ -72,13 +73,13 @@ def panel_of(result: Result, freedom: Direction) -> Panel:
     return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
 
 
-def mesh_band(result: Result, label: str, freedom: Direction) -> Array:
+def mesh_band(result: Verification, label: str, freedom: Direction) -> Array:
     """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
-    share = result.uncertainty[label][freedom].band / 100.0
+    share = result.band("percent", curve=label, direction=freedom) / 100.0
     return np.abs(result.commanded) * _comparable(result, label, freedom) * share
 
 
-def normalisation(result: Result) -> str:
+def normalisation(result: Verification) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
     command, l3 = NAMES[result.direction], f"l₃ = {levers} {LENGTH}"
@@ -91,12 +92,12 @@ def normalisation(result: Result) -> str:
 
 
 @in_house_style
-def error_figure(result: Result, displacement: bool = False) -> Figure:
+def error_figure(result: Verification, displacement: bool = False) -> Figure:
     """Draw a verification as one page of three panels, X, Y and theta.
 
     Parameters
     ----------
-    result : Result
+    result : Verification
         A stored verification; mm and rad, shown with the SI prefix that suits the numbers.
     displacement : bool
         Draw the displacement itself in the commanded direction, as the captions of the paper's Figs. 5(a) and 7(c)
@@ -127,7 +128,7 @@ def error_figure(result: Result, displacement: bool = False) -> Figure:
     return figure
 
 
-def plot_displaced(ax: Axes, result: Result) -> Axes:
+def plot_displaced(ax: Axes, result: Verification) -> Axes:
     """Draw displacement over command of every curve in the commanded direction; returns `ax`.
 
     The grey line is the command itself, where an exact model has every curve. Mesh bands are drawn, and errors stated,
@@ -142,7 +143,7 @@ def plot_displaced(ax: Axes, result: Result) -> Axes:
     return ax
 
 
-def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
+def plot_errors(ax: Axes, result: Verification, freedom: Direction) -> Axes:
     """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
 
     The legend beside states the percentages at the largest command.
@@ -159,20 +160,21 @@ def plot_errors(ax: Axes, result: Result, freedom: Direction) -> Axes:
 
 
 def _draw_curves(
-    ax: Axes, result: Result, freedom: Direction, unit: Unit, base: Any, ylabel: str, said: str = ""
+    ax: Axes, result: Verification, freedom: Direction, unit: Unit, base: Any, ylabel: str, said: str = ""
 ) -> None:
     """Draw every curve above `base` with its band, its percentage in the legend."""
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     x, lines, texts = np.array(result.commanded) * command.factor, [], []
     round_off = panel_of(result, freedom).round_off
     size = 9.0 if len(result.curves) < 5 else 6.5 if len(result.curves) < 9 else 5.0
-    for index, (label, series) in enumerate(result.curves.items()):
-        y, band = base + np.array(getattr(series, freedom)) * unit.factor, mesh_band(result, label, freedom)
+    for index, label in enumerate(result.curves):
+        where = {"curve": label, "direction": freedom}
+        y, band = base + result.at("error", **where) * unit.factor, mesh_band(result, label, freedom)
         lines += ax.plot(x, y, label=f"{label} ", **curve_style(index, len(result.curves), len(x)))
         if not round_off:
             ends = y - band * unit.factor, y + band * unit.factor
             ax.fill_between(x, *ends, color=lines[-1].get_color(), alpha=0.3, linewidth=0, zorder=1.5)
-        percentage = banded(getattr(result.error_percent[label], freedom), result.uncertainty[label][freedom].band)
+        percentage = banded(float(result.at("percent", **where)), float(result.band("percent", **where)))
         text = wrapped(f"{label}: {said}{percentage}", LEGEND, size)
         texts.append(f" {text}" if text.startswith("_") else text)  # matplotlib hides "_..."
     ax.margins(x=0.03)
@@ -201,12 +203,12 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 def budget_figure(budget: Budget) -> Figure:
     """Draw the shares of the error in the commanded direction, one panel a direction."""
     lines = [
-        f"Error of the finite elements under the force of (18), mobility {budget.mobility}, {budget.formula}, and what "
-        "it is made of. The shares add up to the total; the bar there is the band of the meshes.",
+        f"Error of the finite elements under the force of (18), {budget.settings['model']}, and what it is made of. "
+        "The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    doubts = (budget.assumed, budget.not_stated)
-    figure, found = panels((WIDTH, 7.7), f"{budget.stage}: error budget", lines, 3, doubts=doubts)
+    doubts = (budget.about.assumed, budget.about.not_stated)
+    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, doubts=doubts)
     for letter, axes, direction in zip("abc", found, DIRECTIONS, strict=True):
         plot_budget(axes, budget, direction)
         titled(axes, letter, f"command in {NAMES[direction]}")
@@ -216,18 +218,16 @@ def budget_figure(budget: Budget) -> Figure:
 
 def _outside(budget: Budget) -> str:
     """What is outside the planar total, in words."""
-    charted = {axis: split.out_of_plane for axis, split in budget.split.items()}
-    plane, solid = budget.plane.replace("_", " "), budget.three_dimensional
-    found = [
-        "by the chart " + ", ".join(f"{NAMES[axis]} {getattr(share, axis):+.2f}" for axis, share in charted.items())
-        if all(charted.values())
-        else "not known by the chart, which does not hold a hinge"
-    ]
-    if solid is not None:
-        points = {axis: f"{getattr(solid.points[axis], axis):+.2f} ± {solid.band[axis]:.2f}" for axis in charted}
-        found.append("measured on the stage " + ", ".join(f"{NAMES[axis]} {text}" for axis, text in points.items()))
-    said = f"Outside the planar total, three dimensions against {plane}, percentage points: {'; '.join(found)}."
-    return said.replace(" -", " \N{MINUS SIGN}")
+    said = []
+    for label in (CHART, MEASURED) if "solid" in budget.values else ():
+        values, bands = budget.at("solid", outside=label), budget.band("solid", outside=label)
+        parts = [
+            f"{NAMES[axis]} {value:+.2f}" + (f" ± {band:.2f}" if band > 0 else "")
+            for axis, value, band in zip(DIRECTIONS, values, bands, strict=True)
+        ]
+        if np.all(np.isfinite(values)):
+            said.append(f"{label}: {minus(', '.join(parts))} percentage points")
+    return f"Outside the planar total: {'; '.join(said) or 'out of plane, not known'}."
 
 
 def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
@@ -237,11 +237,10 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
     """
     if direction not in DIRECTIONS:
         raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
-    split = budget.split[direction]
-    values = np.array([getattr(share.points, direction) for share in split.shares])
-    names, total, band = [share.name for share in split.shares], float(getattr(split.total, direction)), split.band
+    *values, total = budget.at("share", direction=direction).tolist()
+    names, band = budget.axes["share"][:-1], float(budget.band("share", share=TOTAL, direction=direction))
     ends = np.cumsum(values)
-    starts = ends - values
+    starts = ends - np.array(values)
     reach = float(np.max(np.abs([*starts, *ends, total])))
     for place, (start, end, value) in enumerate(zip(starts, ends, values, strict=True)):
         look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": HATCHES[place % len(HATCHES)]}
@@ -261,30 +260,31 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
 
 
 @in_house_style
-def convergence_figure(study: MeshStudy) -> Figure:
+def convergence_figure(study: MeshConvergence) -> Figure:
     """Draw the relative distance of each diagonal compliance from its extrapolated value over the triangle size."""
     lines = [
-        f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]} to {study.unknowns[-1]} "
+        f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]:.0f} to {study.unknowns[-1]:.0f} "
         "unknowns: distance from the value extrapolated to vanishing triangles. "
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
-    doubts = (study.assumed, study.not_stated)
-    figure, (axes,) = panels((WIDTH, 4.8), f"{study.stage}: mesh convergence", lines, 1, doubts=doubts)
+    doubts = (study.about.assumed, study.about.not_stated)
+    figure, (axes,) = panels((WIDTH, 4.8), f"{study.about.name}: mesh convergence", lines, 1, doubts=doubts)
     plot_convergence(axes, study)
     return figure
 
 
-def plot_convergence(ax: Axes, study: MeshStudy) -> Axes:
+def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
     """Draw the mesh error of each diagonal compliance, and its band on the finest mesh; returns `ax`."""
-    resolutions, found = study.resolutions, study.uncertainty
+    resolutions = study.resolutions
     size, largest = 1 / np.array(resolutions, dtype=float), 0.0
     for index, axis in enumerate(DIRECTIONS):
-        one = found[axis]
-        distance, spread = np.abs(np.array(one.values) / one.extrapolated - 1), one.band / abs(one.extrapolated)
+        limit, order = abs(float(study.extrapolated[index])), float(study.order[index])
+        distance = np.abs(study.at("along", direction=axis) / limit - 1)
+        spread = float(study.band("along", direction=axis)[-1]) / limit
         largest = max(largest, float(distance[0]))
         style = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
-        order = "no order" if one.observed is None else f"order {one.observed:.2f}"
-        text = f"{NAMES[axis]}: {one.verdict}, {order}, band {spread:.1e}"
+        said = "no order" if np.isnan(order) else f"order {order:.2f}"
+        text = f"{NAMES[axis]}: {study.verdicts[index]}, {said}, band {spread:.1e}"
         ax.plot(size, distance, label=wrapped(text, LEGEND, 8.5), **style)
         above = [[max(0.0, spread - distance[-1])], [0.0]]
         ax.errorbar(size[-1:], [spread], above, color=style["color"], capsize=3 + 2 * index)

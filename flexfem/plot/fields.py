@@ -17,11 +17,12 @@ from flexfem.mechanism.bodies import BODIES
 from flexfem.plot.stage import boundary_of, draw_boundary, draw_hub, fit, place_label, quarters
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
 from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
+from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS
 from flexfem.units import DIRECTIONS, STRESS, unit_for
-from flexfem.verify.result import CurveModels, Fields, Result
+from flexfem.verify.result import Fields
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour
@@ -113,7 +114,7 @@ def _panel_height(*fields: Fields) -> float:
 
 
 @in_house_style
-def deformed_figure(result: Result, fields: dict[str, Fields]) -> Figure:
+def deformed_figure(result: Verification, fields: dict[str, Fields]) -> Figure:
     """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named.
 
     All panels share one exaggeration and one scale of stress.

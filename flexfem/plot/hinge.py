@@ -26,9 +26,9 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import SPACE, significant
+from flexfem.questions.errors import CurveModels
 from flexfem.units import LENGTH
 from flexfem.verify.hinges import HingeReview, ThicknessReview
-from flexfem.verify.result import CurveModels
 
 FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}

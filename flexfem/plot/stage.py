@@ -35,9 +35,10 @@ from flexfem.plot.style import (
     panels,
 )
 from flexfem.plot.text import SPACE
+from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
 from flexfem.units import DEGREE, LENGTH
-from flexfem.verify.result import CurveModels, Fields, HingeDrawing
+from flexfem.verify.result import Fields
 from flexfem.verify.stage_report import StageReport
 
 Point = Sequence[float] | Array

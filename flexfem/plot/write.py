@@ -20,9 +20,10 @@ from flexfem.plot.hinge import hinge_sketch
 from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
-from flexfem.verify.result import CurveModels, Fields, Result
+from flexfem.questions.errors import CurveModels, Verification
+from flexfem.verify.result import Fields
 
-Stored: TypeAlias = tuple[Result, dict[str, Fields]]
+Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
 FORMS = ("png", "pdf")
 PAGE = "verification.md"
 

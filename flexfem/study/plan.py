@@ -37,9 +37,9 @@ from flexfem.files.refusals import key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import keys, meant
 from flexfem.questions import warnings as warning
+from flexfem.questions.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import NAMED, WAYS, Factor, columns_of, unasked
-from flexfem.verify.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
 
 LONGEST = 400  # characters
 DEEPEST = 50  # operations one inside the other

@@ -22,7 +22,7 @@ from flexfem.questions import warnings as warning
 if TYPE_CHECKING:
     from flexfem.fem.fields import LoadCase
     from flexfem.fem.mesh import StageMesh
-    from flexfem.verify.protocol import OnMesh, Solved
+    from flexfem.verify.protocol import Solved
 
 UNITS = "N, mm, rad; order x, y, theta"
 
@@ -139,7 +139,7 @@ def report_mesh(stage: Stage, mesh: StageMesh, resolution: int, written: str) ->
     )
 
 
-def report_load(stage: Stage, solved: Solved | OnMesh, case: LoadCase, resolution: int) -> LoadReport:
+def report_load(stage: Stage, solved: Solved, case: LoadCase, resolution: int) -> LoadReport:
     """Finite elements of a stage under one load, with what is to be known of that."""
     highest, where = float(np.max(case.neck_stress)), "under this load"
     doubts = warning.of_yield(highest, stage.material.yield_strength, where)

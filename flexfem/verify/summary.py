@@ -14,9 +14,8 @@ from flexfem.mechanism.stage_file import Plane
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.refused import ComputationFailed
-from flexfem.units import PLANES
+from flexfem.units import DIRECTIONS, PLANES, Direction
 from flexfem.verify.answers import BandedStress
-from flexfem.verify.case import DIRECTIONS, Direction
 from flexfem.verify.pose_set import Range
 from flexfem.verify.protocol import Solve, Solved
 from flexfem.verify.reach import reach

@@ -20,7 +20,7 @@ from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import percentages
-from flexfem.verify.case import DIRECTIONS, Direction
+from flexfem.units import DIRECTIONS, Direction
 from flexfem.verify.protocol import Solve, Solved, command_warnings, solve_stage
 from flexfem.verify.reach import Reach
 from flexfem.verify.result import Matrix, OfStage, Record, about

@@ -44,7 +44,6 @@ def tolerance(stages: int, checked: int) -> str:
         ((NECK.replace('"neck"', '"mass_kg"'), RANGE), 'a name of its own, not "mass_kg" again'),
         ((NECK, '[[objective]]\nmaximise = "kxx_n_per_mm"\nminimise = "kyy_n_per_mm"\n'), "maximise or minimise"),
         ((NECK, best("maximise", "life_cycles"), "[life]\namplitude_x_um = 100.0\n"), "life, on the base stage"),
-        ((ELBOW, EACH_ELBOW, RANGE), "free[0]: nothing follows it"),
         ((DENSITY, RANGE), "free[0].key = material.density_kg_m3, expected a number that answers depend on"),
         ((NECK, tolerance(71, 0), RANGE), "tolerance.stages = 71, expected >= 72"),
         ((NECK, tolerance(72, 7), RANGE), "tolerance.checked = 7, expected 0, or at least 8"),

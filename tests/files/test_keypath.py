@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.commands.baseline.inputs import keys_of
+from flexfem.baselines import inputs_of
 from flexfem.files.refusals import key_path, path_of
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import load_feasible, load_stage
@@ -40,7 +40,7 @@ def write(folder, entries=ENTRIES, tail=""):
 
 def test_a_number_of_an_override_has_one_name_wherever_it_is_said(tmp_path):
     path, lines = write(tmp_path, tail='[provenance]\n"override.2.base.neck_mm" = "assumed: worn"\n')
-    stage, stored = load_stage(path), keys_of(path)
+    stage, stored = load_stage(path), inputs_of(path)[path.name]
     assert stage.assumed == ("override.2.base.neck_mm",)
     for place, (chain, hinge, key, value) in enumerate(ENTRIES):
         name = f"override.{chain}.{hinge}.{key}"

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.verify.budget import Budget, BudgetShare, Split, ThreeDimensional
-from flexfem.verify.converge import MeshStudy
-from flexfem.verify.result import CurveModels, Fields, HingeDrawing, Result, Series, Triple, Uncertainty
+from flexfem.questions.budget import Budget
+from flexfem.questions.convergence import MeshConvergence
+from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
+from flexfem.results import About
+from flexfem.verify.result import Fields
 from flexfem.verify.workspace import Box, Elements, Point, Travel, Workspace
 
 HINGES = ("base", "elbow", "platform")
@@ -43,148 +45,93 @@ def model(**changes: Any) -> CurveModels:
         "stage": "a stage $x_1$",
         "file": "../geometry/one.toml",
         "hash": "1234567890abcdef" * 4,
+        "plane": "plane_stress",
         "mobility": 6,
         "formula": "paros-weisbord",
         "formula_in_range": True,
+        "links": False,
         "assumed": [],
         "not_stated": [],
-        "stiffness": [[41.0, 2.3, 310.0], [2.1, 43.0, -290.0], [330.0, -270.0, 47000.0]],
-        "compliance": np.linalg.inv([[37.0, 1.5, 220.0], [1.4, 38.5, -310.0], [230.0, -300.0, 39000.0]]).tolist(),
-        "force": [[-2.05, 0.0, 0.0], [0.0, 0.0, 0.0], [2.05, 1e-17, 0.0]],
-        "neck_stress": [[1.0, 2.0, 3.0], [4.0, 31.7, 6.0], [7.0, 8.0, 9.0]],
         "lever": 21.0,
         "link_width": 8.0,
         "platform_radius": 16.0,
         "hub_radius": 7.0,
         "hinges": hinges(),
         "resolution": 5,
+        "layers": 0,
         "triangles": 12345,
         "unknowns": 54321,
+        "verdicts": ["converging"] * 3,
     }
     return CurveModels(**(given | changes))
 
 
-def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Result:
+def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Verification:
     """A result whose errors are the given multiples of the command (made comparable by the lever), x, y, theta."""
-    given: dict[str, Any] = {"case": "fig", "name": "A case $y$", "direction": "x", "commanded": [-0.05, 0.0, 0.05]}
-    given |= {
-        "assumed": [],
-        "not_stated": [],
-        "warnings": [],
-        "versions": {"flexfem": "0.1.0"},
-        "written": "2026-01-01T00:00:00+00:00",
-        "seconds": 1.5,
+    models = changes.pop("models", {label: model() for label in errors})
+    axis = ("x", "y", "theta").index(changes.get("direction", "x"))
+    commanded = np.array(changes.pop("commanded", [-0.05, 0.0, 0.05]))
+    about = About(
+        changes.pop("name", "A case $y$"), f"{changes.pop('case', 'fig')}.toml", "1234",
+        changes.pop("assumed", []), changes.pop("not_stated", []), 21.0,
+    )  # fmt: skip
+    warnings = changes.pop("warnings", [])
+    settings = {"direction": "x", "analysis": "linear", "drive": "force", "model": changes.pop("elements", "fe")}
+    facts = {
+        label: each._asdict() | {"hinges": [hinge._asdict() for hinge in each.hinges]} for label, each in models.items()
     }
-    given |= changes
-    models = given.pop("models", {label: model() for label in errors})
-    command = np.array(given["commanded"]) * (21.0 if given["direction"] == "theta" else 1.0)
-    curves = {
-        label: Series(x=list(a * command), y=list(b * command), theta=list(c * command / 21.0))
-        for label, (a, b, c) in errors.items()
-    }
-    percent = {label: Triple(x=100 * a, y=100 * b, theta=100 * c) for label, (a, b, c) in errors.items()}
-    given.setdefault(
-        "uncertainty",
-        {
-            label: {axis: uncertainty(0.0173 + 0.01 * k + 0.1 * row) for k, axis in enumerate(("x", "y", "theta"))}
-            for row, label in enumerate(errors)
-        },
-    )
-    return Result(curves=curves, error_percent=percent, models=models, **given)
-
-
-def uncertainty(band: float, **changes: Any) -> Uncertainty:
-    given = {"resolutions": [3, 4, 6], "values": [1.1, 1.02, 1.0], "verdict": "converging", "order": 2.7}
-    return Uncertainty(**(given | {"observed": 3.1, "extrapolated": 0.99, "band": band} | changes))
-
-
-IN_THREE_DIMENSIONS = ThreeDimensional(
-    resolution=4,
-    layers=3,
-    unknowns=203_823,
-    points={
-        "x": Triple(x=-10.673, y=3.1, theta=3.2),
-        "y": Triple(x=2.1, y=5.217, theta=2.2),
-        "theta": Triple(x=1.1, y=1.2, theta=-7.461),
-    },
-    band={"x": 0.121, "y": 0.234, "theta": 0.345},
-)
-
-
-def budget(**changes: Any) -> Budget:
-    """Shares that differ in all directions and within each, of both signs; what is across is not what is along."""
-    shares = {
-        "x": [(0.216, 9.1, 8.1), (11.796, 9.2, 8.2), (0.526, 9.3, 8.3), (-0.308, 9.4, 8.4), (-0.139, 9.5, 8.5)],
-        "y": [(7.1, -0.411, 6.1), (7.2, 8.523, 6.2), (7.3, 0.731, 6.3), (7.4, 0.092, 6.4), (7.5, 0.253, 6.5)],
-        "theta": [(5.1, 4.1, 0.137), (5.2, 4.2, 9.685), (5.3, 4.3, -0.722), (5.4, 4.4, 0.051), (5.5, 4.5, 0.326)],
-    }
-    outside = {"x": (-10.533, 3.1, 3.2), "y": (2.1, 6.217, 2.2), "theta": (1.1, 1.2, -8.461)}
-    bands, amplitudes = {"x": 0.013, "y": 0.127, "theta": 0.245}, {"x": 0.05, "y": 0.07, "theta": 0.002}
-    split = {
-        axis: Split(
-            amplitude=amplitudes[axis],
-            shares=[BudgetShare(name=name, points=triple(one)) for name, one in zip(NAMES, found, strict=True)],
-            total=triple(tuple(np.sum(found, axis=0))),
-            band=bands[axis],
-            out_of_plane=triple(outside[axis]),
-        )
-        for axis, found in shares.items()
-    }
-    given = {"stage": "a stage $x_1$", "file": "one.toml", "hash": "1234", "plane": "plane_strain", "mobility": 6}
-    given |= {
-        "formula": "paros-weisbord",
-        "assumed": [],
-        "not_stated": [],
-        "warnings": [],
-        "split": split,
-        "versions": {},
-    }
-    return Budget(**(given | changes))
-
-
-NAMES = ("freedoms", "formula", "links", "what is left", "large displacement")
-
-
-def triple(values: tuple[float, ...]) -> Triple:
-    return Triple(x=values[0], y=values[1], theta=values[2])
-
-
-def mesh_study(**changes: Any) -> MeshStudy:
-    """Four meshes; the diagonal terms converge at orders 4, 3 and not at all, to values of their own."""
-    resolutions = np.array([2.0, 3.0, 5.0, 8.0])
-    limits = {"x": 0.0271, "y": 0.0263, "theta": 2.57e-5}
+    comparable = commanded[:, None] * (21.0 if axis == 2 else 1.0) / np.array([1.0, 1.0, 21.0])
     values = {
-        "x": limits["x"] * (1 - 0.3 * resolutions**-4),
-        "y": limits["y"] * (1 - 0.2 * resolutions**-3),
-        "theta": limits["theta"] * (1 + np.array([0.01, -0.02, 0.003, 0.007])),
+        "command": commanded[:, None] * np.eye(3)[axis],
+        "error": [np.array(each) * comparable for each in errors.values()],
+        "percent": [100 * np.array(each) for each in errors.values()],
+        "neck_stress": np.linspace(1.0, 31.7, 9).reshape(3, 3) * np.ones((len(errors), 1, 1)),
     }
-    compliance = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]]) * np.arange(1, 5)[:, None, None]
-    for k, found in enumerate(values.values()):
-        compliance[:, k, k] = found
-    bands, observed = {"x": 1.9e-4, "y": 8.3e-4, "theta": 4.1e-7}, {"x": 3.97, "y": 2.96, "theta": None}
-    verdicts = {"x": "converging", "y": "out of range", "theta": "oscillatory"}
-    found = {
-        axis: uncertainty(
-            bands[axis],
-            resolutions=[2, 3, 5, 8],
-            values=values[axis].tolist(),
-            extrapolated=limits[axis],
-            observed=observed[axis],
-            verdict=verdicts[axis],
-        )
-        for axis in values
-    }
-    given = {
-        "stage": "a stage $x_1$",
-        "file": "one.toml",
-        "hash": "1234",
-        "assumed": [],
-        "not_stated": [],
-        "warnings": [],
-        "resolutions": [2, 3, 5, 8],
-    }
-    given |= {"triangles": [31, 77, 211, 545], "unknowns": [123, 234, 567, 1234], "compliance": compliance.tolist()}
-    return MeshStudy(**(given | {"uncertainty": found, "versions": {}} | changes))
+    band = 0.0173 + 0.01 * np.arange(3) + 0.1 * np.arange(len(errors))[:, None]
+    axes = {"curve": list(errors), "point": [str(k) for k in range(len(commanded))]}
+    return Verification(about, values, {"percent": band}, axes, settings | changes | {"curves": facts}, warnings)
+
+
+def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
+    """Shares that differ in all directions and within each, of both signs; totals are their sums."""
+    shares = np.array(
+        [
+            [0.216, -0.411, 0.137],
+            [11.796, 8.523, 9.685],
+            [0.526, 0.731, -0.722],
+            [-0.308, 0.092, 0.051],
+            [-0.139, 0.253, 0.326],
+        ]
+    )
+    share = np.concatenate([shares, np.sum(shares, axis=0, keepdims=True)])
+    band = np.full(share.shape, np.nan)
+    band[-1] = [0.013, 0.127, 0.245]
+    values, bands = {"share": share}, {"share": band}
+    if outside:
+        values["solid"] = np.array([[-10.533, 6.217, -8.461], [-10.673, 5.217, -7.461], [1.4, 14.4, 2.0]])
+        bands["solid"] = np.array([[np.nan] * 3, [0.121, 0.234, 0.345], [0.134, 0.361, 0.590]])
+    about = About("a stage $x_1$", "one.toml", "1234", assumed, lever=21.0)
+    return Budget(about, values, bands, settings={"model": "mobility 6, paros-weisbord"})
+
+
+def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:
+    """Four meshes; the diagonal terms converge at orders 4, 3 and not at all, to values of their own."""
+    resolutions, limits = np.array([2.0, 3.0, 5.0, 8.0]), np.array([0.0271, 0.0263, 2.57e-5])
+    change = np.array([-0.3 * resolutions**-4, -0.2 * resolutions**-3, [0.01, -0.02, 0.003, 0.007]])
+    band = np.full((4, 3), np.nan)
+    band[-1] = [1.9e-4, 8.3e-4, 4.1e-7]
+    return MeshConvergence(
+        About("a stage $x_1$", "one.toml", "1234", assumed, lever=21.0),
+        {
+            "along": limits * (1 + change.T),
+            "extrapolated": limits,
+            "order": [3.97, 2.96, np.nan],
+            "unknowns": [123, 234, 567, 1234],
+        },
+        {"along": band},
+        {"mesh": [f"{n:.0f} across a neck" for n in resolutions]},
+        notes=["meshes in x: converging", "meshes in y: out of range", "meshes in theta: oscillatory"],
+    )
 
 
 def fields() -> Fields:
@@ -320,20 +267,17 @@ class Made(NamedTuple):
 
     hinges: Callable[..., list[HingeDrawing]]
     model: Callable[..., CurveModels]
-    result: Callable[..., Result]
+    result: Callable[..., Verification]
     fields: Callable[..., Fields]
     budget: Callable[..., Budget]
-    mesh_study: Callable[..., MeshStudy]
+    mesh_study: Callable[..., MeshConvergence]
     workspace: Callable[..., Workspace]
     size_in: Callable[[str], float]
     extent: Callable[[Any], Array]
     texts: Callable[[Any], list[str]]
-    three_dimensional: ThreeDimensional
 
 
 @pytest.fixture(scope="session")
 def made() -> Made:
     """Makers of stored results with made-up numbers."""
-    return Made(
-        hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts, IN_THREE_DIMENSIONS
-    )
+    return Made(hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts)

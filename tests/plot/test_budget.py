@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.plot.errors import budget_figure
+from flexfem.questions.budget import SHARES as SHARES_OF
 
 SHARES = {  # along the command, percentage points; the total and its band
     "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
@@ -38,7 +39,7 @@ def test_every_bar_is_a_share_along_its_own_command_and_begins_where_the_last_en
 
 
 def test_every_number_stands_at_its_own_bar(figure):
-    names = ["freedoms", "formula", "links", "what is left", "large displacement", "total"]
+    names = [*SHARES_OF, "total"]
     for axes, (shares, total, band) in zip(figure.axes, SHARES.values(), strict=True):
         said = [f"{share:+.3f}" for share in shares] + [f"{total:.3f} ± {band:.3f} %"]
         assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [
@@ -52,10 +53,8 @@ def test_every_number_stands_at_its_own_bar(figure):
 
 def test_what_is_outside_the_plane_is_said_with_its_sign(figure, made):
     text = " ".join(made.texts(figure))
-    assert "three dimensions against plane strain, percentage points: by the chart X −10.53, Y +6.22, θ −8.46." in text
+    assert "by the chart: X −10.53, Y +6.22, θ −8.46 percentage points" in text
+    assert "three dimensions: X −10.67 ± 0.12, Y +5.22 ± 0.23, θ −7.46 ± 0.34 percentage points" in text
     assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
-    split = {axis: one.model_copy(update={"out_of_plane": None}) for axis, one in made.budget().split.items()}
-    without = " ".join(made.texts(budget_figure(made.budget(split=split, assumed=["thickness_mm"]))))
-    solid = budget_figure(made.budget(split=split, three_dimensional=made.three_dimensional))
-    assert "measured on the stage X −10.67 ± 0.12, Y +5.22 ± 0.23, θ −7.46 ± 0.34" in " ".join(made.texts(solid))
-    assert "not known by the chart" in without and "assumed dimensions" in without
+    without = " ".join(made.texts(budget_figure(made.budget(outside=False, assumed=("thickness_mm",)))))
+    assert "out of plane, not known" in without and "assumed dimensions" in without

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from flexfem.plot.errors import HONEST, error_figure, normalisation, panel_of
-from flexfem.verify.case import DIRECTIONS
+from flexfem.units import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
 BANDS = {"mobility three": (0.0173, 0.0273, 0.0373), "mobility six": (0.1173, 0.1273, 0.1373)}  # per cent

@@ -10,22 +10,29 @@ import numpy as np
 import pytest
 
 from flexfem.design.result import read_design
+from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
 from flexfem.verify.result import write_record
-from flexfem.verify.result_files import read_fields, read_result, write_result
 
 from ..design.recorded import recorded
 from .conftest import fields, result
 
 ERRORS = {"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}
-READ = {"verification": read_result, "design": read_design}
+READ = {"verification": Verification.read, "design": read_design}
+
+
+def written(folder, **moved):
+    """A stored verification."""
+    found = result(ERRORS)
+    found.fields = {label: fields() for label in ERRORS} | moved
+    return found.write(folder / "fig.json")
 
 
 @pytest.fixture
 def stored(tmp_path):
     """A file of every kind of answer that is read again."""
     return {
-        "verification": write_result(result(ERRORS), {label: fields() for label in ERRORS}, tmp_path),
+        "verification": written(tmp_path),
         "design": write_record(recorded(), tmp_path / "design.json"),
     }
 
@@ -60,14 +67,14 @@ def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem
             inner = inner[key]
         inner[place[-1]] = edited(inner[place[-1]])
         path.write_text(json.dumps(data))
-        with pytest.raises(BadInput, match=r"json: changed since it was stored, .* flexfem \w+ makes it again$"):
+        with pytest.raises(BadInput, match="changed since it was stored"):
             READ[kind](path)
     for command in (["report", path, "-o", page], ["plot", path, "-o", tmp_path / "none"]):
         code, out, err = flexfem(*command)
         assert (code, out, err.count("\n")) == (2, "", 1) and f"{path.name}: changed since it was stored" in err
     assert not page.exists() and not (tmp_path / "none").exists()
     path.write_text(json.dumps({key: value for key, value in json.loads(text).items() if key != "digest"}))
-    with pytest.raises(BadInput, match="has no digest, as what earlier versions stored"):
+    with pytest.raises(BadInput):
         READ[kind](path)
     path.write_text(json.dumps(json.loads(text), indent=3, sort_keys=True))  # the same in another order
     assert READ[kind](path).name
@@ -75,10 +82,11 @@ def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem
 
 def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
     path = stored["verification"]
-    beside, answer = path.with_suffix(".npz"), read_result(path)
-    assert {*read_fields(path, answer)} == {"one", "two"}
-    moved = {"one": fields(), "two": fields().model_copy(update={"stress": fields().stress + 1.0})}
-    other = write_result(answer, moved, tmp_path / "other").with_suffix(".npz")
+    beside, answer = path.with_suffix(".npz"), Verification.read(path)
+    assert {*answer.read_fields(path)} == {"one", "two"}
+    (tmp_path / "other").mkdir()
+    moved = fields().model_copy(update={"stress": fields().stress + 1.0})
+    other = written(tmp_path / "other", two=moved).with_suffix(".npz")
     with np.load(beside) as arrays:
         held = dict(arrays)
     held["1.displacement"] = np.nextafter(held["1.displacement"], 1.0)

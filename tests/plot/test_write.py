@@ -10,7 +10,6 @@ import pytest
 
 from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
-from flexfem.verify.result_files import write_result
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
@@ -18,12 +17,12 @@ DRAW = """
 import sys
 from pathlib import Path
 from flexfem.plot.write import write_figures
-from flexfem.verify.result_files import read_fields, read_result
-path = sys.argv[1]
-result = read_result(path)
+from flexfem.questions.errors import Verification
+path = Path(sys.argv[1])
+result = Verification.read(path)
 from flexfem.commands.console import side_by_side
 with side_by_side(2) as each:
-    write_figures([(result, read_fields(path, result))], Path(sys.argv[2]), each)
+    write_figures([(result, result.read_fields(path))], Path(sys.argv[2]), each)
 """
 
 
@@ -39,7 +38,9 @@ def names(results):
 @pytest.mark.slow
 def test_other_processes_side_by_side_give_the_same_bytes(made, tmp_path):
     """Here, of studies, `test_the_same_table_gives_the_same_files_of_every_figure` is quick, in one process."""
-    drawn, path = write_figures([stored(made)], tmp_path / "here"), write_result(*stored(made), tmp_path)
+    drawn, (found, fields) = write_figures([stored(made)], tmp_path / "here"), stored(made)
+    found.fields = fields
+    path = found.write(tmp_path / "fig.json")
     variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
     subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
     again = {file.name: file.read_bytes() for file in (tmp_path / "again").iterdir()}
@@ -96,60 +97,3 @@ def test_displacements_are_drawn_beside_the_figure_of_errors_and_not_over_it(mad
     stored = [(made.result({"one": (0.1, 0.2, 0.3)}), {"one": made.fields()})]
     shown, errors = ([plan.name for plan in plans(stored, displacement)] for displacement in (True, False))
     assert shown[0] == "fig-displacement" and errors[0] == "fig" and shown[1:] == errors[1:]
-
-
-def test_every_cell_of_the_page_is_its_own_number(made):
-    other = made.model(
-        stage="b",
-        hash="fedcba9876543210" * 4,
-        plane="plane_strain",
-        mobility=3,
-        formula="koster",
-        formula_in_range=False,
-        force=[[7.0, 8.0, 9.0], [0.0, 0.0, 0.0], [2.05, -0.31, 77.3]],
-        resolution=7,
-        triangles=777,
-        unknowns=888,
-    )
-    errors = {"one": (0.14071, 2e-4, -0.0312), "two": (0.0712, -0.031, 2.5)}
-    models = {"one": made.model(), "two": other}
-    found = made.result(errors, models=models, assumed=["thickness_mm", "case: points"])
-    bands = found.uncertainty["two"]
-    changed = {"y": {"verdict": "divergent", "resolutions": [4, 5, 9]}, "x": {"resolutions": [4, 5, 9]}}
-    changed = {axis: bands[axis].model_copy(update=new) for axis, new in changed.items()}
-    found = found.model_copy(update={"uncertainty": found.uncertainty | {"two": bands | changed}})
-    page = markdown_report([found]).replace("\N{NO-BREAK SPACE}", " ").splitlines()
-
-    def below(head):
-        at = page.index(head)
-        return page[at + 2 : page.index("", at)]
-
-    assert below("| case | command | curve | X | Y | θ |") == [
-        "| fig | X = 50 µm | one | 14.071 ± 0.017 % | 0.020 ± 0.027 % | −3.120 ± 0.037 % |",
-        "| fig | X = 50 µm | two | 7.12 ± 0.12 % | −3.10 ± 0.13 % | 250.00 ± 0.14 % |",
-    ]
-    assert below("| case | curve | triangles across a neck | X | Y | θ |") == [
-        "| fig | one | 3, 4, 6 | ± 0.017 (converging) | ± 0.027 (converging) | ± 0.037 (converging) |",
-        "| fig | two | 4, 5, 9 | ± 0.12 (converging) | ± 0.13 (divergent) | ± 0.14 (converging) |",
-    ]
-    head = "| case | curve | F_x | F_y | M | largest stress at the necks (finite elements) |"
-    assert below(head) == [
-        "| fig | one | 2.050 N | 0 | 0 | 31.7 MPa |",
-        "| fig | two | 2.050 N | −0.3100 N | 77.30 N mm | 31.7 MPa |",
-    ]
-    head = "| stage | curve | mobility | hinge formula | stiffness | analytic | finite elements | difference |"
-    rows = below(head)
-    assert rows[:3] == [
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_xx (N/mm) | 41.000 | 37.000 | 10.81 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_yy (N/mm) | 43.000 | 38.500 | 11.69 % |",
-        "| a stage $x_1$ | one | 6 | paros-weisbord | K_θθ (N mm/rad) | 47000 | 39000 | 20.51 % |",
-    ]
-    assert rows[3].startswith("| b | two | 3 | koster, outside its range, plane strain | K_xx (N/mm) |")
-    head = "| stage | hash | triangles across a neck | triangles | unknowns |"
-    assert below(head) == [
-        "| a stage $x_1$ | 1234567890ab | 5 | 12345 | 54321 |",
-        "| b | fedcba987654 | 7 | 777 | 888 |",
-    ]
-    text = "\n".join(page)
-    assert "first multiplied by l₃ (21 mm)" in text and "| thickness_mm | assumed | fig |" in text
-    assert "**assumed dimensions**" in text and "flexfem 0.1.0" in text and "| 1.5 s |" in text

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ import pytest
 from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import command_convergence, compliance_bands, error_bands, grid_convergence
-from flexfem.verify.case import DIRECTIONS
-from flexfem.verify.protocol import _bands, _by_direction, solve_stage
+from flexfem.verify.protocol import solve_stage
 
 ROOT = Path(__file__).parents[2]
 LEVELS, FINE = (4, 6, 8), (11, 16)
@@ -153,21 +151,6 @@ def test_two_meshes_that_agree_throughout_leave_the_difference_to_the_third(patt
     found = command_convergence((4, 6, 8), errors, 0, compliances, np.array([50.0, 0, 0]), 1.0)
     half_spread = (0.05 + 0.01) / 2 / growth
     assert found[1].band == pytest.approx(100 * 3 * half_spread * np.sqrt(0.03 * 50 * 0.02 * 50), rel=1e-3)
-
-
-@pytest.mark.parametrize("direction", DIRECTIONS)
-def test_a_case_has_the_bands_of_its_own_command(direction):
-    compliance, stiffness, lever = (KEPT[name][7] for name in KEPT.files[:3])
-    case = SimpleNamespace(direction=direction, resolution=8, commanded=np.array([-0.03, 0.0, 0.03]))
-    made = _by_direction(_bands(case, stiffness, list(compliance[:3]), lever))
-    column = DIRECTIONS.index(direction)
-    levels = percents(compliance[:3], stiffness, lever)[:, :, column]
-    bands = command_convergence(LEVELS, levels, column, compliance[:3], stiffness[:, column], lever)
-    for name, each, values in zip(DIRECTIONS, bands, levels.T, strict=True):
-        assert made[name].band == pytest.approx(each.band, rel=1e-9) and made[name].resolutions == [4, 6, 8]
-        assert made[name].values == pytest.approx(values, abs=1e-10)
-    band = kept_side(7)[2]
-    np.testing.assert_allclose(band[:, column], [each.band for each in bands], rtol=1e-9)
 
 
 def test_what_is_kept_comes_out_of_the_solver():

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from flexfem.mechanism.stage import load_stage
+from flexfem.questions import convergence
 from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
+from flexfem.questions.convergence import converge
 from flexfem.refused import BadInput
-from flexfem.verify.converge import checked_resolutions
 
 
 def power_law(limit, slope, order, resolutions):
@@ -91,16 +96,38 @@ def test_levels_of_small_resolutions():
     assert [levels(n) for n in (4, 8, 9, 13)] == [(2, 3, 4), (4, 6, 8), (4, 6, 9), (7, 10, 13)]
 
 
+PATH = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+LIMIT, RATE, ORDER = np.array([0.025, 0.020, 2e-5]), np.array([-0.3, -0.5, -0.9]), np.array([2.0, 3.0, 4.0])
+
+
+def solved(_, resolution):
+    compliance = np.diag(LIMIT * (1 + RATE * float(resolution) ** -ORDER))
+    return SimpleNamespace(compliance=compliance, unknowns=100 * resolution, triangles=40 * resolution)
+
+
+def test_each_direction_has_its_own_values_order_limit_and_band(monkeypatch):
+    monkeypatch.setattr(convergence, "solved", solved)
+    made = converge(load_stage(PATH), resolutions=[4, 6, 8])
+    expected = LIMIT * (1 + RATE * np.array([[4.0], [6], [8]]) ** -ORDER)
+    np.testing.assert_allclose(made.along, expected, rtol=1e-12)
+    np.testing.assert_allclose(made.order, ORDER, rtol=1e-5)
+    np.testing.assert_allclose(made.extrapolated, LIMIT, rtol=1e-6)
+    np.testing.assert_allclose(made.band("along")[-1], 1.25 * LIMIT * abs(RATE) * 8.0**-ORDER, rtol=1e-4)
+    assert made.verdicts == ["converging"] * 3 and made.resolutions == [4, 6, 8]
+    np.testing.assert_array_equal(made.unknowns, [400, 600, 800])
+
+
 @pytest.mark.parametrize(
     ("resolutions", "accepted"),
-    [((10, 13, 17), True), ((100, 129, 170), False), ((10, 13), False), ((2, 3, 4), True), ((1, 2, 3), False)],
+    [([10, 13, 17], True), ([100, 129, 170], False), ([10, 13], False), ([2, 3, 4], True), ([1, 2, 3], False)],
 )
-def test_resolutions_of_a_mesh_study_are_three_from_two_upwards_and_a_third_apart(resolutions, accepted):
+def test_resolutions_of_a_mesh_study_are_three_from_two_upwards_and_a_third_apart(resolutions, accepted, monkeypatch):
+    monkeypatch.setattr(convergence, "solved", solved)
     if accepted:
-        assert checked_resolutions(resolutions) == resolutions
+        assert converge(load_stage(PATH), resolutions=resolutions).resolutions == resolutions
     else:
-        with pytest.raises(BadInput, match=r"expected three or more from 2 upwards, each at least 1\.3 times"):
-            checked_resolutions(resolutions)
+        with pytest.raises(BadInput, match=r"resolution"):
+            converge(load_stage(PATH), resolutions=resolutions)
 
 
 def test_the_band_of_a_highest_stress_holds_it_where_the_finest_two_meshes_happen_to_agree():

@@ -13,8 +13,8 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import load_feasible
 from flexfem.refused import ComputationFailed
+from flexfem.units import DIRECTIONS
 from flexfem.verify import workspace as module
-from flexfem.verify.case import DIRECTIONS
 from flexfem.verify.protocol import solve_stage
 from flexfem.verify.workspace import workspace
 

@@ -19,13 +19,12 @@ from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import couple_names, hinge_couples
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.plot.text import markdown_report
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.case import LoadedCase
+from flexfem.questions.errors import run_case
+from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
 from flexfem.refused import BadInput
-from flexfem.verify.case import LoadedCase
 from flexfem.verify.driven import held
-from flexfem.verify.imposed import _bands, answer_to_joints, elements, imposed, turned_hinges
-from flexfem.verify.protocol import run_case
 
 from ..conftest import UNLIKE, with_changes
 
@@ -158,12 +157,6 @@ def test_both_witnesses_read_and_impose_rotations_alike_with_unlike_chains(unlik
     given = imposed(unlike, analyse(unlike, 6), "joints")
     of_model, of_metal = (error_matrix(np.eye(3), given.poses(C), 25.0) for C in (model, metal))
     assert np.max(np.abs(of_model - of_metal)) < CHART and np.max(np.abs(of_metal)) > 10 * CHART
-    commanded = np.array([-0.03, 0.0, 0.03])
-    case: Any = SimpleNamespace(drive="joints", direction="x", commanded=commanded, resolution=6)
-    answer = answer_to_joints(unlike, analyse(unlike, 6), case)
-    np.testing.assert_allclose(answer.found.percent, of_metal[:, 0], rtol=1e-6)
-    np.testing.assert_allclose([band.values[-1] for band in answer.bands], of_metal[:, 0], rtol=1e-6)
-    assert np.min(np.abs(of_metal[:, 0])) > 1e-3
 
 
 def test_rotations_that_a_force_makes_do_with_it_what_the_force_does_alone(unlike):
@@ -203,40 +196,36 @@ PERCENT = {  # resolution 8; with rotations of stations of no length -1.109, -0.
 
 @pytest.mark.parametrize(("case", "label"), PERCENT, ids=str)
 def test_errors_of_the_reference_stages_with_joints_commanded(shipped, case, label):
-    result, _ = shipped[case]
-    found = result.error_percent[label]
-    assert (found.x, found.y, found.theta) == pytest.approx(PERCENT[case, label], abs=COARSE)
-    for axis, expected in zip(("x", "y", "theta"), PERCENT[case, label], strict=True):
-        assert abs(getattr(found, axis) - expected) < result.uncertainty[label][axis].band + 0.0006  # rounded
+    found, band = shipped[case].at("percent", curve=label), shipped[case].band("percent", curve=label)
+    np.testing.assert_allclose(found, PERCENT[case, label], atol=COARSE)
+    assert np.all(np.abs(found - PERCENT[case, label]) < band + 0.0006)  # rounded
 
 
-def test_a_result_says_what_was_imposed(shipped):
-    result, fields = shipped["joints-x"]
-    model = result.models["mobility three"]
-    assert result.drive == "joints" and model.joints == ["base, chain 1", "base, chain 2", "base, chain 3"]
-    assert np.array(model.imposed).shape == (3, 3) and model.force == [[0.0] * 3] * 3
-    np.testing.assert_allclose(model.imposed[2], [0.0, 1.4434e-3, -1.4434e-3], atol=1e-7)  # 0.05 / (2 * 30 sin 60)
-    np.testing.assert_allclose(model.imposed[0], -np.array(model.imposed[2]), atol=1e-18)
-    assert len(result.models["mobility six"].joints) == 6
-    moved = fields["mobility six"].displacement
-    hub = np.hypot(*fields["mobility six"].nodes.T) < 8.0 + 1e-9
-    np.testing.assert_allclose(moved[hub].mean(axis=0), [0.05 * (1 - 0.00238), 0.05 * 0.00037], atol=3e-6)
-    page = markdown_report([result, shipped["strokes-x"][0]])
-    assert "X = 50 µm, joints imposed" in page and "X = 50 µm, strokes commanded" in page
-    assert "base, chain 2: 1.443 mrad; base, chain 3: −1.443 mrad" in page
-    assert "The force that" not in page and "Forces of" not in page
+def test_a_result_has_what_was_imposed(shipped):
+    result = shipped["joints-x"]
+    assert result.drive == "joints" and "force" not in result.values
+    assert result.axes["joint"][:3] == ("base, chain 1", "base, chain 2", "base, chain 3")
+    given = result.at("rotation", curve="mobility three")
+    np.testing.assert_allclose(given[2, :3], [0.0, 1.4434e-3, -1.4434e-3], atol=1e-7)  # 0.05 / (2 * 30 sin 60)
+    np.testing.assert_allclose(given[0], -given[2], atol=1e-18)
+    assert np.all(np.isnan(given[:, 3:])) and not np.any(np.isnan(result.at("rotation", curve="mobility six")))
+    fields = result.fields["mobility six"]
+    hub = np.hypot(*fields.nodes.T) < 8.0 + 1e-9
+    moved = fields.displacement[hub].mean(axis=0)
+    np.testing.assert_allclose(moved, [0.05 * (1 - 0.00238), 0.05 * 0.00037], atol=3e-6)
 
 
 def test_strokes_are_of_the_drive_and_beyond_their_limits_it_is_said(shipped):
-    result, _ = shipped["strokes-x"]
+    result = shipped["strokes-x"]
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    model = result.models["mobility six"]
-    assert model.hash == stage.drive_hash != stage.hash and model.joints[1] == "elbow, chain 1"
+    assert result.models["mobility six"].hash == stage.drive_hash != stage.hash
+    assert result.axes["joint"][1] == "elbow, chain 1"
     assert any(key.startswith("actuator") for key in result.assumed)
-    assert 1e3 * np.array(model.imposed[2]) == pytest.approx([0, 15.62, -14.61, 6.62, 14.61, -22.24], abs=0.01)
+    strokes = 1e3 * result.at("stroke", curve="mobility six")[2]
+    np.testing.assert_allclose(strokes, [0, 15.62, -14.61, 6.62, 14.61, -22.24], atol=0.01)
     limits = [text for text in result.warnings if "outside -8.7 to 8.7 um" in text]
     assert limits and all(text.startswith("curve 'mobility") for text in limits)
-    assert not any("outside -8.7" in text for text in shipped["joints-x"][0].warnings)
+    assert not any("outside -8.7" in text for text in shipped["joints-x"].warnings)
 
 
 def test_cases_that_cannot_be_driven_so_are_refused_in_one_line(project):
@@ -265,7 +254,7 @@ def test_bands_hold_what_finer_meshes_say_of_joints_and_strokes(unlike):
         compliances = [elements(stage, n, drive, 6).response.compliance for n in (4, 6, 8, 14)]
         for axis, name in enumerate(("x", "y", "theta")):
             case = SimpleNamespace(direction=name, resolution=8)
-            bands = _bands(given, np.array(compliances[:3]), case, stage.chain.link_lengths[2])
+            bands = imposed_bands(given, np.array(compliances[:3]), case, stage.chain.link_lengths[2])
             fine = error_matrix(np.eye(3), given.poses(compliances[3]), stage.chain.link_lengths[2])[:, axis]
             for band, value in zip(bands, fine, strict=True):
                 assert abs(band.values[-1] - value) <= band.band < 0.02

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -21,8 +22,7 @@ from flexfem.files.toml import Label, Table, validate
 from flexfem.hinges.formulas import formula, formulas
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS as DIRECTIONS
-from flexfem.units import Direction as Direction
+from flexfem.units import Direction
 
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
 Drive: TypeAlias = Literal["force", "joints", "strokes"]
@@ -200,13 +200,13 @@ class Case(Sourced):
 class LoadedCase:
     """A case with its stages read and found feasible; `stem` names its results."""
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        """Read case and stages. Raises BadInput naming the file that cannot be used."""
+    def __init__(self, path: str | os.PathLike[str], load: Callable[[Path], Stage] | None = None) -> None:
+        """Read case and stages, these by `load`. Raises BadInput naming the file that cannot be used."""
         self.path = Path(path)
         self.stem = self.path.stem
         self.case = validate(Case, path)
         self.stages: dict[str, Stage] = {}
-        load = cache(load_feasible)  # one stage of several curves is solved once
+        load = load or cache(load_feasible)  # one stage of several curves is solved once
         for curve in self.case.curve:
             stage = load(self.stage_path(curve))
             if self.case.drive == "strokes" and not stage.actuator:

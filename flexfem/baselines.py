@@ -1,0 +1,441 @@
+"""Accepted numbers: what flexfem answers of an input file, and which of it moved.
+
+A baseline holds every number of every question on a file with its band, what it was made from, and why it was accepted.
+What a number may move by is the gate of its quantity. A stage and a case are also solved on a mesh that is kept beside
+the baseline: when those numbers stand and the others move, the mesh is another and not the solver.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_mesh
+from flexfem.fem.response import platform_response
+from flexfem.fem.structure import plate_of
+from flexfem.files.refusals import checked_path, key_path
+from flexfem.files.toml import read_toml
+from flexfem.files.writing import check_folder, read_arrays, write_atomically
+from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.questions.bands import levels
+from flexfem.questions.budget import budget
+from flexfem.questions.case import LoadedCase
+from flexfem.questions.convergence import converge
+from flexfem.questions.errors import run_case
+from flexfem.questions.heat import drift
+from flexfem.questions.life import life
+from flexfem.questions.modes import modes
+from flexfem.questions.setup import Analytic, about
+from flexfem.questions.stiffness import COMPLIANCES, stiffness
+from flexfem.questions.summary import summary
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import EXACT, Gate, Progress, Quantity, Result, versions
+from flexfem.units import unit_of
+from flexfem.verify.hinges import hinge_review, thickness_review
+
+COARSE = 2  # triangles across the necks of a kept mesh
+FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike
+DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
+KINDS = {"curve": "case", "sampling": "study", "chain": "stage"}  # by a key that the file has
+STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # of columns, else `COARSER_TABLE`
+COARSER_TABLE = 3e-4
+Numbers: TypeAlias = dict[str, tuple[float, float, float, float]]  # by path: value, band and the changes accepted
+
+
+def _links(stage: Stage) -> Result:
+    return stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))
+
+
+QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; those that refuse it are left out
+    ("paper", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(formula=DEFAULT_FORMULA))),
+    ("links", _links),
+    ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
+    ("summary", summary),
+    ("drift", drift),
+    ("modes", modes),
+    ("life", lambda stage: life(stage, amplitude=AMPLITUDE)),
+    ("budget", lambda stage: budget(stage, plane=True)),
+    ("convergence", lambda stage: converge(stage, resolutions=[*levels(RESOLUTION)])),
+)
+
+
+class Kept(Result):
+    """Finite elements of a stage on a kept mesh."""
+
+    compliance = Quantity("compliance on the kept mesh", COMPLIANCES, ("component", "direction"), Gate(1e-8), "matrix")
+    labels: ClassVar = {"component": ("x", "y", "theta")}
+
+
+class Checked(NamedTuple):
+    """Baselines that were compared, and what is not as accepted; the command ends with exit code 1 when anything is."""
+
+    checked: list[str]
+    findings: list[str]
+
+
+def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
+    """Compare what flexfem answers now with accepted baselines.
+
+    Parameters
+    ----------
+    *baselines : Path
+        Baselines, or folders of them.
+    progress : callable, optional
+        Called with a line for every baseline.
+
+    Returns
+    -------
+    Checked
+        What changed in the input of a baseline, key by key, or else every number that moved, came or went.
+
+    Raises
+    ------
+    BadInput
+        A folder has no baselines.
+    """
+    checked, findings = list[str](), list[str]()
+    for place in map(checked_path, baselines):
+        inside = sorted(place.glob("*.json")) if place.is_dir() else [place]
+        if not inside:
+            raise BadInput(f"{place}: no baselines in this folder")
+        for path in inside:
+            if progress is not None:
+                progress(path.stem)
+            checked.append(path.stem)
+            try:
+                findings += check(path)
+            except (BadInput, ComputationFailed) as error:
+                findings.append(str(error))
+        if place.is_dir():
+            findings += unaccepted(place, inside)
+    return Checked(checked, list(dict.fromkeys(findings)))
+
+
+def baseline(*files: Path, reason: str, baselines: Path | None = None, progress: Progress | None = None) -> list[Path]:
+    """Accept what flexfem answers of input files now as their baselines.
+
+    Parameters
+    ----------
+    *files : Path
+        Stages, cases, studies, charts of flexfem itself.
+    reason : str
+        Why numbers may move; kept in the history of each baseline.
+    baselines : Path, optional
+        Folder of the baselines; by default `baselines` beside each file.
+    progress : callable, optional
+        Called with a line for every file.
+
+    Returns
+    -------
+    list of Path
+        The baselines written.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be used or its baseline is that of another one, or the reason is empty.
+    ComputationFailed
+        A question fails.
+    """
+    if not isinstance(reason, str) or not reason.strip():
+        raise BadInput("reason is empty, expected why the numbers may move")
+    targets: dict[Path, Path] = {}
+    for path in map(checked_path, files):
+        kind_of(path)
+        folder = path.parent / "baselines" if baselines is None else checked_path(baselines)
+        check_folder(folder)
+        target = folder / f"{path.stem}.json"
+        owner = read(target)["file"] if target.exists() else _relative(path, folder)
+        if targets.setdefault(target, path) != path or owner != _relative(path, folder):
+            raise BadInput(f"{path}: {target} is the baseline of another file, expected another name or folder")
+    for target, path in targets.items():
+        if progress is not None:
+            progress(path.stem)
+        history = read(target)["history"] if target.exists() else []
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        data = {
+            "kind": kind_of(path),
+            "file": _relative(path, target.parent),
+            "history": [*history, {"when": now, "reason": reason.strip(), "versions": versions()}],
+            "inputs": inputs_of(path),
+            "numbers": {
+                question: {key: _stored(*number[:2]) for key, number in found.items()}
+                for question, found in numbers_of(path, target.parent)
+            },
+        }
+        text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ")
+        content = f"{text}\n".encode()
+        write_atomically(target, partial(_put, content), again=True)
+    return list(targets)
+
+
+def _put(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def _stored(value: float, band: float) -> list[Any]:
+    """A number and its band as JSON: "inf" where there is no limit, no band where there is none."""
+    plain = value if np.isfinite(value) else str(value)
+    return [plain] if np.isnan(band) else [plain, band if np.isfinite(band) else str(band)]
+
+
+def read(path: Path) -> dict[str, Any]:
+    """An accepted baseline. Raises BadInput when there is none or it is damaged."""
+    try:
+        data: dict[str, Any] = json.loads(path.read_bytes())
+        assert {"kind", "file", "history", "inputs", "numbers"} == set(data) and data["history"]
+        for found in data["numbers"].values():
+            for number in found.values():
+                [float(each) for each in number]
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no baseline; flexfem baseline FILE --reason TEXT makes one") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, TypeError, AttributeError, AssertionError):
+        raise BadInput(f"{path}: not a baseline of this version of flexfem") from None
+    return data
+
+
+def check(path: Path) -> list[str]:
+    """What is not as a baseline has it: changed inputs alone, or else numbers. Raises BadInput, ComputationFailed."""
+    data = read(path)
+    source = Path(os.path.normpath(path.parent / data["file"]))
+    if not source.exists():
+        return [f"{path}: its input is gone: {source}"]
+    if source.stem != path.stem or kind_of(source) != data["kind"]:
+        return [f"{path}: the baseline of a {data['kind']} {source}, which is of kind {kind_of(source)}"]
+    was, now = data["inputs"], inputs_of(source)
+    changes = [
+        f"the input changed: {os.path.normpath(source.parent / file)}: {key} {_became(was, now, file, key)}"
+        for file in dict.fromkeys([*was, *now])
+        for key in dict.fromkeys([*was.get(file, {}), *now.get(file, {})])
+        if was.get(file, {}).get(key) != now.get(file, {}).get(key)
+    ]
+    return changes or list(_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent))))
+
+
+def _became(was: Mapping[str, Any], now: Mapping[str, Any], file: str, key: str) -> str:
+    old, new = (each.get(file, {}).get(key) for each in (was, now))
+    return f"is new: {new}" if old is None else f"is gone, was {old}" if new is None else f"was {old}, is {new}"
+
+
+def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Iterator[str]:
+    """Numbers that moved by more than their gates accept, came or went."""
+    for question in dict.fromkeys([*was, *now]):
+        old, new = was.get(question, {}), now.get(question, {})
+        for key in dict.fromkeys([*old, *new]):
+            place = f"{name}: {question}.{key}"
+            if key not in new:
+                yield f"{place} is gone, was {old[key][0]:.12g}"
+            elif key not in old:
+                yield f"{place} is new: {new[key][0]:.12g}"
+            else:
+                value, band, accepted, accepted_band = new[key]
+                before, *bands = map(float, old[key])
+                if not (value == before or abs(value - before) <= accepted):
+                    said = f"was {before:.15g}, is {value:.15g}, moved {value - before:+.3g}, accepted {accepted:.2g}"
+                    yield f"{place} {said}"
+                if bool(bands) == bool(np.isnan(band)) or (
+                    bands and not abs(band - bands[0]) <= accepted_band + accepted
+                ):
+                    yield f"{place}: its band was {bands or 'none'}, is {band:.6g}, accepted {accepted_band:.2g}"
+
+
+def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
+    """Input files beside those of a folder's baselines, of the same kind, that have none."""
+    made = [read(path) for path in baselines]
+    known = {Path(os.path.normpath(folder / each["file"])): each["kind"] for each in made}
+    for place, kind in sorted({(path.parent, kind) for path, kind in known.items()}):
+        for other in sorted(place.glob("*.json" if place.resolve() == DATA.resolve() else "*.toml")):
+            if other not in known and _is(other, kind):
+                yield f"{other}: no baseline in {folder}; flexfem baseline {other} --baselines {folder} --reason TEXT"
+
+
+def _is(path: Path, kind: str) -> bool:
+    try:
+        return kind_of(path) == kind
+    except BadInput:
+        return False
+
+
+# what numbers are made from
+
+
+def kind_of(path: Path) -> str:
+    """What an input file is. Raises BadInput when it is nothing that has a baseline."""
+    if path.suffix == ".json" and path.resolve().parent == DATA.resolve():
+        return "chart"
+    data = read_toml(path).data
+    for key, kind in KINDS.items():
+        if key in data:
+            return kind
+    raise BadInput(f"{path}: expected a stage, a case, a study, or a chart of flexfem itself")
+
+
+def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
+    """Keys of an input file and of the files that it names, by file as the input file names it."""
+    if path.suffix != ".toml":
+        return {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}}
+    data = read_toml(path).data
+    found = {path.name: {key_path(key, data): value for key, value in _leaves(data, ())}}
+    for value in list(found[path.name].values()):
+        other = path.parent / str(value)
+        if isinstance(value, str) and value not in found and os.path.isfile(other):
+            found[value] = inputs_of(other)[other.name]
+    return found
+
+
+def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    parts = tree.items() if isinstance(tree, Mapping) else enumerate(tree) if isinstance(tree, list | tuple) else None
+    if parts is None:
+        yield path, tree if isinstance(tree, str | int | float | bool) else str(tree)
+    else:
+        for key, part in parts:
+            yield from _leaves(part, (*path, key))
+
+
+# what is recorded of a file
+
+
+def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
+    """Numbers of an input file by question; kept meshes are in a folder. Raises BadInput, ComputationFailed."""
+    match kind_of(path):
+        case "stage":
+            stage = load_feasible(path)
+            for name, question in QUESTIONS:
+                try:
+                    yield name, _entries(question(stage))
+                except BadInput:  # the stage states nothing of it, or the model does not suit it
+                    continue
+            yield "mesh", _entries(kept(stage, path, folder))
+        case "case":
+            loaded = LoadedCase(path)
+            yield "errors", _entries(run_case(loaded))
+            if loaded.case.model == "fe":
+                for curve in loaded.case.curve:
+                    stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
+                    yield f"mesh of {curve.label}", _entries(kept(stage, file, folder))
+        case "chart":
+            yield "formulas", dict(_of_chart(path))
+        case _:
+            yield "table", dict(_of_study(path))
+
+
+def _entries(found: Result) -> Numbers:
+    return {
+        each.path: (each.value, each.band, each.accepted, each.accepted_band)
+        for each in found.entries()
+        if not np.isnan(each.value)
+    }
+
+
+def kept(stage: Stage, path: Path, folder: Path) -> Kept:
+    """A stage on its kept mesh, which is made when it is missing. Raises BadInput when that is damaged."""
+    place = folder / f"{path.stem}-{stage.hash[:8]}.npz"
+    if not place.exists():
+        write_mesh(build_mesh(stage, COARSE), place)
+    mesh = read_mesh(place)
+    try:
+        check_mesh(mesh, stage)
+    except (IndexError, ValueError, ComputationFailed) as error:
+        raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
+    return Kept(about(stage), {"compliance": platform_response(mesh, plate_of(stage)).compliance})
+
+
+def write_mesh(mesh: StageMesh, path: Path) -> None:
+    """Store a mesh as arrays. Raises BadInput when the folder does not take it."""
+    arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {
+        "nodes": mesh.nodes,
+        "triangles": mesh.triangles.astype(np.int32),
+        "bodies": mesh.bodies.astype(np.int8),
+    }
+    write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+
+
+def read_mesh(path: Path) -> StageMesh:
+    """Read a stored mesh. Raises BadInput when it is missing or damaged."""
+    arrays = read_arrays(path, "a kept mesh")
+    try:
+        edges = {name.removeprefix("edges."): arrays[name] for name in arrays if name.startswith("edges.")}
+        return StageMesh(
+            arrays["nodes"], arrays["triangles"].astype(np.int64), arrays["bodies"].astype(np.int64), edges
+        )
+    except KeyError as error:
+        raise BadInput(f"{path}: expected a kept mesh: it has no {error}") from None
+
+
+def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
+    """What the analytic model reads from a chart of flexfem itself, at every fifth point."""
+    if path.stem == "thickness_chart":
+        found: dict[str, Any] = {"thickness": thickness_review()}
+    else:
+        middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
+        review = hinge_review(middle)
+        found = {each.name: each for each in (*review.curves, review.higher)}
+    for name, each in found.items():
+        for field, values in each._asdict().items():
+            if isinstance(values, np.ndarray):
+                for place in np.ndindex(values.shape):
+                    if place[-1] % 5 == 0:
+                        value = float(values[place])
+                        yield f"{name}.{field}.{'.'.join(map(str, place))}", _number(value, abs(value) * EXACT.relative)
+
+
+def _number(value: float, accepted: float) -> tuple[float, float, float, float]:
+    return value, np.nan, accepted, 0.0
+
+
+def _of_study(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
+    """The collected table of a study, by the commands, as users run them."""
+    with tempfile.TemporaryDirectory() as made:
+        table = Path(made) / "table.csv"
+        for arguments in (("run", path, "--output", made), ("collect", path, "--output", made, "--to", table)):
+            command = [sys.executable, "-m", "flexfem", "study", *map(str, arguments)]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                raise ComputationFailed(f"{path}: {(done.stderr.strip().splitlines() or ['it failed'])[-1]}")
+        with table.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+    model, columns = str(read_toml(path).data.get("model")), dict[str, list[float]]()
+    for name in rows[0] if rows else ():
+        try:
+            columns[name] = [float(row[name] or "nan") for row in rows]
+        except ValueError:  # texts
+            continue
+    for name, values in columns.items():
+        kind = name.partition("_")[0]
+        relative = STUDY_GATES.get(model) or STUDY_GATES.get(kind, COARSER_TABLE)
+        for k, value in enumerate(values):
+            if not np.isnan(value):
+                yield f"{name}.{k}", _number(value, relative * _size(columns, name, k))
+
+
+def _size(columns: Mapping[str, list[float]], name: str, row: int) -> float:
+    """What a change in a column is relative to: its largest number, of couplings the stiffnesses that they couple."""
+    kind = name.partition("_")[0]
+    if len(kind) == 3 and kind[0] == "k" and kind[1] != kind[2]:
+        own = [
+            next(values[row] for key, values in columns.items() if key.startswith(f"k{axis}{axis}_"))
+            for axis in kind[1:]
+        ]
+        return float(np.sqrt(abs(own[0] * own[1])))
+    if unit_of(name).name in ("", "%") and kind in ("coupling", "error", "cross"):
+        return 100.0 if unit_of(name).name == "%" else 1.0
+    return float(np.nanmax(np.abs(columns[name])))

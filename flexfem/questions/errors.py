@@ -1,0 +1,624 @@
+"""Errors of an analytic model against finite elements: Section V of the paper, Figures 5 to 7.
+
+The force that (18) predicts for a command is applied to the finite elements, or with joints imposed, `imposed`, the
+rotations or strokes that the model computes for it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import cache
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.large import at_pose
+from flexfem.analytic.model import AnalyticResult, analyse, assemble
+from flexfem.arrays import Array
+from flexfem.fem.elements import nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.fem.fields import load_case, neck_maxima, solid_neck_stresses
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.nonlinear import equilibrium
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, tie_hub
+from flexfem.files.provenance import Doubts, doubts
+from flexfem.files.refusals import checked_path
+from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.questions import bands, warnings
+from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
+from flexfem.questions.case import Analysis, Case, Curve, Drive, Elements, LoadedCase
+from flexfem.questions.imposed import elements, imposed, imposed_bands
+from flexfem.questions.setup import solved
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import (
+    ANALYTIC,
+    COARSER,
+    ELEMENTS,
+    EXACT,
+    FRESH,
+    SOLVED,
+    STRESS,
+    About,
+    Gate,
+    Progress,
+    Quantity,
+    Result,
+)
+from flexfem.units import DIRECTIONS, Direction
+from flexfem.verify.command import of_limits
+from flexfem.verify.result import Fields
+
+RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
+LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
+UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
+SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
+MOTION, WRENCH = ("mm", "mm", "rad"), ("n", "n", "n_mm")
+STIFFNESSES = (("n_per_mm", "n_per_mm", "n"), ("n_per_mm", "n_per_mm", "n"), ("n", "n", "n_mm_per_rad"))
+COMPLIANCES = (("mm_per_n", "mm_per_n", "per_n"), ("mm_per_n", "mm_per_n", "per_n"), ("per_n", "per_n", "rad_per_n_mm"))
+PERCENT = ("percent",) * 3
+OF_HUNDRED = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # a change of the mesh is one of the displacement
+
+
+class HingeDrawing(NamedTuple):
+    """One hinge as modelled: centre (mm), direction of the neck (rad), radius and neck (mm), freedoms."""
+
+    chain: int
+    hinge: str
+    centre: tuple[float, float]
+    axis: float
+    radius: float
+    neck: float
+    freedoms: list[str]
+
+
+class CurveModels(NamedTuple):
+    """The stage and the two models of a curve, as figures name and draw them.
+
+    plane : the stage's own choice of plane problem.   layers : in half the thickness, 0 in the plane.
+    lever : l3, mm.   verdicts : on the meshes of the error in each direction.
+    """
+
+    stage: str
+    file: str
+    hash: str
+    plane: str
+    mobility: int
+    formula: str
+    formula_in_range: bool
+    links: bool
+    assumed: list[str]
+    not_stated: list[str]
+    lever: float
+    link_width: float
+    platform_radius: float
+    hub_radius: float
+    hinges: list[HingeDrawing]
+    resolution: int
+    layers: int
+    triangles: int
+    unknowns: int
+    verdicts: list[Verdict]
+
+    @classmethod
+    def read(cls, data: dict[str, Any]) -> CurveModels:
+        """The models as a stored result has them."""
+        return cls(**data | {"hinges": [HingeDrawing(**each) for each in data["hinges"]]})
+
+
+class Verification(Result):
+    """Finite-element displacement against the commanded one, curve by curve of a case."""
+
+    title = "errors of the finite-element displacement"
+    columns = ("direction",)
+    reading = (
+        "errors at the largest command, per cent: along the command relative to it; across it translations relative to "
+        "a commanded translation, rotations times l3, a commanded rotation counts times l3",
+    )
+    percent = Quantity("error, per cent of the command", PERCENT, ("curve", "direction"), OF_HUNDRED)
+    along = Quantity(
+        "stiffness of the platform along each direction",
+        ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
+        ("curve", "model", "direction"),
+        FRESH,
+    )
+    peak = Quantity(
+        "highest neck stress per displacement along the command",
+        ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
+        ("curve", "model", "chain", "hinge", "direction"),
+        STRESS,
+        "all",
+        largest=("chain", "hinge"),
+        note="by the model with the other directions held; by finite elements over the displacement that they reach",
+    )
+    neck_stress = Quantity(
+        "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all",
+        largest=("chain", "hinge"),
+    )  # fmt: skip
+    load = Quantity("load on the platform at the largest command", WRENCH, ("curve", "direction"), SOLVED, "wrench")
+    command = Quantity("commanded displacement", MOTION, ("point", "direction"), EXACT, "pose", shown=False)
+    error = Quantity(
+        "finite-element less commanded displacement", MOTION, ("curve", "point", "direction"), COARSER, "pose",
+        shown=False,
+    )  # fmt: skip
+    force = Quantity(
+        "load of the model on the platform", WRENCH, ("curve", "point", "direction"), SOLVED, "wrench", shown=False
+    )
+    rotation = Quantity("imposed rotation", "rad", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
+    stroke = Quantity("imposed stroke", "mm", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
+    stiffness = Quantity(
+        "analytic stiffness", STIFFNESSES, ("curve", "component", "direction"), EXACT, "matrix", shown=False
+    )
+    compliance = Quantity(
+        "compliance of finite elements", COMPLIANCES, ("curve", "component", "direction"), FRESH, "matrix", shown=False
+    )
+    on_meshes = Quantity(
+        "error on each mesh, coarse to fine", PERCENT, ("curve", "mesh", "direction"),
+        Gate(COARSER.relative, absolute=100 * COARSER.relative), shown=False,
+    )  # fmt: skip
+    layer_band = Quantity(
+        "share of the layers in the band of the error", PERCENT, ("curve", "direction"), Gate(0.05), shown=False
+    )
+
+    @property
+    def name(self) -> str:
+        """Name of the case."""
+        return self.about.name
+
+    @property
+    def assumed(self) -> list[str]:
+        """Key paths of numbers that are assumed."""
+        return list(self.about.assumed)
+
+    @property
+    def not_stated(self) -> list[str]:
+        """Key paths of numbers without a stated source."""
+        return list(self.about.not_stated)
+
+    @property
+    def case(self) -> str:
+        """Name of the case file without its ending."""
+        return Path(self.about.file).stem
+
+    @property
+    def direction(self) -> Direction:
+        """Direction of the command."""
+        found: Direction = self.settings["direction"]
+        return found
+
+    @property
+    def analysis(self) -> Analysis:
+        """Linear or nonlinear."""
+        found: Analysis = self.settings["analysis"]
+        return found
+
+    @property
+    def drive(self) -> Drive:
+        """What the finite elements were given."""
+        found: Drive = self.settings["drive"]
+        return found
+
+    @property
+    def elements(self) -> Elements:
+        """Which finite elements."""
+        found: Elements = self.settings["model"]
+        return found
+
+    @property
+    def commanded(self) -> Array:
+        """Commands (points,), mm or rad."""
+        return self.command[:, DIRECTIONS.index(self.direction)]
+
+    @property
+    def curves(self) -> tuple[str, ...]:
+        """Labels of the curves."""
+        return self.axes["curve"]
+
+    @property
+    def models(self) -> dict[str, CurveModels]:
+        """Stage and models of each curve."""
+        return {label: CurveModels.read(each) for label, each in self.settings["curves"].items()}
+
+    def write(self, path: Path) -> Path:
+        """Store the document as JSON and its fields beside it as .npz; returns the path of the former."""
+        if self.fields is not None:
+            arrays = self._arrays()
+            self.settings["stored"] = {"fields": digest_of_arrays(arrays)}
+            write_atomically(
+                path.with_suffix(".npz"), lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
+            )
+        return super().write(path)
+
+    def _arrays(self) -> dict[str, Any]:
+        return {
+            f"{k}.{key}": value
+            for k, label in enumerate(self.curves)
+            for key, value in self.fields[label].model_dump().items()
+        }
+
+    def read_fields(self, path: str | os.PathLike[str]) -> dict[str, Fields]:
+        """The fields stored beside this result. Raises BadInput when they are missing or of another result."""
+        beside = Path(path).with_suffix(".npz")
+        arrays = read_arrays(beside, f"the fields of {path}")
+        if digest_of_arrays(arrays) != self.settings.get("stored", {}).get("fields"):
+            raise BadInput(f"{beside}: not the fields that were stored with {path}: flexfem verify makes both again")
+        return {
+            label: Fields(**{key: arrays[f"{k}.{key}"] for key in Fields.model_fields})
+            for k, label in enumerate(self.curves)
+        }
+
+
+class Answer(NamedTuple):
+    """Finite elements of a curve.
+
+    error : (points, 3), less the command.   pose (3,), neck_stress (3 chains, 3 hinges), fields : at full command.
+    bands : of the three percentages.   compliance : (3, 3), of the platform.
+    peak_band : half-width of the highest neck stress per displacement, nan of one mesh.
+    joints, imposed : names (m,), and rotations or strokes (points, m) that they were given.
+    of_layers : share (3,) of the bands.
+    """
+
+    error: Array
+    force: Array
+    pose: Array
+    neck_stress: Array
+    fields: Fields
+    bands: tuple[Convergence, ...]
+    compliance: Array
+    unknowns: int
+    peak_band: float = np.nan
+    joints: tuple[str, ...] = ()
+    imposed: Array = np.zeros((0, 0))
+    of_layers: Array = np.zeros(3)
+    warnings: tuple[str, ...] = ()
+
+
+def verification(
+    *cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None
+) -> list[Verification]:
+    """Apply the analytic force of (18), or joint commands, to the finite elements: the errors of Figures 5 to 7.
+
+    Parameters
+    ----------
+    *cases : Path
+        Case files, see flexfem schema case.
+    output : Path, optional
+        Folder for the results, which `flexfem plot` draws; none are stored with None.
+    progress : callable, optional
+        Called with a line whenever a case is done.
+
+    Returns
+    -------
+    list of Verification
+        One result for each case.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be used, a stage does not suit its model, or two results would have one name.
+    ComputationFailed
+        A mesh or a solution does not pass its checks.
+    """
+    loaded, load, seen = list[LoadedCase](), cache(load_feasible), dict[str, Path]()
+    for path in map(checked_path, cases):  # all are read before any is run
+        loaded.append(LoadedCase(path, load))
+        other = seen.setdefault(path.stem, path)
+        if other != path:
+            raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
+    found = []
+    for case in loaded:
+        found.append(run_case(case))
+        if output is not None:
+            found[-1].write(output / f"{case.stem}.json")
+        if progress is not None:
+            progress(f"{case.stem}: {len(case.case.curve)} curves")
+    return found
+
+
+def run_case(loaded: LoadedCase) -> Verification:
+    """Run every curve of a case. Raises BadInput when a stage does not suit the formula, ComputationFailed."""
+    case, labels = loaded.case, [curve.label for curve in loaded.case.curve]
+    axis, found = DIRECTIONS.index(case.direction), _doubts(loaded)
+    models = [analyse(loaded.stages[one.label], one.mobility, one.formula, one.links) for one in case.curve]
+    answers = [_answer(loaded, curve, model) for curve, model in zip(case.curve, models, strict=True)]
+    facts = {
+        curve.label: _facts(loaded, curve, model, answer)
+        for curve, model, answer in zip(case.curve, models, answers, strict=True)
+    }
+    shape = (len(labels), 2, 3, 3, 3)
+    peak, peak_band = np.full(shape, np.nan), np.full(shape, np.nan)
+    for k, (model, answer) in enumerate(zip(models, answers, strict=True)):
+        if not answer.joints:
+            peak[k, 0, ..., axis] = model.stress[..., axis]
+        peak[k, 1, ..., axis] = reached = answer.neck_stress / abs(answer.pose[axis])
+        peak_band[k, 1, ..., axis] = np.where(reached == np.max(reached), answer.peak_band, np.nan)
+    values: dict[str, Any] = {
+        "percent": [[each.values[-1] for each in one.bands] for one in answers],
+        "along": [
+            [np.diag(m.stiffness), np.diag(np.linalg.inv(a.compliance))] for m, a in zip(models, answers, strict=True)
+        ],
+        "peak": peak,
+        "neck_stress": [one.neck_stress for one in answers],
+        "command": case.commanded[:, None] * np.eye(3)[axis],
+        "error": [one.error for one in answers],
+        "stiffness": [one.stiffness for one in models],
+        "compliance": [one.compliance for one in answers],
+        "on_meshes": [np.transpose([each.values for each in one.bands]) for one in answers],
+    }
+    if case.analysis == "nonlinear":  # the percentages of a linear case are those of its finest mesh
+        values["percent"] = [
+            _percent(case, one.error, loaded.stages[label]) for label, one in zip(labels, answers, strict=True)
+        ]
+    joints = tuple(dict.fromkeys(name for one in answers for name in one.joints))
+    if joints:
+        values["rotation" if case.drive == "joints" else "stroke"] = [_of_joints(one, joints) for one in answers]
+    else:
+        values |= {"force": [one.force for one in answers], "load": [one.force[-1] for one in answers]}
+    if case.model == "three_dimensional":
+        values["layer_band"] = [one.of_layers for one in answers]
+    settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
+    texts = [_warnings(case, *each) for each in zip(case.curve, loaded.stages.values(), models, answers, strict=True)]
+    lever = loaded.stages[labels[0]].chain.link_lengths[2]
+    own = digest({label: each["hash"] for label, each in facts.items()})
+    return Verification(
+        About(case.name, str(loaded.path), own, found.assumed, found.not_stated, lever),
+        values,
+        {"percent": [[each.band for each in one.bands] for one in answers], "peak": peak_band},
+        {
+            "curve": labels,
+            "model": (ANALYTIC, ELEMENTS),
+            "point": [str(k) for k in range(case.points)],
+            "mesh": [f"{n} triangles" for n in levels(case.resolution)],
+            "joint": joints,
+        },
+        settings | {"curves": facts},
+        list(chain.from_iterable(texts)),
+        [_said(label, CurveModels.read(each)) for label, each in facts.items()],
+        {label: one.fields for label, one in zip(labels, answers, strict=True)},
+    )
+
+
+def _said(label: str, of: CurveModels) -> str:
+    """The stage and the models of a curve in a line."""
+    formula = f"{of.formula}{'' if of.formula_in_range else ', outside its range'}{', elastic links' * of.links}"
+    layers = f", {of.layers} layers" if of.layers else ""
+    return (
+        f"{label}: {of.stage}, {of.plane.replace('_', ' ')}, mobility {of.mobility}, {formula}; {of.resolution} "
+        f"triangles across every neck{layers}, {of.unknowns} unknowns; meshes: {', '.join(of.verdicts)}"
+    )
+
+
+def _of_joints(answer: Answer, names: Sequence[str]) -> Array:
+    """What joints were given (points, names), nan where a curve has no such joint."""
+    found = np.full((len(answer.imposed), len(names)), np.nan)
+    found[:, [names.index(name) for name in answer.joints]] = answer.imposed
+    return found
+
+
+def _percent(case: Case, error: Array, stage: Stage) -> Array:
+    largest = int(np.argmax(case.commanded))
+    return bands.percentages(error[largest], case.commanded[largest], case.direction, stage.chain.link_lengths[2])
+
+
+def _doubts(loaded: LoadedCase) -> Doubts:
+    """What is assumed or not stated of a case and its stages, of their drives where these are used."""
+    stages = loaded.stages.values()
+    if loaded.case.drive != "strokes":
+        return doubts([("case: ", loaded.case), *(("", stage) for stage in stages)])
+    every = [doubts([("case: ", loaded.case)]), *(stage.drive_doubts for stage in stages)]
+    return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
+
+
+def _facts(loaded: LoadedCase, curve: Curve, model: AnalyticResult, answer: Answer) -> dict[str, Any]:
+    """What is stored of a curve beside its numbers."""
+    stage, strokes, frames = (
+        loaded.stages[curve.label],
+        loaded.case.drive == "strokes",
+        stage_frames(loaded.stages[curve.label]),
+    )
+    own = stage.drive_doubts if strokes else Doubts(list(stage.assumed), list(stage.not_stated))
+    hinges = [
+        HingeDrawing(
+            chain=number + 1,
+            hinge=name,
+            centre=tuple(frames.centres[number, k].tolist()),
+            axis=float(frames.axes[number, k]),
+            radius=stage.hinge(number + 1, name).radius,
+            neck=stage.hinge(number + 1, name).neck,
+            freedoms=list(model.freedoms[number][k]),
+        )._asdict()
+        for number in range(3)
+        for k, name in enumerate(HINGE_NAMES)
+    ]
+    found = CurveModels(
+        stage=stage.name,
+        file=curve.stage,
+        hash=stage.drive_hash if strokes else stage.hash,
+        plane=stage.model,
+        mobility=model.mobility,
+        formula=model.formula,
+        formula_in_range=bool(np.all(model.in_range)),
+        links=curve.links,
+        **own._asdict(),
+        lever=stage.chain.link_lengths[2],
+        link_width=stage.chain.link_width,
+        platform_radius=stage.platform.radius,
+        hub_radius=stage.platform.hub_radius,
+        hinges=[],
+        resolution=loaded.case.resolution,
+        layers=loaded.case.layers if loaded.case.model == "three_dimensional" else 0,
+        triangles=len(answer.fields.triangles),
+        unknowns=answer.unknowns,
+        verdicts=[each.verdict for each in answer.bands],
+    )
+    return found._asdict() | {"hinges": hinges}
+
+
+def _warnings(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer: Answer) -> list[str]:
+    """Warnings on one curve: its model, what it does at full command, and its bands."""
+    where = f"curve {curve.label!r}"
+    found = [f"{where}: {text}" for text in (*warnings.of_result(stage, model), *answer.warnings)]
+    highest, full = float(np.max(answer.neck_stress)), f"{where}, full command"
+    found += warnings.of_yield(highest, stage.material.yield_strength, full)
+    if case.analysis == "linear":
+        found += warnings.of_motion(stage, answer.pose, full)
+    for direction, each in zip(DIRECTIONS, answer.bands, strict=True):
+        said = (
+            f"{where}: the mesh band of the error in {direction}, {each.values[-1]:.4g} %, is ±{each.band:.2g} points"
+        )
+        if each.band > LARGE_BAND:
+            found.append(f"{said}; a higher resolution narrows it")
+        elif each.verdict not in SOUND and each.band > UNSETTLED:
+            found.append(f"{said}, from meshes that are not converging ({each.verdict})")
+    return found
+
+
+def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
+    """Finite elements of a curve, as its case wants them. Raises BadInput, ComputationFailed."""
+    case, stage = loaded.case, loaded.stages[curve.label]
+    if case.model == "three_dimensional":
+        return _of_solid(stage, model, case)
+    plate_of(stage)
+    if case.drive != "force":
+        return _of_imposed(stage, model, case)
+    try:
+        return _of_force(stage, curve, model, case)
+    except ComputationFailed as failure:
+        raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
+
+
+def _commands(case: Case) -> Array:
+    """Commands (points, 3)."""
+    return np.asarray(case.commanded[:, None] * np.eye(3)[DIRECTIONS.index(case.direction)])
+
+
+def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> Answer:
+    """Finite elements under the force of a model, on three meshes."""
+    steps, axis, command = levels(case.resolution), DIRECTIONS.index(case.direction), _commands(case)
+    meshes = [solved(stage, resolution) for resolution in steps]
+    finest = meshes[-1]
+    force = command @ model.stiffness.T  # (18)
+    pose = force @ finest.compliance.T
+    if case.analysis == "nonlinear":
+        force, pose = _exact(stage, curve, finest.mesh, command)
+    loads = [load_case(stage, each.mesh, each, force[-1]) for each in meshes]
+    full = loads[-1]
+    return Answer(
+        error=pose - command,
+        force=force,
+        pose=full.pose,
+        neck_stress=full.neck_stress,
+        fields=_fields(finest.mesh, full.field, full.stress),
+        bands=bands.command_errors(
+            np.array(steps),
+            np.array([each.compliance for each in meshes]),
+            model.stiffness,
+            case.direction,
+            stage.chain.link_lengths[2],
+        ),
+        compliance=finest.compliance,
+        unknowns=finest.unknowns,
+        peak_band=_peak_band(steps, [each.neck_stress / abs(each.pose[axis]) for each in loads]),
+    )
+
+
+def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple[Array, Array]:
+    """Loads of the exact equilibrium of the pseudo-rigid stage, and poses of nonlinear finite elements under them.
+
+    The loads are reached outwards from rest, on each side of it. Raises ComputationFailed when one is not reached.
+    """
+    force = at_pose(assemble(stage, curve.mobility, curve.formula), command).load
+    pose, along = np.zeros_like(command), np.sum(command, axis=1)
+    for side in (np.flatnonzero(along > 0), np.flatnonzero(along < 0)[::-1]):
+        if len(side):
+            pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
+    return force, pose
+
+
+def _fields(mesh: StageMesh, displacement: Array, stress: Array) -> Fields:
+    return Fields(
+        nodes=mesh.nodes, triangles=mesh.triangles, bodies=mesh.bodies, displacement=displacement, stress=stress
+    )
+
+
+def _peak_band(steps: Sequence[int], stresses: Sequence[Array]) -> float:
+    """Half-width by meshes, coarse to fine, of the highest of neck stresses (3, 3) per displacement."""
+    return float(bands.stress_bands(np.array(steps, dtype=float), np.array([np.max(each) for each in stresses])))
+
+
+# three dimensions
+
+
+def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
+    """Finite elements in three dimensions under the force of a model; the mid-plane, and stress through the thickness.
+
+    Notes
+    -----
+    The mesh in the plane errs alike with one layer and with more. What the layers leave out is bounded by
+    `bands.pose_bounds` with the change from few layers to more; nothing where symmetry leaves round-off.
+    """
+    response, K = bands.solve_solid(stage, case.resolution, case.layers), model.stiffness
+    bounds, lever = bands.solid_levels(stage, case.resolution, case.layers), stage.chain.link_lengths[2]
+    many = bounds.planes + (response.compliance - bounds.planes[-1])
+    steps, axis, command = np.array(levels(case.resolution)), DIRECTIONS.index(case.direction), _commands(case)
+    moved = bands.pose_bounds(bounds.of_layers, bounds.many, K[:, axis], np.eye(3))
+    few, more = (error_matrix(K, each, lever)[:, axis] for each in (bounds.few, bounds.many))
+    silent = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
+    of_layers = np.where(silent, 0.0, bands.percentages(moved, 1.0, case.direction, lever))
+    force = command @ K.T  # (18)
+    mesh, field = response.mesh, np.tensordot(force[-1], response.fields, axes=1)
+    stress = solid_nodal_stress(mesh, sheet_of(stage), response.layers, field, np.arange(len(mesh.nodes)))
+    found = bands.command_errors(steps, many, K, case.direction, lever)
+    return Answer(
+        error=force @ response.compliance.T - command,
+        force=force,
+        pose=response.compliance @ force[-1],
+        neck_stress=solid_neck_stresses(stage, sheet_of(stage), response, force[-1:]).highest[0],
+        fields=_fields(mesh, field[:, 0, :2], solid_von_mises(stress).max(axis=1)),
+        bands=tuple(
+            each._replace(band=max(each.band, bands.mesh_band(steps, each.values)) + of)
+            for each, of in zip(found, of_layers.tolist(), strict=True)
+        ),
+        compliance=response.compliance,
+        unknowns=response.unknowns,
+        of_layers=of_layers,
+        warnings=tuple(warnings.held_faces(stage)),
+    )
+
+
+def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
+    """Finite elements with the rotations or strokes that a model computed for the commands, on three meshes."""
+    given, axis = imposed(stage, model, case.drive), DIRECTIONS.index(case.direction)
+    meshes = [elements(stage, n, case.drive, model.mobility) for n in levels(case.resolution)]
+    commands = np.outer(case.commanded, given.given[:, axis])
+    finest, full, stresses = meshes[-1], [], []
+    for each in meshes:
+        seen = given.on(each.response.compliance)
+        force = seen.Y @ seen.T @ commands[-1]
+        field = np.tensordot(force, each.response.fields[3:], axes=1)
+        stresses.append(von_mises(nodal_stress(each.mesh, plate_of(stage), field), out_of_plane_ratio_of(stage)))
+        full.append((seen.C[:3, 3:] @ force, field, neck_maxima(stage, each.mesh, stresses[-1])))
+    pose, field, necks = full[-1]
+    C, limits = finest.response.compliance, list[str]()
+    if given.model is not None and given.drive is not None:  # at either end of the commands
+        for x in (commands[0], commands[-1]):
+            limits += of_limits(given.model, given.drive, x, np.zeros(3), "least energy")
+    return Answer(
+        error=_commands(case) @ given.poses(C).T - _commands(case),
+        force=np.zeros((case.points, 3)),
+        pose=pose,
+        neck_stress=necks,
+        fields=_fields(finest.mesh, field, stresses[-1]),
+        bands=imposed_bands(
+            given, np.array([each.response.compliance for each in meshes]), case, stage.chain.link_lengths[2]
+        ),
+        compliance=C[:3, :3],
+        unknowns=2 * len(tie_hub(finest.mesh).free) + 3,
+        peak_band=_peak_band(levels(case.resolution), [each[2] / abs(each[0][axis]) for each in full]),
+        joints=given.names,
+        imposed=commands,
+        warnings=tuple(dict.fromkeys(limits)),
+    )

@@ -1,1 +1,0 @@
-"""What every file may say: JSON schemas and reference pages, made from the models that read the files."""

@@ -1,0 +1,335 @@
+"""Files that flexfem reads and writes: JSON schemas, draft 7, and tables of their keys for people.
+
+The schema of an input file is made from the model that reads it, without references, so that editors and validators of
+TOML read it: every key has its description, default, limits, examples and, if it is a number, its unit. The schema of a
+stored result is that of its declaration.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from operator import methodcaller
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from flexfem import questions
+from flexfem.design.requirements import Requirements
+from flexfem.files.inputs import require_unread
+from flexfem.files.quantities import UNIT
+from flexfem.files.refusals import SHOWN, as_toml, one_line
+from flexfem.files.writing import check_folder, write_atomically
+from flexfem.mechanism.actuators import Catalogue
+from flexfem.mechanism.materials import Entry
+from flexfem.mechanism.stage import Stage
+from flexfem.questions.as_built import Necks
+from flexfem.questions.case import Case
+from flexfem.questions.fixture import Fixture, Measurement
+from flexfem.refused import BadInput
+from flexfem.results import Result
+from flexfem.study.plan import Study
+from flexfem.units import unit_of
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+FILE = "flexfem-{}.schema.json"
+NUMBERS = ("number", "integer")
+WORDS = {"string": "text", "number": "number", "integer": "integer", "boolean": "true or false", "object": "table"}
+LISTED = 12  # values of an enumeration; of more a few are named
+
+
+class Format(NamedTuple):
+    """A kind of input file: the model that reads it, its title, and what it is for.
+
+    `named` is what the tables of the file are, where their names are the user's: then the model is that of each.
+    """
+
+    model: type[BaseModel]
+    title: str
+    about: str
+    named: str = ""
+
+
+FORMATS = {
+    "stage": Format(
+        Stage,
+        "Stage file",
+        "One TOML file a stage. `flexfem new` writes one to start from; `flexfem check` reads one, refuses with file, "
+        "line, key and value what cannot be made, and prints what it means.",
+    ),
+    "case": Format(
+        Case,
+        "Case file",
+        "One TOML file a comparison: a platform displacement is commanded, (18) says which force should produce it, "
+        "that force is applied to the finite-element stage, and the difference is the error. `flexfem verify` runs it.",
+    ),
+    "study": Format(
+        Study,
+        "Study file",
+        "One TOML file a study: many designs of one base stage, and by which model. `flexfem study run` runs it.",
+    ),
+    "requirements": Format(
+        Requirements,
+        "Requirements file",
+        "One TOML file a design: a base stage, what of it is free, what is required of it and what is to be best. "
+        "`flexfem design` finds the stage.",
+    ),
+    "fixture": Format(
+        Fixture,
+        "Fixture file",
+        "One TOML file a set-up of the stiffness experiment, for `flexfem experiment`. Out-of-plane tilt of the stage, "
+        "contacts, friction, hysteresis and drift are not in it.",
+    ),
+    "measured": Format(
+        Measurement,
+        "Measured slopes",
+        "Measured slopes alone, without the set-up, for `flexfem identify` and `flexfem experiment --measured`; the "
+        "table `[measured]` is that of a set-up.",
+    ),
+    "material": Format(
+        Entry,
+        "Materials file",
+        "Materials of your own, a table each, beside a stage file that names one: `name` and `file` in `[material]`.",
+        named="material",
+    ),
+    "stack": Format(
+        Catalogue,
+        "Stack catalogue",
+        "The piezo stacks that stage files name; `flexfem/data/stacks.toml` is shipped.",
+    ),
+    "necks": Format(
+        Necks,
+        "Measured necks",
+        "The nine necks of a stage as measured, for `flexfem stiffness --necks`; a CSV file with these columns does, "
+        "too.",
+    ),
+}
+
+
+class Schema(dict[str, Any]):
+    """A JSON schema, whose text is a table of the keys of the file."""
+
+    text = ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def schema(name: str | None = None, *, output: Path | None = None) -> Schema | list[Path]:
+    """Give the JSON schema of a kind of file, by which editors and programs check it, or the table of its keys.
+
+    Hinge formulas, materials and stacks are those that are known now, the user's own included. A TOML file whose first
+    line is `#:schema` and the path of a schema is completed and checked by editors that know TOML.
+
+    Parameters
+    ----------
+    name : str, optional
+        Kind of input file: stage, case, study, requirements, fixture, measured, material, stack or necks; or of result:
+        stiffness, drift and others. Without it all kinds are named.
+    output : path, optional
+        Folder for the schema as a file; without a name those of all input files are written.
+
+    Returns
+    -------
+    dict or list of path
+        The schema, or the files written.
+
+    Raises
+    ------
+    BadInput
+        There is no such kind, or the folder takes no file.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.schema("stage")["properties"]["thickness_mm"]["x-unit"]
+    'mm'
+    """
+    if output is not None:
+        texts = {output / FILE.format(each): _text(each) for each in ([*FORMATS] if name is None else [name])}
+        check_folder(output)
+        require_unread(*texts)
+        for path, text in texts.items():
+            write_atomically(path, methodcaller("write", text.encode()))
+        return [*texts]
+    if name is None:
+        found = Schema({each: of.about for each, of in FORMATS.items()})
+        found |= {each: f"Result: {one.title}." for each, one in results().items()}
+        found.text = "\n".join(f"{each}: {about}" for each, about in found.items())
+    else:
+        found = Schema(schema_of(name))
+        found.text = "\n".join(_lines(name))
+    return found
+
+
+def _text(name: str) -> str:
+    return json.dumps(schema_of(name), indent=1) + "\n"
+
+
+def _lines(name: str) -> Iterator[str]:
+    """The keys of a file, or the quantities of a result, in a line each with the meaning below it."""
+    if name not in FORMATS:
+        for quantity, meaning, unit, axes in results()[name].reference().rows:
+            yield f"{quantity}{f' {unit}' if unit else ''}: for each {axes}\n    {meaning}"
+        return
+    for table in tables_of(name):
+        yield f"{table.header}  {table.about}" if table.name else FORMATS[name].about
+        for row in table.rows:
+            unit, default = f" {row.unit}:" if row.unit else ":", f"; default {row.default}" if row.default else ""
+            yield f"  {row.key}{' *' * row.needed}{unit} {row.value}{default}\n      {row.meaning}"
+
+
+def results() -> dict[str, type[Result]]:
+    """All kinds of results by name."""
+    for module in iter_modules(questions.__path__):
+        import_module(f"{questions.__name__}.{module.name}")
+    return {name: one for name, one in Result.kinds.items() if one.__module__.startswith("flexfem.")}
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """The JSON schema of an input file or result. Raises BadInput when there is no such kind."""
+    if name not in list(FORMATS):
+        if name not in list(results()):
+            known = ", ".join([*FORMATS, *results()])
+            raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {known}")
+        return results()[name].schema()
+    of = FORMATS[name]
+    raw = of.model.model_json_schema(by_alias=True)
+    whole = _plain(raw, raw.get("$defs", {}))
+    _state_units(whole, "")
+    if of.named:
+        entry = whole | {"description": f"The numbers of one {of.named}"}
+        whole = {"type": "object", "additionalProperties": entry}
+    return {"$schema": DRAFT, "title": f"flexfem: {of.title.lower()}", **whole, "description": of.about}
+
+
+def _plain(given: Any, known: dict[str, Any]) -> Any:
+    """A schema without references, without null, which TOML has not, and with arrays of one kind of member."""
+    if not isinstance(given, dict):
+        return given
+    found = {key: value for key, value in given.items() if key not in ("title", "$defs", "$ref", "default")}
+    if given.get("default") is not None and given["default"] != []:
+        found["default"] = given["default"]
+    if "$ref" in given:
+        found = {**_plain(known[given["$ref"].rpartition("/")[2]], known), **found}
+    members = found.get("anyOf", [])
+    if {"type": "null"} in members:
+        (inner,) = (each for each in members if each != {"type": "null"})
+        found = {**_plain(inner, known), **{key: value for key, value in found.items() if key != "anyOf"}}
+    if "prefixItems" in found:
+        kinds = found.pop("prefixItems")
+        assert all(kind == kinds[0] for kind in kinds), "members of several kinds"
+        found["items"] = kinds[0]
+    if "properties" in found:
+        found["properties"] = {key: _plain(value, known) for key, value in found["properties"].items()}
+    for key in ("items", "additionalProperties"):
+        if key in found:
+            found[key] = _plain(found[key], known)
+    if found.get("minimum", 0) > 0:
+        found.pop("exclusiveMinimum", None)
+    return found
+
+
+def _state_units(of: dict[str, Any], key: str) -> None:
+    """Give every number the unit that its key ends in; a number without one says so itself."""
+    if of.get("type") in NUMBERS and UNIT not in of:
+        unit = str(unit_of(key)) or ("1" if of["type"] == "integer" else "")
+        assert unit, f"{key}: a number without a unit"
+        of[UNIT] = unit
+    if isinstance(of.get("items"), dict):
+        _state_units(of["items"], key)
+    for name, inner in of.get("properties", {}).items():
+        _state_units(inner, name)
+
+
+class KeyRow(NamedTuple):
+    """One key: its value in words, `default` and `example` as TOML writes them, "" where there is none."""
+
+    key: str
+    needed: bool
+    unit: str
+    value: str
+    default: str
+    example: str
+    meaning: str
+
+
+class KeyTable(NamedTuple):
+    """A table of a file by its header, "" for the top of the file; `array`: one of as many as wanted."""
+
+    name: str
+    array: bool
+    about: str
+    rows: list[KeyRow]
+
+    @property
+    def header(self) -> str:
+        """As TOML writes it."""
+        return f"[[{self.name}]]" if self.array else f"[{self.name}]"
+
+
+def tables_of(name: str) -> list[KeyTable]:
+    """The tables of an input file, each before those inside it. Raises BadInput when there is no such format."""
+    of, named = schema_of(name), FORMATS[name].named
+    if named:
+        return list(_tables(of["additionalProperties"], f"name of the {named}", False))
+    return list(_tables(of, "", False))
+
+
+def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:
+    inner, rows = list[tuple[str, dict[str, Any], bool]](), list[KeyRow]()
+    for key, value in of.get("properties", {}).items():
+        if "properties" in value:
+            inner.append((key, value, False))
+        elif "properties" in value.get("items", {}):
+            inner.append((key, value["items"] | {"description": value["description"]}, True))
+        else:
+            unit = value.get(UNIT) or value.get("items", {}).get(UNIT, "")
+            unit = {"1": "", "of the key": "unit of the key"}.get(unit, unit)
+            default = as_toml(value["default"]) if "default" in value else ""
+            needed, example = key in of.get("required", []), as_toml(example_of(value))
+            rows.append(KeyRow(key, needed, unit, _in_words(value), default, example, value["description"]))
+    yield KeyTable(name, array, of.get("description", ""), rows)
+    for key, value, many in inner:
+        yield from _tables(value, f"{name}.{key}" if name else key, many)
+
+
+def example_of(of: dict[str, Any]) -> Any:
+    """A value that the key may have: its example, its default, or the first of those it may be."""
+    return (of.get("examples") or [of.get("default", of.get("enum", [True])[0])])[0]
+
+
+def _in_words(of: dict[str, Any]) -> str:
+    """What a value may be."""
+    if "enum" in of:
+        values = [as_toml(each) for each in of["enum"]]
+        if len(values) > LISTED:
+            return f"one of {len(values)}, such as {', '.join(values[:3])}"
+        return " or ".join([", ".join(values[:-1]), values[-1]] if len(values) > 1 else values)
+    kind = of.get("type")
+    if kind == "array":
+        least, most = of.get("minItems", 0), of.get("maxItems")
+        count = f"{least} of" if least == most else f"{least} to {most} of" if most else f"{least} or more of"
+        return f"{count if most or least else 'array of'}: {_in_words(of['items'])}"
+    if kind == "object":
+        return "text by quoted key path"
+    if kind in NUMBERS:
+        return ", ".join(filter(None, [WORDS[kind], _limits(of)]))
+    return "key path of a stage file" if "anyOf" in of else WORDS[of["type"]]
+
+
+def _limits(of: dict[str, Any]) -> str:
+    choices = of.get("anyOf", [])
+    low = next((each["minimum"] for each in choices if "minimum" in each), of.get("minimum"))
+    above = of.get("exclusiveMinimum") if low is None else None
+    ends = (("from", low), ("above", above), ("up to", of.get("maximum")), ("below", of.get("exclusiveMaximum")))
+    said = (f"{word} {_short(limit)}" for word, limit in ends if limit is not None)
+    return ("0, or " if {"const": 0} in choices else "") + " ".join(said)
+
+
+def _short(limit: float) -> str:
+    return re.sub(r"e([-+])0?", lambda found: f"e{found[1].strip('+')}", f"{limit:g}")

@@ -1,0 +1,163 @@
+"""The error budget: the right thing in each share, by hand on made-up compliances and by physics on a whole stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.model import analyse
+from flexfem.mechanism.stage import load_feasible
+from flexfem.questions import budget as module
+from flexfem.questions.bands import command_errors
+from flexfem.questions.budget import CHART, IN_ALL, MEASURED, SHARES, TOTAL, budget, thick_compliance
+from flexfem.questions.setup import solved
+from flexfem.refused import BadInput
+from flexfem.units import DIRECTIONS
+
+ROOT = Path(__file__).parents[2]
+PATH = ROOT / "geometry/mobility6.toml"
+SMALL = 4  # resolution: a coarse mesh shows the same shares
+LEVER = 24.0  # mm, l3 of the stage
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return load_feasible(PATH)
+
+
+@pytest.fixture(scope="module")
+def made(stage):
+    return budget(stage, resolution=SMALL, plane=True)
+
+
+@pytest.fixture(scope="module")
+def by_hand(stage):
+    """Finite elements that converge with n^-4, at a rate and to a limit of their own in each direction and across, and
+    whose large displacements add 1, 2 and 3 parts in a thousand of the command along and a fixed motion across."""
+    K = analyse(stage).stiffness
+    limit, rate = np.array([1.16, 1.17, 1.18]), np.array([3.0, 5.0, 8.0])
+    across = np.array([[0.0, 2e-6, 3e-9], [2e-6, 0.0, 5e-9], [3e-9, 5e-9, 0.0]])
+
+    def solve(_, level):
+        compliance = np.diag((limit - rate * level**-4.0) / np.diag(K)) + across
+        return SimpleNamespace(mesh=level, compliance=compliance, unknowns=1)
+
+    def bent(mesh, _, force):
+        assert mesh == 8  # the finest
+        linear = solve(None, 8).compliance @ force[0]
+        return SimpleNamespace(pose=(linear * (1 + np.array([1e-3, 2e-3, 3e-3])))[None])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "solved", solve)
+        patch.setattr(module, "equilibrium", bent)
+        patch.setattr(module, "command_warnings", lambda *_: [])
+        return K, limit, across, budget(stage, amplitude=(0.04, 0.05, 2e-3), plane=True)
+
+
+def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, stage):
+    K, limit, _, made = by_hand
+    rungs = [
+        analyse(stage).compliance,
+        analyse(stage, 21).compliance,
+        analyse(stage, 21, "calibrated").compliance,
+        analyse(stage, 21, "calibrated", links=True).compliance,
+        np.diag(limit / np.diag(K)),
+    ]
+    assert made.axes["share"] == (*SHARES, TOTAL)
+    for k, direction in enumerate(DIRECTIONS):
+        errors = [100 * (K[k, k] * rung[k, k] - 1) for rung in rungs]
+        bent = 100 * (limit[k] - [3, 5, 8][k] * 8.0**-4) * [1e-3, 2e-3, 3e-3][k]
+        expected = [*np.diff(errors), bent]
+        found = made.at("share", direction=direction)
+        np.testing.assert_allclose(found, [*expected, sum(expected)], atol=1e-7)
+        band = made.band("share", share=TOTAL, direction=direction)
+        assert band == pytest.approx(1.25 * 100 * (3.0, 5.0, 8.0)[k] * 8.0**-4, rel=1e-6)
+
+
+def test_what_crosses_is_normalised_by_the_lever(by_hand):
+    """Motion across by the force K_jj of a unit command; the model and its rungs keep to their axes."""
+    K, _, across, made = by_hand
+    last = made.at("across", share=SHARES[3])
+    assert last[0, 1] == pytest.approx(100 * across[1, 0] * K[0, 0], rel=1e-6)
+    assert last[0, 2] == pytest.approx(100 * across[2, 0] * K[0, 0] * LEVER, rel=1e-6)
+    assert last[2, 1] == pytest.approx(100 * across[1, 2] * K[2, 2] / LEVER, rel=1e-6)
+
+
+def test_hinges_wide_out_of_plane_are_stiffer_by_up_to_nu_squared(by_hand, stage):
+    """Towards plane strain, `E / (1 - nu^2)`: negative, and less than nu^2 of the whole compliance."""
+    K, *_, made = by_hand
+    whole = 100 * np.diag(K) * np.diag(analyse(stage, 21, "calibrated", links=True).compliance)
+    found = made.at("solid", outside=CHART)
+    assert np.all((found > -(0.33**2) * whole) & (found < -0.8 * 0.33**2 * whole))
+    thicker = stage.model_copy(update={"thickness": 26.0})  # b/t = 52 is beyond the chart
+    assert thick_compliance(thicker) is None
+
+
+def test_total_is_the_extrapolated_error_and_large_displacement(made, stage):
+    K, C = analyse(stage).stiffness, np.array([solved(stage, n).compliance for n in (2, 3, 4)])
+    for k, direction in enumerate(DIRECTIONS):
+        limit = command_errors(np.array([2, 3, 4]), C, K, direction, LEVER)[k].extrapolated
+        total, bent = (made.at("share", share=name, direction=direction) for name in (TOTAL, SHARES[-1]))
+        assert limit + bent == pytest.approx(total, abs=1e-6)
+
+
+def test_the_hinge_formula_is_nearly_all_of_it(made):
+    formula = made.at("share", share="hinge formula")
+    others = [made.at("share", share=name) for name in SHARES if name != "hinge formula"]
+    assert np.all(formula > 10 * np.max(np.abs(others), axis=0))
+    assert np.all(formula > 0.9 * made.at("share", share=TOTAL))
+
+
+@pytest.mark.slow
+def test_large_displacement_grows_with_the_command(made, stage):
+    larger = budget(stage, amplitude=(0.5, 0.5, 1e-2), resolution=SMALL, plane=True)
+    ratio = larger.at("share", share=SHARES[-1]) / made.at("share", share=SHARES[-1])
+    assert np.all(np.abs(ratio) > 5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "points", "total"), [("mobility6", -10.673, 1.833), ("mobility3", -10.924, 3.121)])
+def test_a_budget_measures_what_three_dimensions_change(name, points, total):
+    """The chart of single hinges is 0.14 and 0.17 points off; 0.01 points are left for other versions of the mesher."""
+    found = budget(load_feasible(ROOT / "geometry" / f"{name}.toml"))
+    solid, band = found.at("solid", outside=MEASURED), found.band("solid", outside=MEASURED)
+    assert solid[0] == pytest.approx(points, abs=0.01)
+    assert found.at("solid", outside=IN_ALL)[0] == pytest.approx(total, abs=0.012)
+    assert 0.1 < found.at("solid", outside=CHART)[0] - solid[0] < 0.2 and 0.05 < band[0] < 0.15
+    assert abs(found.at("solid_across", outside=MEASURED, commanded="x")[1]) < 1e-6
+    if name == "mobility6":
+        cells = [f"{value:+.3f} ± {half:.3f}" for value, half in zip(solid, band, strict=True)]
+        assert f"| outside it: three dimensions | {' | '.join(cells)} |" in (ROOT / "docs/budget.md").read_text()
+
+
+def test_a_hinge_off_the_chart_is_refused_by_name(project):
+    path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.01\nprismatic"))
+    with pytest.raises(BadInput, match=r"hinges\.base\.neck_mm.*calibrated"):
+        budget(load_feasible(path), resolution=SMALL, plane=True)
+
+
+def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(stage):
+    """The README's second map, at a corner of it and on both sides of its contour of zero."""
+    base = stage
+    for radius, neck, thick, plane in (
+        (4.0, 0.2193, -7.7, 2.4),
+        (1.642, 0.3243, -2.4, 8.2),
+        (1.642, 0.4799, 1.7, 12.4),
+    ):
+        shape = {"radius": radius, "neck": neck}
+        hinges = {name: getattr(base.hinges, name).model_copy(update=shape) for name in ("base", "elbow", "platform")}
+        stage = base.model_copy(update={"hinges": base.hinges.model_copy(update=hinges)})
+        paper = analyse(stage, 6).stiffness
+        found = [
+            paper[0, 0] * of[0, 0] - 1
+            for of in (thick_compliance(stage), analyse(stage, 21, "calibrated", links=True).compliance)
+        ]
+        assert 100 * np.array(found) == pytest.approx([thick, plane], abs=0.1)
+
+
+def test_three_dimensional_hinges_and_their_links_do_not_depend_on_the_plane_the_stage_is_taken_in(stage):
+    held = stage.model_copy(update={"model": "plane_strain"})
+    np.testing.assert_allclose(thick_compliance(held), thick_compliance(stage), rtol=1e-12, atol=1e-18)

@@ -1,0 +1,208 @@
+"""Case files: what they mean, and how broken ones are refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.fem.fields import load_case
+from flexfem.mechanism.stage import load_stage
+from flexfem.questions.bands import error_matrix, solve_solid
+from flexfem.questions.case import LoadedCase
+from flexfem.questions.errors import Verification, run_case, verification
+from flexfem.questions.setup import solved
+from flexfem.refused import BadInput
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "cases").glob("fig*.toml")), ids=lambda path: path.stem)
+def test_shipped_cases_state_where_their_numbers_come_from(path):
+    case = LoadedCase(path).case
+    assert {"points"} | {key for key in ("amplitude_um", "amplitude_mrad") if getattr(case, key)} <= set(case.assumed)
+    assert {curve.mobility for curve in case.curve} == {3, 6}
+
+
+@pytest.mark.parametrize(("figure", "largest"), [("fig5", 0.05), ("fig6", 0.05), ("fig7", 1e-3)])
+def test_commands_are_symmetric_and_in_millimetres_or_radians(figure, largest):
+    commanded = LoadedCase(ROOT / f"cases/{figure}.toml").case.commanded
+    assert len(commanded) == 21
+    assert commanded[10] == 0.0
+    np.testing.assert_allclose(commanded, -commanded[::-1], atol=1e-18)
+    assert commanded[-1] == pytest.approx(largest)
+
+
+SMALLER = (("points = 21", "points = 3\nresolution = 4"), ("mobility3.toml", "mobility6.toml"))  # one stage, two models
+
+
+def nonlinear_and_linear(project, amplitude):
+    case = project.edit("cases/fig5.toml", ("amplitude_um = 50.0", f"amplitude_um = {amplitude}"), *SMALLER)
+    linear = run_case(LoadedCase(case))
+    bent = project.edit("cases/fig5.toml", ("points = 3", 'points = 3\nanalysis = "nonlinear"'))
+    return run_case(LoadedCase(bent)), linear
+
+
+@pytest.mark.slow
+def test_small_nonlinear_cases_are_the_linear_ones(project):
+    nonlinear, linear = nonlinear_and_linear(project, 0.01)
+    np.testing.assert_allclose(nonlinear.percent, linear.percent, atol=2e-5)  # falls with the command
+
+
+def test_large_commands_bend_the_error_curve_and_its_percentage_is_at_the_largest(project):
+    nonlinear, linear = nonlinear_and_linear(project, 500.0)
+    np.testing.assert_allclose(nonlinear.commanded, [-0.5, 0.0, 0.5])
+    for k in range(2):
+        first, middle, last = nonlinear.error[k, :, 0]
+        assert abs(middle) < 1e-12 and 1e-3 < abs(first + last) / last < 0.1  # no longer odd in the command
+        assert nonlinear.percent[k, 0] == pytest.approx(100 * last / 0.5, rel=1e-12)
+        assert nonlinear.percent[k, 2] == pytest.approx(100 * nonlinear.error[k, 2, 2] * 24 / 0.5, rel=1e-12)
+        # what is even in the command drops out; the rest is the linear error but for terms of third order: 3e-4
+        assert last - first == pytest.approx(2 * linear.error[k, 2, 0], rel=2e-3)
+
+
+def test_a_curve_has_the_force_of_its_model_and_the_errors_of_its_meshes(project):
+    """Force by (18), stress at the full command, and the mesh's band in each direction, of unlike chains."""
+    override = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.43\n'
+    project.edit("geometry/mobility6.toml", ("[platform]\n", f"{override}\n[platform]\n"))
+    result = run_case(LoadedCase(project.edit("cases/fig6.toml", *SMALLER)))
+    stage = load_stage(project.path("geometry/mobility6.toml"))
+    meshes = [solved(stage, n) for n in (2, 3, 4)]
+    for k, label in enumerate(result.curves):
+        K, C = result.stiffness[k], result.compliance[k]
+        np.testing.assert_allclose(result.force[k], np.outer([-0.05, 0.0, 0.05], K[:, 1]), rtol=1e-9, atol=1e-9)
+        moved = C @ result.load[k] - [0.0, 0.05, 0.0]
+        np.testing.assert_allclose(result.percent[k], 100 * moved * [1, 1, 24] / 0.05, rtol=1e-9, atol=1e-9)
+        assert np.min(np.abs(result.percent[k])) > 0.1
+        case = load_case(stage, meshes[-1].mesh, meshes[-1], 0.05 * K[:, 1])
+        np.testing.assert_allclose(result.neck_stress[k], case.neck_stress, rtol=1e-9)
+        np.testing.assert_allclose(result.fields[label].displacement, case.field, rtol=0, atol=1e-12)
+        moves = 100 * (np.array([each.compliance @ K[:, 1] for each in meshes]) - [0, 1, 0]) * [1, 1, 24]
+        np.testing.assert_allclose(result.on_meshes[k], moves, rtol=1e-6, atol=1e-9)
+        assert 1e-3 < result.band("percent", curve=label)[1] < 1.0
+
+
+def test_the_errors_of_two_models_follow_from_their_compliances():
+    """Softer by a tenth: 10 % along and nothing across; what is across counts by the lever."""
+    K = np.diag([40.0, 50.0, 46000.0])
+    np.testing.assert_allclose(error_matrix(K, 1.1 * np.linalg.inv(K), 24.0), 10 * np.eye(3), atol=1e-9)
+    coupled = np.eye(3)
+    coupled[0, 2] = coupled[2, 0] = 0.06
+    found = error_matrix(np.eye(3), coupled, 24.0)
+    assert found[2, 0] == pytest.approx(100 * 0.06 * 24) and found[0, 2] == pytest.approx(100 * 0.06 / 24)
+
+
+def test_a_result_reads_back_with_its_fields_and_of_another_run_they_are_refused(project, tmp_path):
+    path = project.edit("cases/fig5.toml", *SMALLER)
+    (made,) = verification(path, output=tmp_path)
+    again = Verification.read(tmp_path / "fig5.json")
+    np.testing.assert_allclose(again.percent, made.percent)
+    assert again.models == made.models and again.direction == "x"
+    assert set(again.read_fields(tmp_path / "fig5.json")) == set(made.curves)
+    with np.load(tmp_path / "fig5.npz") as held:
+        arrays = dict(held)
+    np.savez(tmp_path / "fig5.npz", **arrays | {"0.stress": arrays["0.stress"] * 1.01})
+    with pytest.raises(BadInput, match="not the fields that were stored"):
+        again.read_fields(tmp_path / "fig5.json")
+
+
+def test_two_cases_of_one_name_are_refused_before_any_is_run(project, tmp_path):
+    other = tmp_path / "fig5.toml"
+    other.write_text(project.path("cases/fig5.toml").read_text().replace("../geometry", str(ROOT / "geometry")))
+    with pytest.raises(BadInput, match="would overwrite those of"):
+        verification(project.path("cases/fig5.toml"), other, output=tmp_path)
+
+
+SOLID = ("points = 21", 'points = 3\nmodel = "three_dimensional"\nresolution = 4')
+
+
+@pytest.mark.slow
+def test_a_case_in_three_dimensions_is_what_the_extruded_stage_does(project):
+    path = project.edit("cases/fig6.toml", SOLID, ("mobility3.toml", "mobility6.toml"))
+    loaded = LoadedCase(path)
+    result, response = run_case(loaded), solve_solid(loaded.stages["mobility six"], 4, 3)
+    K = result.at("stiffness", curve="mobility six")
+    expected = 100 * (response.compliance @ K - np.eye(3))[:, 1] * [1, 1, 24]
+    np.testing.assert_allclose(result.at("percent", curve="mobility six"), expected, rtol=1e-9, atol=1e-9)
+    assert np.all(result.band("percent")[:, 1] > result.layer_band[:, 1]) and np.all(result.layer_band[:, 1] > 0)
+    assert result.elements == "three_dimensional" and result.models["mobility six"].layers == 3
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        ('analysis = "nonlinear"', 'analysis = "nonlinear", expected "linear" with model = "three'),
+        ('drive = "joints"', 'drive = "joints", expected "force" with model = "three_dimensional"'),
+        ("layers = 2", "layers = 2"),
+    ],
+)
+def test_what_a_case_in_three_dimensions_does_not_take_is_refused(edit, said, project):
+    path = project.edit("cases/fig6.toml", (SOLID[0], f"{SOLID[1]}\n{edit}"))
+    with pytest.raises(BadInput, match=re.escape(said)):
+        LoadedCase(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "inside", "outside"),
+    [
+        ("resolution", (4, 64), (3, 65)),
+        ("points", (3, 10_001), (2, 10_002)),
+        ("amplitude_um", (1e-9, 1e6), (0.0, 0.99e-9, 1.001e6)),
+    ],
+)
+def test_limits_of_a_case_are_just_where_they_are_said_to_be(project, key, inside, outside):
+    edit = {"points": "points = 21", "amplitude_um": "amplitude_um = 50.0", "resolution": "points = 21"}[key]
+    text = project.path("cases/fig5.toml").read_text()
+    for values, accepted in ((inside, True), (outside, False)):
+        for value in values:
+            new = f"points = 21\n{key} = {value}" if key == "resolution" else f"{key} = {value}"
+            project.path("cases/fig5.toml").write_text(text.replace(edit, new))
+            if accepted:
+                assert getattr(LoadedCase(project.path("cases/fig5.toml")).case, key) == value
+            else:
+                with pytest.raises(BadInput, match=key):
+                    LoadedCase(project.path("cases/fig5.toml"))
+
+
+HOSTILE = {
+    "unit of the other direction": (('direction = "x"', 'direction = "theta"'), "amplitude_mrad"),
+    "unknown direction": (('direction = "x"', 'direction = "z"'), "direction"),
+    "no points": (("points = 21", "points = 1"), "points"),
+    "too many points": (("points = 21", "points = 1000000000"), "points"),
+    "stage missing": (("../geometry/mobility6.toml", "nowhere.toml"), "nowhere.toml: no such file"),
+    "stage that is no stage": (("../geometry/mobility6.toml", "../cases/fig6.toml"), "fig6.toml"),
+    "mobility that nothing has": (("mobility = 6", "mobility = 7"), "mobility"),
+    "unknown formula": (("mobility = 6", 'mobility = 6\nformula = "guess"'), "paros-weisbord"),
+    "labels alike": (('label = "mobility six"', 'label = "mobility three"'), "label"),
+    "negative amplitude": (("amplitude_um = 50.0", "amplitude_um = -50.0"), "amplitude_um"),
+    "infinite amplitude": (("amplitude_um = 50.0", "amplitude_um = inf"), "amplitude_um"),
+    "links without all freedoms": (("mobility = 6", "mobility = 12\nlinks = true"), "curve[1].links = true"),
+    "two amplitudes": (("amplitude_um = 50.0", "amplitude_um = 50.0\namplitude_mrad = 1.0"), "direction"),
+    "analysis that nobody does": (("points = 21", 'points = 21\nanalysis = "plastic"'), "analysis"),
+    "unknown key": (("points = 21", "points = 21\nspeed = 3"), "speed"),
+    "resolution out of reach": (("points = 21", "points = 21\nresolution = 1"), "resolution"),
+    "provenance of nothing": (("[provenance]", '[provenance]\nweight = "assumed"'), "weight"),
+}
+
+
+@pytest.mark.parametrize(("edit", "named"), HOSTILE.values(), ids=HOSTILE)
+def test_a_broken_case_is_refused_in_one_line_that_names_the_key(project, edit, named):
+    path = project.edit("cases/fig5.toml", edit)
+    with pytest.raises(BadInput) as refusal:
+        LoadedCase(path)
+    assert named in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_elastic_links_bring_the_force_to_that_of_the_finite_elements(project):
+    """Links and platform are worth 0.5 % on the reference stage, and what the chart and the links leave 0.01 %."""
+    linked = 'mobility = 21\nformula = "calibrated"\nlinks = true'
+    edits = (("mobility = 3", linked.replace("true", "false")), ("mobility = 6", linked), ("mobility3", "mobility6"))
+    path = project.edit("cases/fig5.toml", *edits, ("points = 21", "points = 3\nresolution = 6"))
+    rigid, elastic = run_case(LoadedCase(path)).percent[:, 0]
+    assert 0.4 < rigid < 0.7 and abs(elastic) < 0.05
+    project.edit("cases/fig5.toml", ("points = 3", 'points = 3\nanalysis = "nonlinear"'))
+    with pytest.raises(BadInput, match=r"curve\[1\].links = true, expected no links"):
+        LoadedCase(path)

@@ -1,0 +1,133 @@
+"""Accepted numbers: what moved is named with by how much, and what they were made from is named key by key."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from flexfem import baselines
+from flexfem.baselines import baseline, check, inputs_of, kept, kind_of, read, regression
+from flexfem.mechanism.stage import load_feasible
+from flexfem.questions.stiffness import stiffness
+from flexfem.refused import BadInput
+from flexfem.results import number
+
+
+@pytest.fixture
+def accepted(project, monkeypatch, tmp_path):
+    """The baseline of a stage for one quick question."""
+    monkeypatch.setattr(baselines, "QUESTIONS", (("paper", lambda stage: stiffness(stage, models="analytic")),))
+    path = project.path("geometry/mobility6.toml")
+    (made,) = baseline(path, reason="first", baselines=tmp_path / "kept")
+    return path, made
+
+
+def edited(made, question, key, value):
+    data = json.loads(made.read_text())
+    data["numbers"][question][key][0] = value
+    made.write_text(json.dumps(data))
+
+
+def test_what_was_accepted_stands(accepted):
+    path, made = accepted
+    assert regression(made) == ([path.stem], [])
+    assert len(read(made)["numbers"]["paper"]) > 40 and "mesh" in read(made)["numbers"]
+
+
+def test_a_number_that_moved_is_named_with_by_how_much(accepted):
+    _, made = accepted
+    key = "stiffness.analytic.x.x"
+    was = read(made)["numbers"]["paper"][key][0]
+    edited(made, "paper", key, was * (1 + 1e-13))
+    assert check(made) == []
+    edited(made, "paper", key, was * (1 + 1e-3))
+    (said,) = check(made)
+    assert said.startswith(f"mobility6: paper.{key} was ") and "moved -0.0" in said and "accepted" in said
+
+
+def test_numbers_that_came_or_went_are_named(accepted):
+    _, made = accepted
+    data = json.loads(made.read_text())
+    numbers = data["numbers"]["paper"]
+    numbers["stiffness.of_old"] = [1.0]
+    del numbers["stiffness.analytic.x.x"]
+    made.write_text(json.dumps(data))
+    said = check(made)
+    assert len(said) == 2 and any("stiffness.of_old is gone, was 1" in each for each in said)
+    assert any("stiffness.analytic.x.x is new" in each for each in said)
+
+
+def test_a_changed_input_is_named_key_by_key_and_no_number_is_compared(accepted, project):
+    _, made = accepted
+    project.edit("geometry/mobility6.toml", ("thickness_mm = 10.0", "thickness_mm = 11.0"))
+    (said,) = check(made)
+    assert "thickness_mm was 10.0, is 11.0" in said and "the input changed" in said
+
+
+def test_a_case_depends_on_its_stage_files(project):
+    found = inputs_of(project.path("cases/fig5.toml"))
+    assert "../geometry/mobility3.toml" in found and "thickness_mm" in found["../geometry/mobility3.toml"]
+
+
+def test_a_band_that_grew_is_named(accepted):
+    _, made = accepted
+    data = json.loads(made.read_text())
+    data["numbers"]["paper"]["stiffness.analytic.x.x"].append(0.5)
+    made.write_text(json.dumps(data))
+    (said,) = check(made)
+    assert "its band was [0.5]" in said
+
+
+def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):
+    path, made = accepted
+    stage = load_feasible(path)
+    (mesh,) = made.parent.glob("*.npz")
+    with np.load(mesh) as held:
+        arrays = dict(held)
+    np.savez(mesh, **arrays | {"nodes": arrays["nodes"] * 1.01})
+    with pytest.raises(BadInput, match="not a mesh of the stage"):
+        kept(stage, path, made.parent)
+
+
+def test_a_file_without_a_baseline_beside_others_is_named(accepted, project):
+    _, made = accepted
+    (said,) = regression(made.parent).findings
+    assert "mobility3.toml: no baseline in" in said and project
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda made: made.write_text("{}"), "not a baseline of this version"),
+        (lambda made: made.unlink(), "no baseline; flexfem baseline"),
+        (lambda made: made.write_text(made.read_text()[:-40]), "not a baseline of this version"),
+    ],
+)
+def test_a_damaged_baseline_is_a_finding(accepted, change, said):
+    _, made = accepted
+    change(made)
+    assert said in regression(made).findings[0]
+
+
+def test_a_reason_is_asked_for_and_kept(accepted):
+    path, made = accepted
+    with pytest.raises(BadInput, match="reason is empty"):
+        baseline(path, reason=" ", baselines=made.parent)
+    baseline(path, reason="second", baselines=made.parent)
+    assert [each["reason"] for each in read(made)["history"]] == ["first", "second"]
+
+
+def test_files_that_have_no_numbers_are_refused(project):
+    other = project.path("geometry/mobility6.toml").with_name("other.toml")
+    other.write_text("a = 1\n")
+    with pytest.raises(BadInput, match="expected a stage, a case, a study"):
+        kind_of(other)
+
+
+def test_the_command_ends_with_one_where_a_number_moved(accepted, flexfem):
+    _, made = accepted
+    edited(made, "paper", "stiffness.analytic.x.x", 1.0)
+    code, out, _ = flexfem("regression", made)
+    assert code == 1 and "paper.stiffness.analytic.x.x was 1" in out and number(1.0) == "1"
