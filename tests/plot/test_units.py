@@ -47,26 +47,10 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
     "µrad/(K/mm)": 1e-6,
     "kg mm²": 1e-3,
     "µm² mrad": 1e-9,
+    "mm/rad": 1.0,
+    "rad/mm": 1.0,
     **dict.fromkeys(
-        (
-            "rad",
-            "N",
-            "N mm",
-            "MPa",
-            "kg/m³",
-            "%",
-            "N/mm",
-            "N mm/rad",
-            "mm/N",
-            "rad/(N mm)",
-            "1/N",
-            "V",
-            "s",
-            "",
-            "mm/rad",
-            "rad/mm",
-        ),
-        1.0,
+        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", "V", "s", ""), 1.0
     ),
 }
 OUTPUTS = {
