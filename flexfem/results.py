@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
+from flexfem.files.refusals import place_of
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, write_atomically
 from flexfem.refused import BadInput
@@ -330,15 +331,15 @@ class Result:
             found = Result.kinds[data["result"]]
             stated = data.pop("digest")
         except (ValueError, KeyError, TypeError, RecursionError):
-            raise BadInput(f"{path}: expected a result that flexfem stored as JSON") from None
+            raise BadInput(f"{place_of(path)}: expected a result that flexfem stored as JSON") from None
         if not issubclass(found, cls):
-            raise BadInput(f"{path}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
+            raise BadInput(f"{place_of(path)}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
         if stated != digest(data):
-            raise BadInput(f"{path}: changed since it was stored, its digest is of other content")
+            raise BadInput(f"{place_of(path)}: changed since it was stored, its digest is of other content")
         try:
             return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
-            raise BadInput(f"{path}: not what this version of flexfem stores, make it again") from None
+            raise BadInput(f"{place_of(path)}: not what this version of flexfem stores, make it again") from None
 
     @classmethod
     def _from(cls, data: Mapping[str, Any]) -> Self:
