@@ -44,7 +44,7 @@ full-report: reproduce-figures ## also joints commanded, error budgets, large di
 	    $(FLEXFEM) plot $(JOINTS:cases/%.toml=reports/joints/%.json) --output reports/joints >/dev/null
 	@for stage in mobility3 mobility6; do \
 	    $(FLEXFEM) budget geometry/$$stage.toml --output reports && \
-	    $(FLEXFEM) workspace geometry/$$stage.toml --output reports && \
+	    $(FLEXFEM) large geometry/$$stage.toml --output reports && \
 	    $(FLEXFEM) converge geometry/$$stage.toml --output reports || exit 1; done
 	@$(FLEXFEM) formulas --output reports
 	@$(BIN)/python examples/claims.py --page reports/claims.md

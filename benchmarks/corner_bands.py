@@ -30,6 +30,7 @@ from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
+from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import (
@@ -43,7 +44,6 @@ from flexfem.study.columns import (
     outputs_of,
     values_of,
 )
-from flexfem.verify.driven_models import metal_answers
 from flexfem.verify.questions import Clock, ask_elements, elements
 from flexfem.verify.strained import Repeated, scaled
 
@@ -148,7 +148,7 @@ def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     found, mesh = ask_elements(stage, resolution, clock, repeated=REPEATED), elements(stage, resolution, clock).mesh
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
-    found = found._replace(drives=metal_answers(stage, mesh), drift=rates_of(poses[None]))
+    found = found._replace(drives=element_ranges(stage, mesh), drift=rates_of(poses[None]))
     return values_of(found, COLUMNS, None)[0], poses
 
 

@@ -16,12 +16,12 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import drawn
 
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import commanding, driven_elements, element_stresses, neck_stresses
+from flexfem.questions.driven import commands_for, moved
 from flexfem.refused import BadInput
-from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import commanding, driven_metal, element_stresses, stresses
 
 CRITERIA = ("least energy", "least stroke")
 MODELS = {
@@ -36,15 +36,17 @@ NONE = np.zeros(3)
 
 def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
     """By model and criterion: of the highest stress, then of every neck of high stress, of all three poses."""
-    drive, metal, lever = drive_of(stage), driven_metal(stage, resolution), stage.chain.link_lengths[2]
-    best, found = commanding(stage, *MODELS["calibrated, elastic links"]), defaultdict(list)
+    drive, metal, lever = drive_of(stage), driven_elements(stage, resolution), stage.chain.link_lengths[2]
+    best, found = commanding(ModelChoice(stage, *MODELS["calibrated, elastic links"])), defaultdict(list)
     for criterion in CRITERIA:
         for pose in np.diag(1e-3 / np.array([1, 1, lever])):
             x = commands_for(best.of, drive, pose, NONE, lever, criterion)
-            elements = element_stresses(stage, metal, drive, x, NONE)
+            elements = element_stresses(
+                stage, metal, np.append(NONE, drive.preload + moved(metal.of, drive, x, NONE).force)
+            )
             for name, model in MODELS.items():
-                one = commanding(stage, *model)
-                stress = stresses(stage, one, moved(one.of, drive, x, NONE), NONE)
+                one = commanding(ModelChoice(stage, *model))
+                stress = neck_stresses(one, np.append(NONE, moved(one.of, drive, x, NONE).force))
                 high = elements > HIGH * np.max(elements)
                 found[name, f"{criterion}, highest"].append(np.max(stress) / np.max(elements))
                 found[name, f"{criterion}, each neck"] += (stress / elements)[high].tolist()

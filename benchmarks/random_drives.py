@@ -13,15 +13,15 @@ import argparse
 import numpy as np
 from random_stages import described, drawn
 
-from flexfem.analytic.model import CALIBRATED
+from flexfem.analytic.model import CALIBRATED, ModelChoice
 from flexfem.arrays import Array
 from flexfem.mechanism.bodies import centrelines
 from flexfem.mechanism.contacts import middle_at, tangent_at
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import commanding, driven_elements, engaged_stiffness, push_spread
+from flexfem.questions.driven import commands_for, moved
 from flexfem.refused import BadInput
-from flexfem.verify.driven import commands_for, moved
-from flexfem.verify.driven_models import commanding, driven_metal, engaged_stiffness, push_spread
 
 CARRIERS = ("frame", "link 2")
 
@@ -65,7 +65,7 @@ def with_drive(stage: Stage, rng: np.random.Generator, preload: float = 0.0) -> 
 def deviations(stage: Stage, resolution: int) -> Array:
     """Per cent (5,): of C, per root of its diagonals; of the pose by strokes for a pose; of C of the platform alone; of
     the engaged stiffness; and how much that moves with how pushes spread, by the model."""
-    model, metal = commanding(stage, None, CALIBRATED, True), driven_metal(stage, resolution)
+    model, metal = commanding(ModelChoice(stage, None, CALIBRATED, True)), driven_elements(stage, resolution)
     C, F = model.of.C, metal.of.C
     size = np.sqrt(np.diag(F))
     off = np.abs(C - F) / np.outer(size, size)
@@ -75,7 +75,7 @@ def deviations(stage: Stage, resolution: int) -> Array:
         x = commands_for(model.of, drive, pose, np.zeros(3), lever, "least energy")
         missed.append(np.abs((moved(metal.of, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
     engaged = engaged_stiffness(metal.of)
-    of_engaged = [engaged_stiffness(model.of) / engaged - 1, push_spread(stage, model) / engaged]
+    of_engaged = [engaged_stiffness(model.of) / engaged - 1, push_spread(model) / engaged]
     return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3]), *np.max(np.abs(of_engaged), axis=1)])
 
 

@@ -46,23 +46,23 @@ if TYPE_CHECKING:
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.convergence import converge as converge
+    from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.identify import identify as identify
+    from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
     from flexfem.questions.modes import dynamic_model as dynamic_model
     from flexfem.questions.modes import modes as modes
+    from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports.drive import command as command
-    from flexfem.reports.drive import reach as reach
-    from flexfem.reports.drive import workspace as workspace
     from flexfem.reports.stage import check as check
     from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
@@ -95,11 +95,13 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
     "hinges.strength": ("Basquin", "fit_basquin"),
     "hinges.formulas": ("formulas", "register_formula"),
-    "reports.drive": ("command", "reach", "workspace"),
     "questions.as_built": ("as_built",),
+    "questions.drive": ("drive",),
     "questions.experiment": ("experiment",),
     "questions.identify": ("identify",),
     "questions.gravity": ("gravity",),
+    "questions.large": ("large",),
+    "questions.reach": ("reach",),
     "questions.heat": ("drift",),
     "questions.setup": ("Analytic",),
     "questions.stiffness": ("stiffness",),

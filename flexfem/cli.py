@@ -28,42 +28,32 @@ GROUPS = {
     "Start": ("new", "check", "view", "summary"),
     "Ask a stage": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
-    "Drive and reach": ("command", "workspace"),
+    "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
     "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
+ONE_NAME = (
+    *("check", "view", "summary", "stiffness", "budget", "converge"),
+    *("drive", "reach", "large"),
+    *("modes", "drift", "gravity", "life"),
+    *("experiment", "identify"),
+    *("export", "mesh", "schema", "regression", "baseline"),
+)
 MADE = {  # commands made from signatures, and the functions behind them
     "new": "new_stage",
     "formulas": "hinge_formulas",
     "as-built": "as_built",
     "verify": "verification",
-    **{
-        name: name
-        for name in (
-            "check",
-            "view",
-            "summary",
-            "stiffness",
-            "modes",
-            "drift",
-            "gravity",
-            "life",
-            "budget",
-            "converge",
-            "regression",
-            "baseline",
-            "experiment",
-            "identify",
-            "export",
-            "mesh",
-            "schema",
-        )
-    },
+    **dict(zip(ONE_NAME, ONE_NAME, strict=True)),
 }
-RENAMED = {"solve": "stiffness --models elements"}  # old names of commands, and what they are called now
+RENAMED = {  # old names of commands, and what they are called now
+    "solve": "stiffness --models elements",
+    "command": "drive",
+    "workspace": "large",
+}
 OF_PYTHON = ("progress", "law")  # parameters that are no options
 OUTPUT = "Folder for what is written."
 LONG = 40  # characters: texts of a list that are longer have lines of their own

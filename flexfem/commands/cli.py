@@ -16,7 +16,6 @@ from flexfem import terminal as streams
 from flexfem.cli import Commands
 from flexfem.commands import (
     design,
-    drive,
     page,
     study,
     verification,
@@ -29,7 +28,7 @@ USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has 
 CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
-for group in (page, design, drive, verification):
+for group in (page, design, verification):
     app.add_typer(group.app)
 app.add_typer(study.app, name="study")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flexfem.page.report import PageReport
 
 app = typer.Typer()
-NAMES = "analytic, elements, budget, stress, drive (these by default), workspace, modes, drift, life; or all"
+NAMES = "analytic, elements, budget, stress, drive (these by default), large, modes, drift, life; or all"
 
 
 @app.command()

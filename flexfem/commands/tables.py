@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from flexfem.arrays import Array
     from flexfem.units import Direction
     from flexfem.verify.answers import LoadReport, StiffnessReport
-    from flexfem.verify.pose_set import Extent
     from flexfem.verify.solid_report import SolidReport
 
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
@@ -133,11 +132,6 @@ def _print_load_case(out: Console, of: LoadReport | SolidReport) -> None:
     out.print(f"largest von Mises stress at the necks, {STRESS}, chain by chain (base, elbow, platform):")
     for chain, row in enumerate(of.neck_stress, start=1):
         out.print(f"  {chain}  " + "  ".join(f"{v:10.4g}" for v in row))
-
-
-def ends(of: Extent | None, unit: Unit) -> str:
-    """A range in words."""
-    return "none" if of is None else f"{unit.factor * of.low:z.4g} to {unit.factor * of.high:z.4g} {unit.plain}"
 
 
 def _both(units: Sequence[Unit]) -> str:

@@ -33,6 +33,7 @@ from flexfem.files.refusals import key_path, path_of
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
+from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.study.answer import answer_designs, doubted
 from flexfem.study.columns import (
     BANDS,
@@ -50,7 +51,6 @@ from flexfem.study.columns import (
 from flexfem.study.factors import Column, Factor
 from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
-from flexfem.verify.driven_models import commanding, engaged_stiffness, push_spread
 from flexfem.verify.result import versions
 
 PLANE_ALONE = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS}
@@ -170,8 +170,8 @@ def _quantity(found: Mapped, place: int, text: str, label: str) -> dict[str, Any
     spread = None
     if names & {*ENGAGED}:
         stage = stage_of(loaded.study, of.values)
-        model = commanding(*best_model(stage, []))
-        part = push_spread(model.stage, model) / engaged_stiffness(model.of)
+        model = commanding(best_model(stage, []))
+        part = push_spread(model) / engaged_stiffness(model.of)
         steps = {name: of.columns[name] * x for name, x in zip(ENGAGED, part, strict=True)}
         spread = max(float(_moved(found, {n: side * x for n, x in steps.items()})[place]) for side in (-1, 1))
     return {

@@ -27,7 +27,7 @@ from flexfem.refused import BadInput
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
 from flexfem.study.loaded import LoadedStudy, require_model
-from flexfem.study.plan import Drifting, Drive, Expression, Frequencies, Lasting, Output, Study, names_in
+from flexfem.study.plan import Drifting, DriveQuestion, Expression, Frequencies, Lasting, Output, Study, names_in
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -239,7 +239,7 @@ class Requirements(Sourced):
     output: tuple[Output, ...] = Field(
         default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
     )
-    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
     frequencies: Frequencies | None = Field(
         default=None, description="Asks for natural frequencies in the plane; the table may be empty"
     )

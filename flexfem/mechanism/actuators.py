@@ -270,7 +270,7 @@ class Actuator(Dimensioned):
     )
     friction: Friction | None = Field(
         default=None,
-        description="Coefficient of Coulomb's friction at the contact: `flexfem command` says what it leaves of the "
+        description="Coefficient of Coulomb's friction at the contact: `flexfem drive` says what it leaves of the "
         "pose. Not stated: nothing is said",
         examples=[0.15],
     )

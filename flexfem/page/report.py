@@ -19,7 +19,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
 from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
-from flexfem.plot.text import SYMBOLS, doubt_rows, minus, percent, significant
+from flexfem.plot.text import SYMBOLS, doubt_rows, percent, significant
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
 from flexfem.reports.given import PathLike
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from flexfem.verify.stage_report import StageReport
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
-MORE = ("workspace", "modes", "drift", "life")
+MORE = ("large", "modes", "drift", "life")
 SECTIONS = (*STANDARD, *MORE)
 OF_A_STAGE = "sections or an amplitude, expected none: they are of a stage"
 AT = (0.05, 0.05, 1e-3)  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
@@ -407,31 +407,22 @@ def _budget(stage: Stage) -> PageSection:
 def _drive(stage: Stage) -> PageSection:
     """How far the actuators move the platform, and the limits of it."""
     from flexfem.plot.drive import reach_figure
-    from flexfem.reports.drive import reach
-    from flexfem.verify.limits import grouped
+    from flexfem.questions.reach import reach
 
-    found, rows = reach(stage, resolution=None), []
-    for symbol, each, unit in zip(SYMBOLS, found.ranges.values(), COMMANDS, strict=True):
-        shown = [
-            "none" if one is None else f"{one.low * unit.factor:.4g} to {one.high * unit.factor:.4g} {unit}"
-            for one in (each.held, each.free)
-        ]
-        rows.append([symbol, *map(minus, shown), "" if each.held is None else grouped(each.held.high_by)])
-    head = ["direction", "others at zero", "others free", "limited by (others at zero)"]
-    data = table(head, rows, caption="Range of the drive", sortable=False)
+    found = reach(stage, models="analytic")
     figure = shown_figure("reach-figure", partial(reach_figure, found), "Poses that the drive reaches.")
-    return _section("drive", "Drive", data, figure, notes(found.warnings))
+    return _answered("drive", "Drive", found, figure)
 
 
-def _workspace(stage: Stage) -> PageSection:
+def _large(stage: Stage) -> PageSection:
     """What large displacements change."""
-    from flexfem.plot.drive import workspace_figure
-    from flexfem.reports.drive import workspace
+    from flexfem.plot.drive import large_figure
+    from flexfem.questions.large import large
 
-    found = workspace(stage)
+    found = large(stage)
     said = "Tangent stiffness and errors of linear theory over the command, a row for each direction."
-    figure = shown_figure("workspace-figure", partial(workspace_figure, found), said)
-    return _section("workspace", "Large displacements", figure, notes(found.warnings))
+    figure = shown_figure("large-figure", partial(large_figure, found), said)
+    return _answered("large", "Large displacements", found, figure)
 
 
 def _modes(stage: Stage) -> PageSection:
@@ -467,7 +458,7 @@ MADE: dict[str, Callable[..., PageSection]] = {
     "budget": _budget,
     "stress": _stress,
     "drive": _drive,
-    "workspace": _workspace,
+    "large": _large,
     "modes": _modes,
     "drift": _drift,
 }

@@ -35,15 +35,13 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import minus, round_factor, scientific, significant
+from flexfem.questions.drive import Drive, StackPlace
+from flexfem.questions.driven import CRITERIA, Criterion
+from flexfem.questions.large import EXACT, HELD, LOADED, STATED, STEPS, TANGENT, WITHOUT, Large
+from flexfem.questions.reach import KINDS, PoseEdge, Reach
 from flexfem.refused import BadInput
-from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, Unit, unit_for
-from flexfem.verify.command import Command
-from flexfem.verify.driven import CRITERIA, Criterion
-from flexfem.verify.limits import KINDS, grouped, kinds
-from flexfem.verify.pose_set import PoseEdge, Range
-from flexfem.verify.reach import Reach
-from flexfem.verify.stack_places import StackPlace
-from flexfem.verify.workspace import Travel, Workspace
+from flexfem.results import ANALYTIC
+from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
 WIDTH = 11.69  # in
 ROUND_OFF = 1e-9  # of the largest stroke, pose, or command
@@ -59,64 +57,63 @@ STEP = np.pi / 24  # rad of arc between two drawn points
 
 
 @in_house_style
-def command_figure(found: Command, stage: Stage) -> Figure:
-    """Draw a driven stage at a pose: stacks in their places, strokes and forces by criterion, open-loop errors.
-
-    Raises BadInput when the stage is not that of the record.
-    """
-    rows = [len(found.actuators), len(found.places), len(found.open_loop)]
+def command_figure(found: Drive) -> Figure:
+    """Draw a driven stage at a pose: stacks in their places, strokes and forces by criterion, open-loop errors."""
+    errors = len(found.error) if "error" in found.values else 0
+    rows = [len(found.command), len(found.stroke), errors]
     heights = [min(max(0.34 * count + 0.75, 1.9), 9.0) for count in rows if count]
     heights[1] = max(heights[1], 5.8 - heights[0])
-    doubts = (found.assumed, found.not_stated)
-    moved = any(found.pose)
-    shown_by = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found, stage), 1)}."
-    load = f" under a load of {_numbers(found.load, FORCES)}" if any(found.load) else ""
-    said = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.model}.{shown_by if moved else ''}"
-    lines = [f"{said} Stacks are not to scale.", *(text for text in found.warnings if "this pose" in text)]
-    title = f"{found.name}: strokes and forces for a pose"
+    doubts, moved = (found.about.assumed, found.about.not_stated), bool(np.any(found.pose))
+    shown_by = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
+    load = f" under a load of {_numbers(found.load, FORCES)}" if np.any(found.load) else ""
+    said = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
+    lines = [
+        f"{said}{shown_by if moved else ''} Stacks are not to scale.",
+        *(text for text in found.warnings if "this pose" in text),
+    ]
+    title = f"{found.about.name}: strokes and forces for a pose"
     figure = below_header((WIDTH, sum(heights) + 0.7), title, lines, doubts)
     parts = figure.subfigures(len(heights) - 1, squeeze=False, height_ratios=[sum(heights[:2]), *heights[2:]])[:, 0]
     grid = {"width_ratios": [1.5, 1.0], "height_ratios": heights[:2]}
     axes = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], gridspec_kw=grid)
     titled(plot_strokes(axes["strokes"], found), "b", "strokes by actuator")
     titled(plot_forces(axes["forces"], found), "c", "forces by stack; right: blocking forces")
-    errors = parts[1].subplots(1, 3) if found.open_loop else ()
-    for letter, ax, direction in zip("def", errors, DIRECTIONS, strict=False):
+    shown_errors = parts[1].subplots(1, 3) if errors else ()
+    for letter, ax, direction in zip("def", shown_errors, DIRECTIONS, strict=False):
         titled(plot_open_loop(ax, found, direction), letter, f"error of finite elements in {NAMES[direction]}")
         ax.tick_params(labelleft=direction == "x")
     figure.draw_without_rendering()  # labels of the drawing are placed at the size that its axes have then
-    titled(plot_drive(axes["stage"], found, stage), "a", f"strokes beyond rest, and forces, by {CRITERIA[0]}")
+    titled(plot_drive(axes["stage"], found), "a", f"strokes beyond rest, and forces, by {CRITERIA[0]}")
     legend_below(figure, list(axes.values()), 4)
     return figure
 
 
-def _numbers(values: Sequence[float], units: Any) -> str:
+def _numbers(values: Any, units: Any) -> str:
     return minus(", ".join(f"{unit.factor * value:.5g} {unit}" for value, unit in zip(values, units, strict=True)))
 
 
-def plot_strokes(ax: Axes, found: Command) -> Axes:
+def plot_strokes(ax: Axes, found: Drive) -> Axes:
     """Draw the strokes beyond rest by actuator, a bar for each criterion, on the strokes that it has; returns `ax`."""
-    um, places = MICROMETRE.factor, found.places
-    first = [next(place for place in places if place.actuator == k) for k in range(len(found.actuators))]
-    low, high = (um * np.array([getattr(place, end) for place in first]) for end in ("lowest", "highest"))
+    um, places = MICROMETRE.factor, found.fields.places
+    low, high = um * found.shortest, um * found.longest
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
-    ax.barh(np.arange(len(first)), high - low, left=low, label="strokes it has", **look)
-    _bars(ax, {name: um * np.array(one.command) for name, one in found.criteria.items()})
+    ax.barh(np.arange(len(low)), high - low, left=low, label="strokes it has", **look)
+    _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
     stacks = [
-        ", ".join(str(k) for k, place in enumerate(places, 1) if place.actuator == row) for row in range(len(first))
+        ", ".join(str(k) for k, place in enumerate(places, 1) if place.actuator == row) for row in range(len(low))
     ]
-    _label_rows(ax, [f"{name} ({own})" for name, own in zip(found.actuators, stacks, strict=True)])
+    _label_rows(ax, [f"{name} ({own})" for name, own in zip(found.axes["actuator"], stacks, strict=True)])
     ax.set_xlabel(f"stroke beyond rest ({MICROMETRE})")
     return ax
 
 
-def plot_forces(ax: Axes, found: Command) -> Axes:
+def plot_forces(ax: Axes, found: Drive) -> Axes:
     """Draw the forces of the stacks, a bar for each criterion, with preload and blocking force; returns `ax`.
 
     Blocking forces are written at the right of the axes, and drawn where the axis reaches them.
     """
-    force = {name: np.array(one.force) for name, one in found.criteria.items()}
-    preload, blocking = (np.array([getattr(one, key) for one in found.places]) for key in ("preload", "blocking_force"))
+    force = dict(zip(found.axes["criterion"], found.force.T, strict=True))
+    preload, blocking = found.preload, found.blocking_force
     rows, every = np.arange(len(preload)), np.concatenate([*force.values(), preload])
     most, least = 1.12 * max(float(every.max()), 1e-9), min(0.0, 1.12 * float(every.min()))
     _bars(ax, force)
@@ -128,22 +125,22 @@ def plot_forces(ax: Axes, found: Command) -> Axes:
     beside: Any = {"transform": ax.get_yaxis_transform(), "va": "center", "size": 8.0, "color": "#404040"}
     for row, value in enumerate(blocking.tolist()):
         ax.text(1.015, row, f"{value:.4g} {FORCES[0]}", **beside)
-    _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.stacks)])
+    _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
     ax.set(xlabel=f"force ({FORCES[0]}); a contact opens at zero", xlim=(least, most))
     return ax
 
 
-def plot_open_loop(ax: Axes, found: Command, direction: Direction) -> Axes:
+def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
     """Draw the error of finite elements in one direction with the strokes of every model; returns `ax`.
 
     Raises BadInput for another direction than x, y or theta, and a record without finite elements.
     """
     if direction not in DIRECTIONS:
         raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
-    if not found.open_loop:
+    if "error" not in found.values:
         raise BadInput("this record has no open-loop errors: expected one with finite elements")
-    error = np.array([each.error[DIRECTIONS.index(direction)] for each in found.open_loop])
-    error = np.where(np.abs(error) <= 1e-12 * max(map(abs, found.pose)), 0.0, error)  # as in the printed table
+    error = found.at("error", direction=direction)
+    error = np.where(np.abs(error) <= 1e-12 * np.max(np.abs(found.pose)), 0.0, error)  # as in the printed table
     unit = unit_for(direction, float(np.max(np.abs(error))))
     values, reach = unit.factor * error, unit.factor * float(np.max(np.abs(error))) or 1.0
     ax.barh(np.arange(len(error)), values, height=0.6, color=COLOURS[0], edgecolor=INK, linewidth=0.5)
@@ -151,7 +148,8 @@ def plot_open_loop(ax: Axes, found: Command, direction: Direction) -> Axes:
         side = -1 if value < 0 else 1
         style: dict[str, Any] = {"va": "center", "ha": "right" if side < 0 else "left", "size": 8.0}
         ax.text(value + 0.03 * side * reach, row, significant(value, 3), **style)
-    _label_rows(ax, [each.model.removeprefix(f"{found.model}, ") for each in found.open_loop])
+    own = found.settings["strokes by"]
+    _label_rows(ax, [name.removeprefix(f"{own}, ") for name in found.axes["commanding model"]])
     ax.set(xlabel=f"error ({unit})", xlim=(-1.5 * reach, 1.5 * reach))
     return ax
 
@@ -173,21 +171,16 @@ def _label_rows(ax: Axes, names: list[str]) -> None:
     ax.grid(axis="x")
 
 
-def plot_drive(ax: Axes, found: Command, stage: Stage, criterion: Criterion = "least energy") -> Axes:
+def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") -> Axes:
     """Draw a stage with its stacks in their places, their strokes and forces, and its platform at the pose, in mm.
 
     Stacks are numbered from 1 as in the record; their size is that of no catalogue. An arrow starts at every contact,
     in the direction of the push and in proportion to the force; the platform is drawn `platform_factor` times as far.
-    Returns `ax`. Raises BadInput for a stage that is not that of the record, and a criterion that has no strokes.
+    Returns `ax`. Raises BadInput for a criterion that has no strokes.
     """
-    if not isinstance(stage, Stage) or found.hash != stage.drive_hash:
-        raise BadInput(
-            f"stage {shown(getattr(stage, 'name', stage))}: expected that of the record, with the same drive"
-        )
-    if criterion not in found.criteria:
-        raise BadInput(f"criterion {shown(criterion)}: expected one that has strokes: {', '.join(found.criteria)}")
-    outline, width, places = outline_of(stage), stage.chain.link_width, found.places
-    stroke, force = (np.array(values) for values in (found.criteria[criterion].stroke, found.criteria[criterion].force))
+    stage, places = found.fields
+    outline, width = outline_of(stage), stage.chain.link_width
+    stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
     contact, push = (np.array([getattr(place, name) for place in places]) for name in ("contact", "push"))
     boxes = [_box(place, width) for place in places]
     draw_outline(ax, outline)
@@ -207,8 +200,8 @@ def plot_drive(ax: Axes, found: Command, stage: Stage, criterion: Criterion = "l
     label = f"force on the pushed body, the longest {np.max(np.abs(force)):.4g} {FORCES[0]}"
     scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "zorder": 6}
     ax.quiver(*contact.T, *shaft.T, color=NOTE_COLOUR, label=label, **scaled)
-    x, y, theta = platform_factor(found, stage) * np.array(found.pose)
-    if any(found.pose):
+    x, y, theta = platform_factor(found) * found.pose
+    if np.any(found.pose):
         rim = [x + 1j * y + line * np.exp(1j * theta) for line in _free_lines(stage, "platform", CHAINS, True)]
         lines = LineCollection([np.column_stack([line.real, line.imag]) for line in rim], zorder=5)
         lines.set(colors="#007A58", linewidths=1.4, linestyles="dashed", label="platform at the pose")
@@ -225,9 +218,9 @@ def plot_drive(ax: Axes, found: Command, stage: Stage, criterion: Criterion = "l
     return ax
 
 
-def platform_factor(found: Command, stage: Stage) -> float:
+def platform_factor(found: Drive) -> float:
     """The round factor by which the platform's displacement is drawn; 1 when it does not move."""
-    x, y, theta = found.pose
+    (x, y, theta), stage = found.pose, found.fields.stage
     rim = np.concatenate(_free_lines(stage, "platform", CHAINS, True))
     largest = float(np.max(np.abs(x + 1j * y + rim * 1j * theta)))
     size = float(np.ptp(np.concatenate(outline_of(stage).bodies), axis=0).max())
@@ -275,16 +268,17 @@ def reach_figure(found: Reach) -> Figure:
 
     The solid is seen from afar: parallel lines stay parallel, rotations are drawn as long as their translation at l3.
     """
-    um, doubts = MICROMETRE, (found.assumed, found.not_stated)
-    ranges = ", ".join(f"{NAMES[axis]} {_ends(found.ranges[axis], k)}" for k, axis in enumerate(NAMES))
-    load = f"load {_numbers(found.load, FORCES)}" if any(found.load) else "no load"
+    um, doubts, model = MICROMETRE, (found.about.assumed, found.about.not_stated), found.settings["analytic model"]
+    ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
+    load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
     lines = [
-        f"Limits of stroke, of contacts that only push, of blocking force and of yield at the necks, by {found.model}; "
+        f"Limits of stroke, of contacts that only push, of blocking force and of yield at the necks, by {model}; "
         f"{load}; linear. Below, what bounds the edges; strokes: + the longest, \N{MINUS SIGN} the shortest.",
-        f"Ranges with the other two at zero: {ranges}. About rest: a circle of {um.factor * found.circle:.4g} {um} at "
-        f"θ = 0, and a ball of {um.factor * found.ball:.4g} {um} with rotations times l₃ = {found.lever:g} {LENGTH}.",
+        f"Ranges with the other two at zero: {ranges}. About rest: a circle of {um.factor * float(found.circle):.4g} "
+        f"{um} at θ = 0, and a ball of {um.factor * float(found.ball):.4g} {um} with rotations times "
+        f"l₃ = {found.about.lever:g} {LENGTH}.",
     ]
-    title = f"{found.name}: the poses that the drive reaches within all its limits"
+    title = f"{found.about.name}: the poses that the drive reaches within all its limits"
     figure, every = panels((WIDTH, 7.6), title, lines, 2, 2, doubts, height_ratios=(3.2, 1.0))
     titled(plot_section(every[0], found), "a", "at θ = 0")
     titled(plot_solid(every[1], found), "b", "all poses, rotations drawn as l₃ θ")
@@ -293,30 +287,30 @@ def reach_figure(found: Reach) -> Figure:
     for axes, part in zip(every[2:], (edges[:half], edges[half:]), strict=True):
         axes.axis("off")
         said = [
-            (k, grouped(edge.by).replace(", longest", " +").replace(", shortest", " \N{MINUS SIGN}"))
-            for k, edge in part
+            (k, str(edge.by).replace(", longest", " +").replace(", shortest", " \N{MINUS SIGN}")) for k, edge in part
         ]
         text = "\n".join(wrapped(f"{k}  {limits}", WIDTH / 2 - 0.8, 7.5) for k, limits in said)
         axes.text(0.0, 1.0, text, transform=axes.transAxes, va="top", size=7.5, color=INK, linespacing=1.3)
     return figure
 
 
-def _ends(of: Range, axis: int) -> str:
+def _ends(found: Reach, axis: int) -> str:
     unit = COMMANDS[axis]
-    if of.held is None:
-        return "none"
-    return minus(f"{unit.factor * of.held.low:z.4g} to {unit.factor * of.held.high:z.4g} {unit}")
+    low, high = (unit.factor * float(each[axis]) for each in found.at("ends", others="zero", model=ANALYTIC))
+    return "none" if np.isnan(low) else minus(f"{low:z.4g} to {high:z.4g} {unit}")
 
 
 def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
     """The longest edges of the section, `LISTED` at most, numbered counter-clockwise."""
-    long = sorted(found.section, key=lambda edge: float(np.linalg.norm(np.subtract(edge.end, edge.start))))[-LISTED:]
-    return list(enumerate((edge for edge in found.section if edge in long), start=1))
+    long = sorted(found.fields.section, key=lambda edge: float(np.linalg.norm(np.subtract(edge.end, edge.start))))[
+        -LISTED:
+    ]
+    return list(enumerate((edge for edge in found.fields.section if edge in long), start=1))
 
 
 def plot_section(ax: Axes, found: Reach) -> Axes:
     """Draw the poses at theta = 0, each edge by the kinds of its limits, the longest numbered; returns `ax`."""
-    unit, section, rest = COMMANDS[0], found.section, np.array(found.rest[:2])
+    unit, section, rest = COMMANDS[0], found.fields.section, found.rest[:2]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
     ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0, label="zero commands")
@@ -326,8 +320,8 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     ends = unit.factor * np.array([(edge.start, edge.end) for edge in section])
     corners = ends[:, 0]
     ax.add_patch(Polygon(list(corners), facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
-    for index, each in enumerate(_in_order({kinds(edge.by) for edge in section})):
-        lines = [line for line, edge in zip(ends, section, strict=True) if kinds(edge.by) == each]
+    for index, each in enumerate(_in_order({edge.by.kinds for edge in section})):
+        lines = [line for line, edge in zip(ends, section, strict=True) if edge.by.kinds == each]
         look: Any = {"linestyles": DASHES[index % len(DASHES)], "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
@@ -336,7 +330,7 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         write(ax, at + 0.05 * size * (at - middle) / np.linalg.norm(at - middle), f"{k}", size=8.5)
     if found.circle > 0:
         angle = np.linspace(0.0, 2 * np.pi, 181)
-        around = rest[:, None] + found.circle * np.array([np.cos(angle), np.sin(angle)])
+        around = rest[:, None] + float(found.circle) * np.array([np.cos(angle), np.sin(angle)])
         ax.plot(*(unit.factor * around), color=GREY, linewidth=0.9, label="circle about rest")
     low, high = corners.min(axis=0), corners.max(axis=0)
     ax.set(xlim=(low[0] - 0.12 * size, high[0] + 0.12 * size), ylim=(low[1] - 0.12 * size, high[1] + 0.34 * size))
@@ -352,22 +346,18 @@ def plot_solid(ax: Axes, found: Reach) -> Axes:
     """Draw all poses as a solid seen from outside, each face by the kinds of its limits; returns `ax`."""
     ax.set(aspect="equal", xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
-    V = MICROMETRE.factor * np.array([1.0, 1.0, found.lever]) * np.array(found.vertices)
-    _box_of_poses(ax, found, V)
-    if not found.faces:
-        centred = V - V.mean(axis=0)
-        across, up = (centred @ np.linalg.svd(centred)[2][:2].T).T
-        order = np.argsort(np.arctan2(up, across))
-        ax.plot(*_seen(V[[*order, order[0]]]), ".-", color=INK)
+    solid, V = found.fields.solid, MICROMETRE.factor * np.array([1.0, 1.0, found.about.lever]) * found.vertices
+    if not solid.faces:
+        ax.text(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
         return ax
+    _box_of_poses(ax, found, V)
     towards = np.array([np.cos(TURNED) * np.cos(RAISED), np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED)])
-    for face in found.faces:
-        corners, kind = _seen(V[face.vertices]).T, kinds(face.by)
-        visible = bool(np.array(face.normal) @ towards > 0)
+    for face, normal, by in zip(solid.faces, solid.normals, solid.by, strict=True):
+        corners, kind, visible = _seen(V[list(face)]).T, by.kinds, bool(normal @ towards > 0)
         hidden: dict[str, Any] = {"fill": False, "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
         look = {**_look(kind), "alpha": 0.93, "zorder": 3} if visible else {**hidden, "zorder": 2}
         ax.add_patch(Polygon(list(corners), **look))
-    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({kinds(f.by) for f in found.faces})]
+    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({by.kinds for by in solid.by})]
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
 
@@ -396,7 +386,7 @@ def _box_of_poses(ax: Axes, found: Reach, V: Array) -> None:
     sides = ((np.nan, low[1], low[2]), (high[0], np.nan, low[2]), (low[0], low[1], np.nan))
     aligned, shifts = (("center", "top"), ("left", "top"), ("right", "center")), ((-0.3, -1), (0.6, -0.8), (-1, 0))
     for axis, (side, unit) in enumerate(zip(sides, COMMANDS, strict=True)):
-        scale = unit.factor / (MICROMETRE.factor * (found.lever if axis == 2 else 1.0))
+        scale = unit.factor / (MICROMETRE.factor * (found.about.lever if axis == 2 else 1.0))
         ends = [(value, minus(f"{scale * value:z.3g}"), 0.03) for value in exact[:, axis]]
         for value, text, pad in [*ends, (exact[:, axis].mean(), f"{list(NAMES.values())[axis]} ({unit})", 0.1)]:
             at = _seen(np.where(np.isnan(side), value, side)[None])[:, 0] + pad * size * np.array(shifts[axis])
@@ -407,38 +397,40 @@ def _box_of_poses(ax: Axes, found: Reach, V: Array) -> None:
     ax.set(ylim=(seen[1].min() - 0.2 * size, seen[1].max() + 0.3 * size))
 
 
-MODELS: dict[str, tuple[str, dict[str, Any]]] = {
-    "without": ("(16) without its second-order terms", {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.9}),
-    "tangent": ("(16)", {"color": COLOURS[0], "linewidth": 2.6}),
-    "exact": ("exact equilibrium", {"color": INK, "linestyle": "none", "marker": ".", "markevery": 4}),
+MODELS: dict[int, tuple[str, dict[str, Any]]] = {
+    WITHOUT: ("(16) without its second-order terms", {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.9}),
+    TANGENT: ("(16)", {"color": COLOURS[0], "linewidth": 2.6}),
+    EXACT: ("exact equilibrium", {"color": INK, "linestyle": "none", "marker": ".", "markevery": 4}),
 }
-ELEMENTS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
-HELD: Any = ELEMENTS | {"marker": "s", "color": COLOURS[2], "label": "finite elements held at the command"}
-LOADED: Any = ELEMENTS | {"marker": "v", "color": COLOURS[3]}
-UNDER_LOAD = "finite elements under the load of exact equilibrium"
+MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
+ELEMENTS: dict[int, tuple[str, dict[str, Any]]] = {
+    HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
+    LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
+}
 HONEST = 1e-4  # per cent: half the axis of a panel that has nothing but round-off to show
 
 
 @in_house_style
-def workspace_figure(found: Workspace) -> Figure:
+def large_figure(found: Large) -> Figure:
     """Draw tangent stiffness and errors of linear theory over the command, one row a direction.
 
     Notes
     -----
     Every model is shown against its own linear answer, so that all curves leave rest at zero.
     """
-    doubts, small, box = (found.assumed, found.not_stated), found.small, found.box
-    near, far = (" and ".join(_both_sides(found, axis, point) for axis in ("x", "theta")) for point in (2, 3))
+    doubts, asked = (found.about.assumed, found.about.not_stated), found.settings
+    near, far = (" and ".join(_both_sides(found, axis, share) for axis in ("x", "theta")) for share in (0.1, 1.0))
+    mesh = f", and nonlinear finite elements ({asked['unknowns']} unknowns)" if "unknowns" in asked else ""
     lines = [
-        f"Pseudo-rigid stage of mobility {found.mobility}, {found.formula}, and nonlinear finite elements "
-        f"({found.unknowns} unknowns), each against its own linear answer: linear theory (18) is the line at zero. "
+        f"Pseudo-rigid stage of mobility {asked['mobility']}, {asked['formula']}{mesh}, each against its own linear "
+        "answer: linear theory (18) is the line at zero. "
         "Errors are the linear position under the load that holds the stage at the command, minus the command; along "
         "it this is by how much the load deviates from (18). Rotations are made displacements by l₃.",
-        f"Largest error of the position by linear theory within {near}: {small.position:.2f} %, within {far}: "
-        f"{box.position:.2f} %; change of the tangent compliance there by the two terms: up to {small.terms:.2f} and "
-        f"{box.terms:.2f} %.",
+        f"Largest error of the position by linear theory within {near}: {found.position[0]:.2f} %, within {far}: "
+        f"{found.position[1]:.2f} %; change of the tangent compliance there by the two terms: up to "
+        f"{found.terms[0]:.2f} and {found.terms[1]:.2f} %.",
     ]
-    title = f"{found.stage}: large displacements and the second-order terms of (16)"
+    title = f"{found.about.name}: large displacements and the second-order terms of (16)"
     figure, every = panels((WIDTH, 8.5), title, lines, 3, 3, doubts)
     columns = {
         "tangent stiffness": plot_tangents,
@@ -452,45 +444,39 @@ def workspace_figure(found: Workspace) -> Figure:
     return figure
 
 
-def _both_sides(found: Workspace, axis: Direction, point: int) -> str:
-    """The command of a point, to both sides."""
+def _both_sides(found: Large, axis: Direction, share: float) -> str:
+    """The command of a share of the amplitude, to both sides."""
     unit = COMMANDS[DIRECTIONS.index(axis)]
-    return f"±{unit.factor * abs(found.travel[axis].points[point].commanded):g} {unit}"
+    return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
-def plot_tangents(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+def plot_tangents(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
-    travel = found.travel[direction]
-    unit = _frame(ax, travel, direction, "change from rest (%)")
-    _draw_models(ax, travel, unit, travel.stiffness, travel.elements.stiffness)
-    _write_terms(ax, [point.stiffness for point in travel.points])
+    curves = found.at("tangent", direction=direction)
+    _draw_models(ax, _frame(ax, found, direction, "change from rest (%)"), curves)
+    _write_terms(ax, curves)
     return ax
 
 
-def plot_along(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+def plot_along(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the error of linear theory along the command, by every model; returns `ax`."""
-    travel, axis = found.travel[direction], DIRECTIONS.index(direction)
-    unit, elements = _frame(ax, travel, direction, "error (% of the command)"), travel.elements
-    curves = {name: np.array(values)[:, axis] for name, values in travel.position.items()}
-    _draw_models(ax, travel, unit, curves, np.array(elements.position)[:, axis])
-    loads = unit.factor * np.array([point.commanded for point in travel.points])
-    ax.plot(loads, np.array(elements.loaded_position)[:, axis], label=UNDER_LOAD, **LOADED)
-    _write_terms(ax, [point.position for point in travel.points])
+    curves = found.at("errors", direction=direction, component=direction)
+    _draw_models(ax, _frame(ax, found, direction, "error (% of the command)"), curves)
+    _write_terms(ax, curves)
     return ax
 
 
-def plot_across(ax: Axes, found: Workspace, direction: Direction) -> Axes:
+def plot_across(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the errors of linear theory across the command, by every model; returns `ax`."""
-    travel, axis, largest = found.travel[direction], DIRECTIONS.index(direction), 0.0
-    unit = _frame(ax, travel, direction, "error (% of the command)")
-    for other in (k for k in range(3) if k != axis):
-        curves = {name: np.array(values)[:, other] for name, values in travel.position.items()}
-        largest = max(largest, float(np.max(np.abs(curves["exact"]))))
-        _draw_models(ax, travel, unit, curves, np.array(travel.elements.position)[:, other])
+    commanded, largest = _frame(ax, found, direction, "error (% of the command)"), 0.0
+    for other in (each for each in DIRECTIONS if each != direction):
+        curves = found.at("errors", direction=direction, component=other)
+        largest = max(largest, float(np.max(np.abs(curves[:, EXACT]))))
+        _draw_models(ax, commanded, curves[:, :LOADED])
         if largest > ROUND_OFF:
-            place = (unit.factor * travel.commanded[-1], curves["exact"][-1])
+            place = (float(commanded[-1]), float(curves[-1, EXACT]))
             beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-            ax.annotate(f"in {NAMES[DIRECTIONS[other]]}", place, (7, 0), **beside)
+            ax.annotate(f"in {NAMES[other]}", place, (7, 0), **beside)
             ax.set_xlim(right=1.4 * place[0])
     if largest < ROUND_OFF:
         ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
@@ -498,25 +484,27 @@ def plot_across(ax: Axes, found: Workspace, direction: Direction) -> Axes:
     return ax
 
 
-def _frame(ax: Axes, travel: Travel, direction: Direction, label: str) -> Unit:
-    """Labels, grid and the line of linear theory; returns the unit of the command."""
-    unit = unit_for(direction, max(travel.commanded))
+def _frame(ax: Axes, found: Large, direction: Direction, label: str) -> Array:
+    """Labels, grid and the line of linear theory; returns the commands in the unit of the axis."""
+    far = float(found.at("amplitude", direction=direction))
+    unit = unit_for(direction, far)
     ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})", ylabel=label)
     ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
     ax.grid()
-    return unit
+    return unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
 
 
-def _draw_models(ax: Axes, travel: Travel, unit: Unit, curves: Any, held: Any) -> None:
-    """Draw the curves of all models and the points of finite elements held at the command."""
-    for name, (label, style) in MODELS.items():
-        ax.plot(unit.factor * np.array(travel.commanded), curves[name], label=label, **style)
-    ax.plot(unit.factor * np.array(travel.elements.commanded), held, **HELD)
+def _draw_models(ax: Axes, commanded: Array, curves: Array) -> None:
+    """Draw curves (shares, theories), those of finite elements as marks where they were solved."""
+    for theory, (label, style) in (MODELS | ELEMENTS).items():
+        known = np.isfinite(curves[:, theory]) if theory < curves.shape[1] else np.zeros(len(curves), dtype=bool)
+        if known.any():
+            ax.plot(commanded[known], curves[known, theory], label=label, **style)
 
 
-def _write_terms(ax: Axes, points: list[dict[str, float]]) -> None:
+def _write_terms(ax: Axes, curves: Array) -> None:
     """What the second-order terms change at both ends, in the corner that the curves leave free."""
-    ends = [point["tangent"] - point["without"] for point in (points[0], points[-1])]
+    ends = [float(curves[k, TANGENT] - curves[k, WITHOUT]) for k in STEPS + STATED[[0, -1]]]
     text = minus("the two terms at the ends:\n" + ", ".join(f"{end:+.2f}" for end in ends))
     y, va = (0.06, "bottom") if ends[1] > ends[0] else (0.94, "top")
     ax.text(0.96, y, text, transform=ax.transAxes, ha="right", va=va, color=INK, size=8.5)

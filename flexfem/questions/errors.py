@@ -31,6 +31,7 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.questions import bands, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Analysis, Case, Curve, Drive, Elements, LoadedCase
+from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import elements, imposed, imposed_bands
 from flexfem.questions.setup import solved
 from flexfem.refused import BadInput, ComputationFailed
@@ -49,7 +50,6 @@ from flexfem.results import (
     Result,
 )
 from flexfem.units import DIRECTIONS, Direction
-from flexfem.verify.command import of_limits
 from flexfem.verify.result import Fields
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
@@ -605,7 +605,7 @@ def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     C, limits = finest.response.compliance, list[str]()
     if given.model is not None and given.drive is not None:  # at either end of the commands
         for x in (commands[0], commands[-1]):
-            limits += of_limits(given.model, given.drive, x, np.zeros(3), "least energy")
+            limits += limit_warnings(given.model, given.drive, x, np.zeros(3), "least energy")
     return Answer(
         error=_commands(case) @ given.poses(C).T - _commands(case),
         force=np.zeros((case.points, 3)),

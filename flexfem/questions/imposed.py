@@ -23,8 +23,8 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
 from flexfem.questions.case import Case, Drive
+from flexfem.questions.driven import Driven, commands_for, driven, held
 from flexfem.units import DIRECTIONS
-from flexfem.verify.driven import Driven, commands_for, driven, held
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.model import model_of
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.reach import reach
 from flexfem.questions.setup import DEFAULT, Analytic, Models
 from flexfem.questions.stiffness import MOTION, OWN_STIFFNESS, PER_MOTION, WRENCH, stiffness
 from flexfem.refused import ComputationFailed
-from flexfem.results import COARSER, SOLVED, STRESS, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES
-from flexfem.verify.reach import reach
+from flexfem.results import ANALYTIC, COARSER, SOLVED, STRESS, Progress, Quantity, Result
+from flexfem.units import PLANES
 
 
 class Summary(Result):
@@ -94,14 +93,13 @@ def summary(
     warnings, notes = list(found.warnings), list(found.notes)
     if stage.actuator:
         try:
-            of_drive = reach(stage, np.zeros(3), model_of(*analytic))
+            of_drive = reach(stage, models="analytic", analytic=analytic)
         except ComputationFailed as failure:
             warnings.append(str(failure))
         else:
-            ranges = [of_drive.ranges[direction] for direction in DIRECTIONS]
-            for name, extents in (("held", [each.held for each in ranges]), ("free", [each.free for each in ranges])):
+            for name, others in (("held", "zero"), ("free", "free")):
                 for end in ("low", "high"):
-                    values[f"{name}_{end}"] = np.array([np.nan if e is None else getattr(e, end) for e in extents])
+                    values[f"{name}_{end}"] = of_drive.at("ends", others=others, end=end, model=ANALYTIC)
             warnings += of_drive.warnings
     sources = stage.sources
     by_source: dict[str, list[str]] = {}

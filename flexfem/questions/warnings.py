@@ -6,7 +6,6 @@ answer under `warnings` and are printed once. A warning changes no number and no
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -93,11 +92,6 @@ def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
         f"{where}: the platform moves {moved:.3g} {LENGTH} and turns {turned:.3g} rad, more than {FAR:g} of the "
         f"shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the answer is linear and does not hold there"
     ]
-
-
-def of_unstable(stiffness: Mapping[str, list[float] | None]) -> Warnings:
-    """Warnings that forces of stacks, by their names, leave no stiffness."""
-    return [f"no stable equilibrium with {what} of the stacks" for what, found in stiffness.items() if found is None]
 
 
 def of_formula(stage: Stage, formula: str) -> Warnings:

@@ -29,13 +29,13 @@ from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
+from flexfem.questions.driven import DriveRanges
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
 from flexfem.study.plan import Sampling, Study, names_in
-from flexfem.verify.drive_ranges import DriveAnswers
 from flexfem.verify.questions import (
     Clock,
     Moments,
@@ -76,7 +76,7 @@ def elastic_parts(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> Warm
 
 def driven(
     loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> DriveAnswers:
+) -> DriveRanges:
     """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
     drive = drives_of(loaded.stage, designs, reason, stages)
     elastic = _link_parts(stages, reason, drive) if loaded.study.links else None

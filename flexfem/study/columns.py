@@ -132,7 +132,7 @@ GROUPS = (
         },
         "with `[drive]` `actuators`: how far commands drive the platform from rest with the "
         "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
-        "`flexfem workspace` has it (`held`), without load: the lesser of both ways, so zero where single stacks go "
+        "`flexfem reach` has it (others zero), without load: the lesser of both ways, so zero where single stacks go "
         "one way only; `fe`: with what necks carry by the finite elements",
         lambda of, _: of.drives.range,  # type: ignore[union-attr]
     ),

@@ -378,7 +378,7 @@ Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLI
 Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
 
 
-class Drive(Table):
+class DriveQuestion(Table):
     """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
 
     model_config = ConfigDict(
@@ -407,7 +407,7 @@ class Drive(Table):
     )
 
     @model_validator(mode="after")
-    def _asks_something(self) -> Drive:
+    def _asks_something(self) -> DriveQuestion:
         both = {"stroke_um": self.stroke_um, "lever_arm_mm": self.lever_arm_mm}
         missing = [key for key, value in both.items() if value is None]
         if len(missing) == 1:
@@ -639,7 +639,7 @@ class Study(Sourced):
         description="Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with "
         "`saltelli` (Sobol indices split the variance among independent factors), `grid` or `table`",
     )
-    drive: Drive | None = Field(default=None, description="Asks how far a drive goes")
+    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
     frequencies: Frequencies | None = Field(
         default=None,
         description="Asks for natural frequencies in the plane, with a payload or without; the table may be empty. "

@@ -20,10 +20,9 @@ from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
+from flexfem.questions.driven import DriveRanges, drive_ranges, driven
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY
-from flexfem.verify.drive_ranges import DriveAnswers, drive_answers
-from flexfem.verify.driven import driven
 from flexfem.verify.strained import Lives, Repeated, by_elements, by_wrenches, lives
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ class Answers(NamedTuple):
     yield_strength: Array
     envelope: Array
     errors: ErrorPercentages | None = None
-    drives: DriveAnswers | None = None
+    drives: DriveRanges | None = None
     frequencies: Array | None = None
     lives: Lives | None = None
     drift: DriftRates | None = None
@@ -144,10 +143,10 @@ def ask_drift(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: 
 
 def ask_drives(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
-) -> DriveAnswers:
+) -> DriveRanges:
     """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
     model = driven_compliance(designs.frames, hinges, freedoms, drive.stacks, elastic)
-    return drive_answers(designs, driven(model.compliance, drive), model.necks, drive)
+    return drive_ranges(designs, driven(model.compliance, drive), model.necks, drive)
 
 
 def ask_elements(
@@ -180,8 +179,8 @@ def ask_elements(
     from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
     from flexfem.fem.structure import plate_of
+    from flexfem.questions.drive import element_ranges
     from flexfem.questions.modes import vibrating
-    from flexfem.verify.driven_models import metal_answers
 
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
@@ -197,7 +196,7 @@ def ask_elements(
         strained = by_elements(stage, response, repeated)
         found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
     if driven:
-        found = found._replace(drives=metal_answers(stage, response.mesh))
+        found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
         expansions = (each.item() for each in in_plane(lower(stage)))
         found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))

@@ -6,19 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import ModelChoice, analyse, best_model
+from flexfem.analytic.model import analyse, best_model
 from flexfem.arrays import Array, alone, first_highest
 from flexfem.fem.fields import load_case
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.refused import ComputationFailed
 from flexfem.units import DIRECTIONS, PLANES, Direction
 from flexfem.verify.answers import BandedStress
-from flexfem.verify.pose_set import Range
 from flexfem.verify.protocol import Solve, Solved
-from flexfem.verify.reach import reach
 from flexfem.verify.result import Matrix, OfStage, Record, Triple, about
 
 
@@ -52,14 +49,6 @@ class ModelSummary(Record):
     limits: dict[Direction, SafeRange]
 
 
-class DriveSummary(Record):
-    """How far a drive reaches; `assumed`, `not_stated`: key paths of the numbers behind it, those of the drive too."""
-
-    ranges: dict[Direction, Range]
-    assumed: list[str]
-    not_stated: list[str]
-
-
 class Summary(OfStage):
     """What `flexfem summary` says of a stage: the analytic side, and that of finite elements where they were asked.
 
@@ -67,8 +56,6 @@ class Summary(OfStage):
     model, plane : how the analytic model and the finite elements make the stage a plane problem.
     thickness : per cent by which hinges in three dimensions make the platform stiffer than in `plane`; None
         where the thickness chart does not reach.
-    drive : how far the drive reaches within all its limits, by the analytic model; None without one, or where it
-        reaches no pose.
     """
 
     name: str
@@ -81,7 +68,6 @@ class Summary(OfStage):
     elements: ModelSummary | None
     accuracy: str
     thickness: Triple | None
-    drive: DriveSummary | None
 
 
 def summary(stage: Stage, formula: str | None = None, solved: Solved | None = None) -> Summary:
@@ -101,7 +87,7 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
     for axis, (direction, limit) in enumerate(analytic.limits.items()):
         end = limit.range_at_yield * np.eye(3)[axis]
         warnings += warning.of_motion(stage, end, f"end of the safe range in {direction}")
-    drive, sources = _drive(chosen, warnings), stage.sources
+    sources = stage.sources
     return Summary(
         **about(stage),
         name=stage.name,
@@ -116,22 +102,8 @@ def summary(stage: Stage, formula: str | None = None, solved: Solved | None = No
         else _side(f"finite elements, {PLANES[stage.model]}", stage, element_limits(stage, solved)),
         accuracy=warning.stress_accuracy(chosen.formula, plane=chosen.stage.model),
         thickness=None if thickness is None else Triple.of(thickness),
-        drive=drive,
         warnings=list(dict.fromkeys(warnings)),
     )
-
-
-def _drive(chosen: ModelChoice, warnings: list[str]) -> DriveSummary | None:
-    """The ranges of a drive, with elastic links; what is to be said of them goes into `warnings`."""
-    if not chosen.stage.actuator:
-        return None
-    try:
-        found = reach(chosen.stage, np.zeros(3), (chosen.mobility, chosen.formula, chosen.links))
-    except ComputationFailed as failure:
-        warnings.append(str(failure))
-        return None
-    warnings += found.warnings
-    return DriveSummary(ranges=found.ranges, assumed=found.assumed, not_stated=found.not_stated)
 
 
 def element_limits(stage: Stage, solved: Solved) -> Limits:

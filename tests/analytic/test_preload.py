@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.large import loaded, serial, under_load
-from flexfem.analytic.model import analyse, assemble
+from flexfem.analytic.model import ModelChoice, analyse, assemble
 from flexfem.analytic.paper import freedoms_of, joints_of, mechanism, stiffness
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.contacts import FOLLOWS, placed_stack
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.drive import commanding
 from flexfem.refused import ComputationFailed
-from flexfem.verify.driven_models import commanding
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 BODIES = ("frame", "link 1", "link 2", "platform")
@@ -152,7 +152,7 @@ def springs(of):
 )
 def test_without_forces_it_is_the_stage_with_its_drive_engaged_and_disengaged(name, choice):
     stage = load_stage(GEOMETRY / f"{name}.toml")
-    drive, one = drive_of(stage), commanding(stage, *choice)
+    drive, one = drive_of(stage), commanding(ModelChoice(stage, *choice))
     found = loaded(serial(stage, one.result, drive.stacks, "pushed"), np.zeros(12), np.zeros(3))
     np.testing.assert_array_equal(found.pose, 0.0)
     for stiff, C in ((drive.stiffness, one.of.engaged), (0 * drive.stiffness, one.of.C[:3, :3])):

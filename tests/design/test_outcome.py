@@ -15,7 +15,7 @@ from flexfem.design.model import Correction, Model
 from flexfem.design.proof import Meshed, ProposedElements, proof
 from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import Stage
-from flexfem.verify.driven_models import driven_metal
+from flexfem.questions.drive import driven_elements
 
 from .conftest import HEAD, LINK, NECK, RADIUS, ROOT, best, require
 
@@ -101,12 +101,14 @@ def test_what_symmetry_makes_zero_is_zero(load):
 
 
 def test_beside_the_band_of_engaged_stiffness_is_how_the_spread_of_pushes_moves_it(load, capsys):
-    """As `flexfem command` has it of the designed stage, in whatever unit it is asked; nothing of what is passive."""
+    """As `flexfem drive` has it of the designed stage, in whatever unit it is asked; nothing of what is passive."""
     pieces = DRIVE, require("engaged_kxx_n_per_mm / 1000", 1.0), require("kxx_n_per_mm", 20)
     found = designed(load(NECK, *pieces, best("maximise", "kxx_n_per_mm")))
     engaged, passive = found.requirements
-    own = flexfem.command(Stage.model_validate(tomllib.loads(found.stage)), [1e-3, 0, 0], resolution=None)
-    assert engaged.push_spread == pytest.approx(engaged.value * own.push_spread[0] / own.engaged[0], rel=1e-9)
+    own = flexfem.drive(Stage.model_validate(tomllib.loads(found.stage)), pose=(1e-3, 0, 0), models="analytic")
+    assert engaged.push_spread == pytest.approx(
+        engaged.value * own.push_spread[0] / own.at("stiffness", state="engaged", direction="x"), rel=1e-9
+    )
     assert 0.01 < engaged.push_spread / engaged.value < 0.04 and passive.push_spread is None
     print_design(found)
     assert f", ± {engaged.push_spread:.2g} by the spread of the pushes" in capsys.readouterr().out
@@ -208,7 +210,7 @@ def test_what_a_drive_does_is_proven_by_finite_elements(load, tmp_path):
     (engaged,) = found.requirements
     made = tmp_path / "made.toml"
     made.write_text(found.stage)
-    elements = driven_metal(flexfem.load(made), 8).of.engaged
+    elements = driven_elements(flexfem.load(made), 8).of.engaged
     assert engaged.value == pytest.approx(np.linalg.inv(elements)[0, 0], rel=1e-6) and engaged.verdict == "met"
     assert engaged.uncorrected > 1.4 * engaged.value and found.agreed
     assert engaged.checked_by == found.objectives[0].checked_by == "finite elements"

@@ -14,7 +14,6 @@ from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
 from flexfem.results import About
 from flexfem.verify.result import Fields
-from flexfem.verify.workspace import Box, Elements, Point, Travel, Workspace
 
 HINGES = ("base", "elbow", "platform")
 PLACES = ((52.0, -30.0), (25.0, -31.0), (21.0, 3.0))
@@ -155,72 +154,6 @@ def fields() -> Fields:
     )
 
 
-SHARE = {"without": 0.61, "tangent": 0.97, "exact": 1.0}
-
-
-def travel(axis: int, far: float, way: Array) -> Travel:
-    """Everything grows with the command: errors to `way`, per cent, for the exact load; the tangent twice as far."""
-    commanded, held = far * np.linspace(-1, 1, 41), far * np.linspace(-1, 1, 9)
-    size, aside = way[axis], float(np.delete(way, axis)[0])
-    shares = SHARE | {"elements": 0.9, "loaded": 1.2}
-
-    def position(at: Array, share: float = 1.0) -> Any:
-        return (share * (at / far)[:, None] * way).tolist()
-
-    ends = far * np.array([-1.0, -0.1, 0.1, 1.0])
-    return Travel(
-        commanded=commanded.tolist(),
-        load=np.outer(commanded, [3.0, 4.0, 5.0]).tolist(),
-        stiffness={name: (2 * share * size * commanded / far).tolist() for name, share in SHARE.items()},
-        position={name: position(commanded, share) for name, share in SHARE.items()},
-        elements=Elements(
-            commanded=held.tolist(),
-            load=np.outer(held, [3.0, 4.0, 5.0]).tolist(),
-            stiffness=(1.9 * size * held / far).tolist(),
-            position=position(held, 0.9),
-            strain=np.abs(held).tolist(),
-            loaded=np.outer(1.1 * ends, np.eye(3)[axis]).tolist(),
-            loaded_position=position(ends, 1.2),
-        ),
-        points=[
-            Point(
-                commanded=end,
-                stiffness={name: 2 * share * size * end / far for name, share in SHARE.items()}
-                | {"elements": 1.9 * size * end / far},
-                position={name: share * size * end / far for name, share in shares.items()},
-                across={name: share * aside * end / far for name, share in shares.items()},
-            )
-            for end in ends.tolist()
-        ],
-    )
-
-
-def workspace(**changes: Any) -> Workspace:
-    given = {
-        "stage": "a stage $x_1$",
-        "file": "one.toml",
-        "hash": "1234",
-        "plane": "plane_stress",
-        "mobility": 6,
-        "formula": "paros-weisbord",
-        "assumed": [],
-        "not_stated": [],
-        "warnings": [],
-        "amplitude": {"x": 0.3, "y": 0.4, "theta": 0.006},
-        "resolution": 4,
-        "unknowns": 1234,
-        "travel": {
-            "x": travel(0, 0.3, np.array([0.7, 0.31, -0.17])),
-            "y": travel(1, 0.4, np.array([0.22, -0.4, 0.13])),
-            "theta": travel(2, 0.006, np.array([0.0, 0.0, 0.2])),
-        },
-        "small": Box(position=0.123, terms=0.045),
-        "box": Box(position=1.237, terms=0.678),
-        "versions": {},
-    }
-    return Workspace(**(given | changes))
-
-
 SIZES = {
     "m": 1e3,
     "mm": 1.0,
@@ -271,7 +204,6 @@ class Made(NamedTuple):
     fields: Callable[..., Fields]
     budget: Callable[..., Budget]
     mesh_study: Callable[..., MeshConvergence]
-    workspace: Callable[..., Workspace]
     size_in: Callable[[str], float]
     extent: Callable[[Any], Array]
     texts: Callable[[Any], list[str]]
@@ -280,4 +212,4 @@ class Made(NamedTuple):
 @pytest.fixture(scope="session")
 def made() -> Made:
     """Makers of stored results with made-up numbers."""
-    return Made(hinges, model, result, fields, budget, mesh_study, workspace, size_in, extent, texts)
+    return Made(hinges, model, result, fields, budget, mesh_study, size_in, extent, texts)

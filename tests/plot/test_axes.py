@@ -62,12 +62,17 @@ def percentiles() -> list[Percentile]:
 
 @cache
 def driven() -> Any:
-    return flexfem.command(flexfem.load(STAGE), [2e-3, -1e-3, 5e-5], resolution=2)
+    return flexfem.drive(flexfem.load(STAGE), pose=(2e-3, -1e-3, 5e-5), resolution=2)
 
 
 @cache
 def reached() -> Any:
-    return flexfem.reach(flexfem.load(STAGE), resolution=None)
+    return flexfem.reach(flexfem.load(STAGE), models="analytic")
+
+
+@cache
+def displaced() -> Any:
+    return flexfem.large(flexfem.load(STAGE), models="analytic")
 
 
 @cache
@@ -108,14 +113,14 @@ def designed() -> Designed:
 
 
 DRAWN: dict[str, Any] = {
-    "plot_across": lambda made: (made.workspace(), "y"),
-    "plot_along": lambda made: (made.workspace(), "x"),
+    "plot_across": lambda made: (displaced(), "y"),
+    "plot_along": lambda made: (displaced(), "x"),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
     "plot_displacement": lambda made: (made.fields(),),
     "plot_drift": lambda made: (flexfem.drift(flexfem.load(STAGE), models="elements", resolution=4), "gradient in x"),
-    "plot_drive": lambda made: (driven(), flexfem.load(STAGE)),
+    "plot_drive": lambda made: (driven(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
     "plot_forces": lambda made: (driven(),),
     "plot_formulas": lambda made: (hinge_review(), "axial"),
@@ -144,7 +149,7 @@ DRAWN: dict[str, Any] = {
     "plot_stage": lambda made: (flexfem.load(STAGE),),
     "plot_dimensions": lambda made: (flexfem.load(STAGE),),
     "plot_strokes": lambda made: (driven(),),
-    "plot_tangents": lambda made: (made.workspace(), "theta"),
+    "plot_tangents": lambda made: (displaced(), "theta"),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
     "plot_tradeoff": lambda made: (designed(),),
 }

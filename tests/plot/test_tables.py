@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.commands import comparisons, stage_tables, tables
-from flexfem.mechanism.stage import load_stage
+from flexfem.commands import tables
 from flexfem.verify.answers import LoadReport, StiffnessReport
 from flexfem.verify.result import Triple
 from flexfem.verify.solid_report import SolidReport
-from flexfem.verify.stage_report import PlacedHinge, StageReport
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 MATRIX = [[41.5, 2.3, 310.0], [2.1, 43.5, -290.0], [330.0, -270.0, 47000.0]]
@@ -36,20 +34,6 @@ def cells(capsys):
 def numbers(rows):
     """Rows of cells that are numbers, as numbers."""
     return [[float(cell) for cell in row] for row in rows]
-
-
-def test_hinges_are_in_mm_and_degrees(cells):
-    hinge = PlacedHinge(2, "elbow", (24.5, -32.25), 187.5, 1.75, 0.65, True)
-    other = hinge._replace(chain=3, hinge="base", centre_mm=(1.5, 2.5), prismatic=False)
-    found = {"model": "plane_strain", "chains_alike": False, "hash": "", "dimensions": {}, "hinges": [hinge, other]}
-    sources = {"provenance": {"thickness_mm": "measured"}, "warnings": [], "assumed": ["a_mm"], "not_stated": []}
-    rows = cells(stage_tables.print_stage, StageReport(file="", name="S", mobility=6, **found, **sources))
-    head = ["chain", "hinge", "x mm", "y mm", "axis deg", "R mm", "t mm", "freedoms"]
-    assert ["S: mobility 6, chains differ, plane strain"] in rows
-    at = rows.index(head)
-    assert rows[at + 1] == ["2", "elbow", "24.5000", "-32.2500", "187.50", "1.75", "0.65", "rotation, axial"]
-    assert rows[at + 2] == ["3", "base", "1.5000", "2.5000", "187.50", "1.75", "0.65", "rotation"]
-    assert ["thickness_mm: measured"] in rows and any("a_mm" in row[-1] for row in rows)
 
 
 DOUBTS = {"warnings": [], "assumed": [], "not_stated": []}
@@ -142,45 +126,3 @@ def test_the_answer_to_a_load_is_in_n_mm_rad_and_mpa(cells, show, facts):
 def test_a_formula_outside_its_range_is_called_so(cells):
     assert "koster (outside its range" in cells(tables.print_stiffness, STIFFNESS)[0][0]
     assert "outside" not in cells(tables.print_stiffness, STIFFNESS._replace(formula_in_range=True))[0][0]
-
-
-def test_large_displacements_are_printed_in_um_mrad_and_per_cent(cells, made):
-    rows = cells(comparisons.print_workspace, made.workspace())
-    models = ["(16) less its terms", "(16)", "exact", "elements", "elements, same load"]
-    at = rows.index(["per cent", "commanded", "at", *models])
-    kinds = ("tangent stiffness, change from rest", "linear position error, along", "linear position error, across")
-    expected = []
-    for kind, name in enumerate(kinds):
-        for axis, far, unit, along, aside in (
-            ("x", 300, "um", 0.7, 0.31),
-            ("y", 400, "um", -0.4, 0.22),
-            ("theta", 6, "mrad", 0.2, 0.0),
-        ):
-            size = (2 * along, along, aside)[kind]
-            shares = (0.61, 0.97, 1.0, 0.95) if kind == 0 else (0.61, 0.97, 1.0, 0.9, 1.2)
-            for end in (-1.0, -0.1, 0.1, 1.0):
-                values = [f"{share * size * end:+z.4f}" for share in shares]
-                expected.append([name, axis, f"{far * end:+g} {unit}", *values])
-    assert rows[at + 1 : at + 37] == expected
-    text = " ".join(" ".join(row) for row in rows)
-    assert "within a tenth of these commands: linear position off by up to 0.123 %" in text
-    assert re.search(
-        r"a tenth .* change the tangent compliance by up to 0\.045 % .*all of them: .*by up to 1\.237 %", text
-    )
-    assert text.rstrip().endswith("tangent compliance by up to 0.678 %")
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_an_amplitude_in_um_is_a_thousandth_of_it_in_mm(flexfem, made, monkeypatch, tmp_path):
-    """Of a stage without a drive, whose poses would be sought as well."""
-    asked, bare = [], tmp_path / "bare.toml"
-    load_stage(STAGE).replace(actuator=()).save(bare)
-
-    def travel(stage, amplitude, *_):
-        asked.append(amplitude)
-        return made.workspace()
-
-    monkeypatch.setattr("flexfem.verify.workspace.workspace", travel)
-    code, out, _ = flexfem("workspace", bare, "--amplitude-um", 137)
-    assert (code, asked) == (0, [pytest.approx(0.137, rel=1e-15)]) and "+300 um" in out
-    assert flexfem("workspace", bare)[0] == 0 and asked[1] == pytest.approx(0.5, rel=1e-15)

@@ -15,8 +15,8 @@ from flexfem.fem.modes import modes
 from flexfem.fem.response import driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
+from flexfem.questions.driven import driven
 from flexfem.refused import BadInput
-from flexfem.verify.driven import driven
 
 from ..conftest import ROOT
 

@@ -21,10 +21,10 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.case import LoadedCase
+from flexfem.questions.driven import held
 from flexfem.questions.errors import run_case
 from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
 from flexfem.refused import BadInput
-from flexfem.verify.driven import held
 
 from ..conftest import UNLIKE, with_changes
 

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from flexfem.analytic.model import ModelChoice
 from flexfem.arrays import Array
 from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.drive import commanding, driven_elements
+from flexfem.questions.reach import limits_of_commands
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.loaded import LoadedStudy, designs_of, load_study, sample, stage_of
-from flexfem.verify.drive_limits import limits_of_commands
-from flexfem.verify.driven_models import commanding, driven_metal
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
@@ -84,9 +85,9 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int |
 
     resolution : of finite elements that push and move; what their necks carry is then the model's.
     """
-    one, drive = commanding(stage, *choice), drive_of(stage)
-    of = one.of if resolution is None else driven_metal(stage, resolution).of
-    limits = limits_of_commands(stage, one, of, drive, np.zeros(3))
+    one, drive = commanding(ModelChoice(stage, *choice)), drive_of(stage)
+    of = one.of if resolution is None else driven_elements(stage, resolution).of
+    limits = limits_of_commands(one, of, drive, np.zeros(3))
     rows, ends = limits.rows, limits.bounds
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
     found = np.zeros((2, 3))

@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import flexfem
 from flexfem.analytic.large import loaded, serial
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.fem.nonlinear import preloaded
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
-from flexfem.verify.command import command
-from flexfem.verify.driven import Motion, driven
-from flexfem.verify.driven_models import carried_by, commanding, driven_metal
+from flexfem.questions.drive import commanding, driven_elements
+from flexfem.questions.driven import driven, neck_forces
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 NONE = np.zeros(3)
@@ -33,7 +35,11 @@ UNLIKE = [
 
 def changes(stage, forces, follows, resolution):
     """Relative changes (forces, disengaged and engaged, 3) of stiffness, by finite elements and by elastic joints."""
-    drive, model, metal = drive_of(stage), commanding(stage, None, "calibrated", True), driven_metal(stage, resolution)
+    drive, model, metal = (
+        drive_of(stage),
+        commanding(ModelChoice(stage, None, CALIBRATED, True)),
+        driven_elements(stage, resolution),
+    )
     joints = serial(stage, model.result, drive.stacks, follows)
     found = np.zeros((2, len(forces), 2, 3))
     for i, force in enumerate(forces):
@@ -77,13 +83,11 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
     """Pairs that work against each other: 10 N in the base hinges, 320 N mm at their contacts, and nothing turns."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
     model, units = (
-        commanding(stage, None, "calibrated", True),
+        commanding(ModelChoice(stage, None, CALIBRATED, True)),
         np.kron(np.ones(3), np.array([[1, -1, 0, 0], [0, 0, 1, -1]])),
     )
-    motions = [Motion(NONE, NONE, unit, 0.0, 0.0) for unit in units]
-    rows = [
-        [carried_by(stage, model.model, each, NONE).normal[0, 0], model.of.C[2, 3:] @ each.force] for each in motions
-    ]
+    normal = neck_forces(stage_frames(stage), model.model.necks[..., 3:] @ units.T).normal[0, 0]
+    rows = [[normal[k], model.of.C[2, 3:] @ unit] for k, unit in enumerate(units)]
     force = np.linalg.solve(np.transpose(rows), [10.0, 0.0]) @ units
     assert np.max(np.abs(force)) == pytest.approx(16.0, abs=0.2)
     elements, joints = changes(stage, [force, -force], "pushed", 4)
@@ -94,10 +98,12 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
 def test_the_stiffness_by_the_forces_of_a_command_is_that_under_its_load():
     """A load of 40 N, which the stacks mostly take: with it, not only with the forces that it gives the stacks."""
     stage, load = load_stage(GEOMETRY / "mobility6.toml"), np.array([40.0, -25.0, 300.0])
-    model, drive = commanding(stage, 6, "paros-weisbord", False), drive_of(stage)
+    model, drive = commanding(ModelChoice(stage, 6, DEFAULT_FORMULA, False)), drive_of(stage)
     joints = serial(stage, model.result, drive.stacks, "pushed")
-    found = command(stage, np.array([2e-3, 1e-3, 5e-5]), load, (6, "paros-weisbord", False)).criteria["least energy"]
-    force = np.array(found.force)
+    own = flexfem.Analytic(mobility=6)
+    found = flexfem.drive(stage, pose=(2e-3, 1e-3, 5e-5), load=tuple(load), models="analytic", analytic=own)
+    force = found.at("force", criterion="least energy")
     with_load, without = (np.diag(loaded(joints, force, each).stiffness(drive.stiffness)) for each in (load, NONE))
-    np.testing.assert_allclose(found.preloaded or [], with_load, rtol=1e-12)
+    state = "pushed with the forces by least energy"
+    np.testing.assert_allclose(found.at("stiffness", state=state), with_load, rtol=1e-9)
     assert np.max(np.abs(with_load / without - 1)) > 1e-6

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import assemble
+import flexfem
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
 from flexfem.analytic.paper import stiffness
 from flexfem.analytic.responses import driven_model
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.drive import across, commanding, driven_elements, left_open
+from flexfem.questions.driven import driven
 from flexfem.refused import BadInput
-from flexfem.verify.command import command
-from flexfem.verify.driven import driven
-from flexfem.verify.driven_models import across, commanding, driven_metal
-from flexfem.verify.friction import left_open
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
-POSE, LOAD = np.array([2e-3, -1e-3, 5e-5]), np.array([1.5, -0.8, 30.0])
+POSE, LOAD = (2e-3, -1e-3, 5e-5), (1.5, -0.8, 30.0)
+MODEL = (6, DEFAULT_FORMULA, False)
 
 
 def rough(stage, *changes):
@@ -37,8 +37,8 @@ def stage():
 def at_rest(stage, *model, stiff=1.0):
     drive = drive_of(stage)
     drive = drive._replace(stiffness=stiff * drive.stiffness)
-    one = commanding(stage, *model)
-    return left_open(driven(one.model.compliance, drive), across(stage, one, drive), drive, drive.preload)
+    one = commanding(ModelChoice(stage, *model))
+    return left_open(driven(one.model.compliance, drive), across(one, drive), drive, drive.preload)
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
@@ -48,7 +48,7 @@ def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
     at = stiffness(of)
     per_couple = at.influence.G_u @ at.C_aa
     expected = 2 * 0.3 * 40.0 * 4.5 * np.sum(np.abs(per_couple), axis=1)
-    np.testing.assert_allclose(at_rest(stage, 3, "paros-weisbord", False, stiff=0.0), expected, rtol=1e-9)
+    np.testing.assert_allclose(at_rest(stage, 3, DEFAULT_FORMULA, False, stiff=0.0), expected, rtol=1e-9)
 
 
 def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
@@ -56,7 +56,7 @@ def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
     for tilt, none in ((np.arctan(0.45), True), (-np.arctan(0.45), False), (0.0, False)):
         alone = {"friction": 0.3, "pair": False, "tilt": tilt}
         stage = rough(load_stage(GEOMETRY / "mobility3.toml"), alone)
-        found = at_rest(stage, 3, "paros-weisbord", False, stiff=0.0)
+        found = at_rest(stage, 3, DEFAULT_FORMULA, False, stiff=0.0)
         assert none == (np.max(np.array(found) * [1, 1, 24.0]) < 1e-12), tilt
 
 
@@ -73,30 +73,28 @@ def test_friction_pushes_both_bodies_along_the_face_the_one_against_the_other(st
 
 
 def test_it_goes_with_the_coefficient_and_with_the_preload(stage):
-    model = (6, "paros-weisbord", False)
-    one = np.array(at_rest(rough(stage, {"friction": 0.1}, {"friction": 0.3}), *model))
-    twice = np.array(at_rest(rough(stage, {"friction": 0.2}, {"friction": 0.6}), *model))
+    one = np.array(at_rest(rough(stage, {"friction": 0.1}, {"friction": 0.3}), *MODEL))
+    twice = np.array(at_rest(rough(stage, {"friction": 0.2}, {"friction": 0.6}), *MODEL))
     pressed = [{"friction": 0.1, "preload": 150.0}, {"friction": 0.3, "preload": 150.0}]
     np.testing.assert_allclose(twice, 2 * one, rtol=1e-12)
-    np.testing.assert_allclose(at_rest(rough(stage, *pressed), *model), 3 * one, rtol=1e-9)
-    parts = [at_rest(rough(stage, {"friction": 0.1}, {}), *model), at_rest(rough(stage, {}, {"friction": 0.3}), *model)]
+    np.testing.assert_allclose(at_rest(rough(stage, *pressed), *MODEL), 3 * one, rtol=1e-9)
+    parts = [at_rest(rough(stage, {"friction": 0.1}, {}), *MODEL), at_rest(rough(stage, {}, {"friction": 0.3}), *MODEL)]
     np.testing.assert_allclose(np.sum(parts, axis=0), one, rtol=1e-9)
-    np.testing.assert_array_equal(at_rest(rough(stage, {"friction": 0.0}, {}), *model), 0.0)
-    assert at_rest(rough(stage, {}, {}), *model) is None
+    np.testing.assert_array_equal(at_rest(rough(stage, {"friction": 0.0}, {}), *MODEL), 0.0)
 
 
 def test_no_friction_within_its_limits_moves_the_platform_further_and_some_does_as_far(stage):
     """All corners of the box, with single stacks and a load: forces are those of the command, not the preloads."""
     single = [{"pair": False, "friction": 0.25, "preload": 30.0}, {"pair": False, "friction": 0.15, "preload": 12.0}]
     stage = rough(stage, *single)
-    drive, one = drive_of(stage), commanding(stage, 6, "paros-weisbord", False)
-    (found, *_) = command(stage, POSE, LOAD, (6, "paros-weisbord", False)).criteria.values()
-    force = np.maximum(found.force, 0.0)
+    drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
+    answer = flexfem.drive(stage, pose=POSE, load=LOAD, models="analytic", analytic=flexfem.Analytic(mobility=6))
+    force = np.maximum(answer.at("force", criterion="least energy"), 0.0)
     assert np.max(np.abs(force - drive.preload)) > 1.0
     C = driven_model(stage, one.result, (*drive.stacks, *(each.across for each in drive.stacks))).compliance
     corners = np.array(list(product([-1, 1], repeat=6))) * drive.friction * force
     poses = corners @ np.array([held_pose(C, drive, k) for k in range(6)])
-    np.testing.assert_allclose(np.max(poses, axis=0), found.friction, rtol=1e-8)
+    np.testing.assert_allclose(np.max(poses, axis=0), answer.friction[0, 0], rtol=1e-8)
 
 
 def held_pose(C, drive, k):
@@ -114,18 +112,19 @@ def test_bands_by_both_witnesses(name):
     stage = rough(
         load_stage(GEOMETRY / f"{name}.toml"), {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0}
     )
-    drive, metal = drive_of(stage), driven_metal(stage, 3)
+    drive, metal = drive_of(stage), driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
     elements = left_open(metal.of, metal.across, drive, drive.preload)
-    np.testing.assert_allclose(at_rest(stage, None, "calibrated", True), elements, rtol=6e-3)
+    np.testing.assert_allclose(at_rest(stage, None, CALIBRATED, True), elements, rtol=6e-3)
 
 
 def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
     stage = rough(stage, {"friction": 0.2, "pair": False, "preload": 1.0})
-    drive, one = drive_of(stage), commanding(stage, 6, "paros-weisbord", False)
-    pulled = left_open(one.of, across(stage, one, drive), drive, np.array([2.0, -3.0, -1.0]))
-    only = left_open(one.of, across(stage, one, drive), drive, np.array([2.0, 0.0, 0.0]))
-    assert pulled == only and min(only) > 0
+    drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
+    pulled = left_open(one.of, across(one, drive), drive, np.array([2.0, -3.0, -1.0]))
+    only = left_open(one.of, across(one, drive), drive, np.array([2.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(pulled, only)
+    assert min(only) > 0
 
 
 def test_a_stated_friction_is_part_of_the_hash_of_the_drive_and_none_is_not(stage):

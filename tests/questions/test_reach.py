@@ -9,26 +9,37 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.collections import LineCollection
 
+import flexfem
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.commands import cli
 from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.plot.drive import reach_figure
+from flexfem.questions.drive import Commanding, commanding, driven_elements, neck_stresses
+from flexfem.questions.driven import Driven, commands_for, drive_ranges, driven, limits_of, moved, shares
+from flexfem.questions.reach import (
+    LinearLimits,
+    Polytope,
+    PoseSet,
+    Programs,
+    Reach,
+    image,
+    limits_of_commands,
+)
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.drive_limits import limits_of_commands
-from flexfem.verify.drive_ranges import drive_answers
-from flexfem.verify.driven import Driven, commands_for, driven, limits_of_forces, limits_of_strokes, moved, shares
-from flexfem.verify.driven_models import Commanding, commanding, driven_metal, stresses
-from flexfem.verify.limits import grouped, kinds
-from flexfem.verify.polytope import LinearLimits, Programs, image
-from flexfem.verify.pose_set import poses, ranges
-from flexfem.verify.reach import PoseFace, Reach, _inside, reach
+from flexfem.results import ANALYTIC, ELEMENTS, Result
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 NONE = np.zeros(3)
 LOAD = np.array([0.7, -0.4, 7.0])
 LEVER = 24.0
 SCALE = np.array([1.0, 1.0, LEVER])
+OWN = flexfem.Analytic(formula=CALIBRATED, mobility=21, links=True)
+SIX = flexfem.Analytic(mobility=6)
 
 
 def with_actuators(stage: Stage, *changes: dict[str, object], **all_of: object) -> Stage:
@@ -73,7 +84,15 @@ def own(stage) -> Stage:
 
 
 def modelled(stage: Stage) -> tuple[Commanding, StageDrive]:
-    return commanding(stage, None, "calibrated", True), drive_of(stage)
+    return commanding(ModelChoice(stage, None, CALIBRATED, True)), drive_of(stage)
+
+
+def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object) -> Reach:
+    return flexfem.reach(stage, load=load, models=models, **others)
+
+
+def pose_set(stage: Stage, one: Commanding, drive: StageDrive, load: np.ndarray = NONE) -> PoseSet:
+    return PoseSet(one.of, drive, limits_of_commands(one, one.of, drive, load), load)
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +101,9 @@ def reached(stage) -> Reach:
     return reach(stage, NONE)
 
 
-def ends(found: Reach, name: str) -> list[list[float]]:
+def ends(found: Reach, name: str) -> np.ndarray:
     """Ranges in um, um, mrad."""
-    extents = [getattr(each, name) for each in found.ranges.values()]
-    return [[1e3 * extent.low, 1e3 * extent.high] for extent in extents]
+    return 1e3 * found.at("ends", others=name, model=ANALYTIC).T
 
 
 def hand(rows: list[list[float]], bounds: list[float]) -> LinearLimits:
@@ -98,7 +116,7 @@ def hand(rows: list[list[float]], bounds: list[float]) -> LinearLimits:
 
 def test_a_square_with_a_corner_cut_off_is_drawn_as_by_hand():
     limits = hand([[1.0, 1.0], [1.0, 0.0]], [1.5, 3.0])  # the second one never binds
-    found = image(Programs(limits, np.ones(2)), np.eye(2))
+    found = image(Programs(limits, np.ones(2), np.zeros((0, 2)), np.zeros(0)), np.eye(2))
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
     assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == corners
     assert found.volume == pytest.approx(4 - 0.125)
@@ -118,14 +136,14 @@ def test_a_platform_pushed_straight_goes_as_far_as_each_stack_alone():
     names, limit = ("a", "b", "c"), 0.01 * one
     drive = StageDrive(3 * (nowhere,), names, 1e12 * one, preload, 900 * one, np.eye(3), -limit, 2 * limit)
     of = driven(C, drive)
-    strokes, (contact, blocking) = limits_of_strokes(drive), limits_of_forces(of, drive, NONE)
+    strokes, blocking, contact = limits_of(of, drive, NONE).values()
     limits = LinearLimits(
         np.concatenate([strokes.rows, contact.rows, blocking.rows]),
         np.concatenate([each.offsets + each.sizes for each in (strokes, contact, blocking)]),
         np.arange(12),
         tuple(f"{kind} of {k}" for kind in ("stroke", "stroke", "contact", "blocking force") for k in range(3)),
     )
-    found = poses(of, drive, limits, NONE, 2.0)
+    found = PoseSet(of, drive, limits, NONE).solid(2.0)
     low, high = found.vertices.min(axis=0), found.vertices.max(axis=0)
     np.testing.assert_allclose(low, [-0.005, -0.01, -0.01], rtol=1e-6)  # 5 N on 1 N/um
     np.testing.assert_allclose(high, [0.02, 0.02, 0.02], rtol=1e-6)
@@ -138,7 +156,7 @@ def test_a_platform_pushed_straight_goes_as_far_as_each_stack_alone():
 def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
     one, drive = modelled(stage)
-    found = poses(one.of, drive, limits_of_commands(stage, one, one.of, drive, NONE), NONE, LEVER)
+    found = pose_set(stage, one, drive).solid(LEVER)
     G = one.of.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
     determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
@@ -153,13 +171,11 @@ def test_strokes_alone_reach_a_zonotope(stage):
 def test_ranges_of_the_reference_stages(stage, reached):
     """With the others at zero X reaches less than Y; strokes of least energy stop at 19.5 and 19.8 um, elbow first."""
     found, both = reached, np.array([[-1.0, 1.0]])
-    np.testing.assert_allclose(ends(found, "held"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
+    np.testing.assert_allclose(ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
     np.testing.assert_allclose(ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4)
     assert 1e3 * np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
     assert found.volume == pytest.approx(2.01660e-6, rel=1e-4)
-    held = found.ranges["x"].held
-    assert held is not None
-    assert held.high_by == [
+    assert list(found.fields.stops["zero", "x", "high"]) == [
         "stroke of elbow, chain 1, longest",
         "stroke of base, chain 3, longest",
         "stroke of base, chain 2, shortest",
@@ -171,22 +187,22 @@ def test_ranges_of_the_reference_stages(stage, reached):
         used = np.abs(least) / 8.7e-3
         assert 1 / np.max(used) == pytest.approx(stop, rel=1e-4)
         assert drive.names[int(np.argmax(used))].startswith("elbow")
-    three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"), NONE)
-    np.testing.assert_allclose(ends(three, "held")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
+    three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"))
+    np.testing.assert_allclose(ends(three, "zero")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
 
 
 def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     """Faces against the strokes within limits, another linear program: share 1 on every face, more 0.1 % beyond."""
     one, drive = modelled(light)
     found = reach(light, LOAD)
-    V, middle = np.array(found.vertices), np.mean(found.vertices, axis=0)
-    normals, supports = np.array([f.normal for f in found.faces]) * SCALE, np.array([f.support for f in found.faces])
-    assert {kinds(face.by) for face in found.faces} == {("stroke",), ("stroke", "contact")}
+    V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields.solid
+    normals, supports = solid.normals * SCALE, solid.supports
+    assert {by.kinds for by in solid.by} == {("stroke",), ("stroke", "contact")}
     assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
 
     def share(pose: np.ndarray) -> float:
         x = commands_for(one.of, drive, pose, LOAD, LEVER, "within limits")
-        return max(shares(one.of, drive, x, LOAD).values())
+        return max(float(np.max(each)) for each in shares(one.of, drive, x, LOAD).values())
 
     @settings(max_examples=8, deadline=None, database=None, derandomize=True)
     @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda n: np.linalg.norm(n) > 0.1))
@@ -203,8 +219,8 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
 
 def test_alike_chains_reach_what_is_alike_when_turned_by_120_degrees(light):
     found = reach(light, NONE)
-    V, complex_ = np.array(found.vertices), lambda v: v[:, 0] + 1j * v[:, 1]
-    normals, supports = np.array([f.normal for f in found.faces]), np.array([f.support for f in found.faces])
+    V, complex_ = found.vertices, lambda v: v[:, 0] + 1j * v[:, 1]
+    normals, supports = found.fields.solid.normals, found.fields.solid.supports
 
     def outside(degrees: float) -> float:
         turned = complex_(V) * np.exp(1j * np.deg2rad(degrees))
@@ -218,20 +234,19 @@ def test_alike_chains_reach_what_is_alike_when_turned_by_120_degrees(light):
 def test_strokes_half_as_long_reach_half_as_far(stage, reached):
     half = with_actuators(stage, stack=None, stroke=8.7e-3, stiffness=935 / 17.4e-3)
     whole, short = reached, reach(half, NONE)
-    np.testing.assert_allclose(ends(short, "held"), np.array(ends(whole, "held")) / 2, rtol=1e-9)
+    np.testing.assert_allclose(ends(short, "zero"), np.array(ends(whole, "zero")) / 2, rtol=1e-9)
     assert short.volume == pytest.approx(whole.volume / 8, rel=1e-9)
 
 
 @pytest.mark.slow
 def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage):
-    def limited(force: float) -> Reach:
+    def limited(force: float) -> Polytope:
         one, drive = modelled(stage)
         drive = drive._replace(blocking_force=np.full(12, force))
-        limits = limits_of_commands(stage, one, one.of, drive, NONE)
-        return poses(one.of, drive, limits, NONE, LEVER)
+        return pose_set(stage, one, drive).solid(LEVER)
 
     one, more, less = limited(935.0), limited(1200.0), limited(54.0)
-    assert more.volume == one.volume and not any("blocking force" in grouped(by) for by in one.by)
+    assert more.volume == one.volume and not any("blocking force" in str(by) for by in one.by)
     assert less.volume < 0.9 * one.volume
     assert any("blocking force of elbow, chain 2, partner" in by for by in less.by)
 
@@ -244,23 +259,22 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
         numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
         many = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
         of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
-        studied = drive_answers(lower(each), of, one.model.necks[None], many).reach[0]
-        limits = limits_of_commands(each, one, one.of, drive, NONE)
-        held = [extent.held for extent in ranges(one.of, drive, limits, NONE).values()]
-        np.testing.assert_allclose([extent.high for extent in held if extent], studied[0], rtol=1e-9)
-        np.testing.assert_allclose([-extent.low for extent in held if extent], studied[1], rtol=1e-9)
-    assert any("yield" in kinds(extent.high_by) for extent in held if extent)
+        studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
+        found, stops = pose_set(each, one, drive).ranges()
+        np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
+    assert any("yield" in by.kinds for by in stops.values())
 
 
 @pytest.mark.slow
 def test_yield_stops_the_poses_where_a_neck_bears_its_strength(stage):
     weak = stage.replace(material={"yield_strength": 24.0})
     found, (one, drive) = reach(weak, 0.1 * LOAD), modelled(weak)
-    bound = [face for face in found.faces if "yield" in kinds(face.by)]
+    solid = found.fields.solid
+    bound = [(face, by) for face, by in zip(solid.faces, solid.by, strict=True) if "yield" in by.kinds]
     assert len(bound) > 20 and found.volume < 0.97 * 2.0166e-6
 
     def stress(x: list[float]) -> np.ndarray:
-        return stresses(weak, one, moved(one.of, drive, np.array(x), 0.1 * LOAD), 0.1 * LOAD)
+        return neck_stresses(one, np.concatenate([0.1 * LOAD, moved(one.of, drive, np.array(x), 0.1 * LOAD).force]))
 
     highest = np.array([stress(x) for x in found.commands])
     assert np.max(highest) == pytest.approx(23.76, rel=1e-9)  # 99 %: the model may be 1 % low
@@ -268,45 +282,41 @@ def test_yield_stops_the_poses_where_a_neck_bears_its_strength(stage):
         f"yield of the {hinge} hinge, chain {chain}" for chain in (1, 2, 3) for hinge in ("base", "elbow", "platform")
     ]
 
-    def bears(face: PoseFace) -> bool:
+    def bears(face: tuple[int, ...], by: tuple[str, ...]) -> bool:
         """Every neck named bears what its strength allows at every vertex of the face."""
-        named = [names.index(name) for name in face.by if name in names]
-        return bool(np.allclose(highest[face.vertices].reshape(-1, 9)[:, named], 23.76, rtol=1e-6))
+        named = [names.index(name) for name in by if name in names]
+        return bool(np.allclose(highest[list(face)].reshape(-1, 9)[:, named], 23.76, rtol=1e-6))
 
-    assert np.mean([bears(face) for face in bound]) > 0.9  # a vertex may have other commands, too
+    assert np.mean([bears(*each) for each in bound]) > 0.9  # a vertex may have other commands, too
 
 
 def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
-    found = reach(own, np.array([1.0, -0.7, 5.0]), resolution=4)
-    np.testing.assert_allclose(ends(found, "held"), [[-5.642, 5.791], [-5.944, 6.825], [-0.07518, 0.7150]], rtol=2e-4)
-    assert found.elements is not None and found.resolution == 4
-    for axis, metal in found.elements.items():
-        model = found.ranges[axis]
-        assert metal.held is not None and model.held is not None
-        assert metal.held.high == pytest.approx(model.held.high, rel=1.2e-2)
-        assert metal.free.low == pytest.approx(model.free.low, rel=1.2e-2)
-        assert metal.held.high != model.held.high
+    load = np.array([1.0, -0.7, 5.0])
+    found = reach(own, load, "both", resolution=4, analytic=OWN)
+    np.testing.assert_allclose(ends(found, "zero"), [[-5.642, 5.791], [-5.944, 6.825], [-0.07518, 0.7150]], rtol=2e-4)
+    model, elements = found.at("ends", model=ANALYTIC), found.at("ends", model=ELEMENTS)
+    np.testing.assert_allclose(elements[0, 1], model[0, 1], rtol=1.2e-2)
+    np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
+    assert np.all(elements[0, 1] != model[0, 1])
     one, drive = modelled(own)
-    load = np.array(found.load)
-    limits = limits_of_commands(own, one, one.of, drive, load)
-    X = np.array(found.commands)
+    limits, X = limits_of_commands(one, one.of, drive, load), found.commands
     assert np.max(X @ limits.rows.T - limits.bounds) < 1e-9
     np.testing.assert_allclose([moved(one.of, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
     rest = one.of.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
-    section = np.array([edge.start for edge in found.section])
-    np.testing.assert_allclose(section, np.roll([edge.end for edge in found.section], 1, axis=0), atol=1e-10)
-    held = found.ranges["x"].held
-    assert held is not None and np.max(section[:, 0]) > held.high
+    edges = found.fields.section
+    section = np.array([edge.start for edge in edges])
+    np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
+    assert np.max(section[:, 0]) > model[0, 1, 0]
     corners = section @ [1, 1j]
     area = np.sum(corners.conj() * np.roll(corners, -1)).imag / 2
     assert area > np.pi * found.circle**2 > 0
     along = np.linspace(0.0, 1.0, 1001)[:, None, None]
     boundary = section + along * (np.roll(section, -1, axis=0) - section)
-    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(found.circle, rel=1e-4)
-    left = [face.support - np.dot(face.normal, SCALE * rest) for face in found.faces]
-    assert np.min(left) == pytest.approx(found.ball) and found.ball > 1e-3
+    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle), rel=1e-4)
+    left = found.fields.solid.supports - found.fields.solid.normals @ (SCALE * rest)
+    assert np.min(left) == pytest.approx(float(found.ball)) and found.ball > 1e-3
 
 
 def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage, reached):
@@ -315,10 +325,10 @@ def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage,
     assert said.startswith("single stacks have no partner to bear their preload: the necks do, with up to 40.19 MPa")
     assert reached.warnings == []
     one, drive = modelled(stage)
-    free = limits_of_commands(stage, one, one.of, drive, NONE).bounds[-1]
+    free = limits_of_commands(one, one.of, drive, NONE).bounds[-1]
     assert free == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
     one, drive = modelled(alone)
-    at_rest = limits_of_commands(alone, one, one.of, drive, NONE).bounds[24:]
+    at_rest = limits_of_commands(one, one.of, drive, NONE).bounds[24:]
     assert 497.97 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
 
 
@@ -334,17 +344,16 @@ def test_limits_that_allow_nothing_are_named(stage):
 
 def test_pairs_without_preload_do_not_move_and_say_so(stage):
     found = reach(with_actuators(stage, preload=0.0, ball_radius=None), NONE)
-    assert (found.dimension, found.volume, found.circle, found.ball, found.section) == (0, 0.0, 0.0, 0.0, [])
-    assert ends(found, "free") == [[0.0, 0.0]] * 3
+    assert (found.fields.solid.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
+    assert not ends(found, "free").any() and found.fields.section == [] and len(found.vertices) == 0
     assert found.warnings == ["the limits leave no solid: the poses that the drive reaches are a single one"]
 
 
 def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     """Single stacks turn the platform one way; a moment the other way takes it off zero."""
     found = reach(with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0]))
-    x = found.ranges["x"]
-    assert x.held is None and x.free.high > 0.02
-    assert found.section == [] and found.circle == 0.0
+    assert np.isnan(ends(found, "zero")[0]).all() and ends(found, "free")[0, 1] > 20.0
+    assert found.fields.section == [] and found.circle == 0.0
 
 
 def test_round_off_is_no_radius_about_rest(stage):
@@ -352,21 +361,43 @@ def test_round_off_is_no_radius_about_rest(stage):
     single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
     for load in (NONE, LOAD, np.array([1.0, 0.0, 5.0])):
         found = reach(stage.replace(actuator=[single]), load)
-        assert found.dimension == 3 and found.ball == 0.0
-
-
-def test_a_distance_within_round_off_of_the_size_is_none():
-    assert [_inside(distance, 0.02) for distance in (5e-20, -1.0, 3e-12, 1e-3)] == [0.0, 0.0, 0.0, 1e-3]
+        assert found.fields.solid.dimension == 3 and found.ball == 0.0
 
 
 def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     """Where contacts bind, forces by the model would let the metal go elsewhere."""
-    found, metal = reach(light, LOAD, (6, "paros-weisbord", False), 2), driven_metal(light, 2).of
-    first, drive = commanding(light, 6, "paros-weisbord", False), drive_of(light)
+    found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).of
+    first, drive = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False)), drive_of(light)
     own, other = (
-        ranges(metal, drive, limits_of_commands(light, first, of, drive, LOAD), LOAD) for of in (metal, first.of)
+        PoseSet(elements, drive, limits_of_commands(first, of, drive, LOAD), LOAD).ranges()[0]
+        for of in (elements, first.of)
     )
-    assert found.elements is not None
-    for axis, each in found.elements.items():
-        assert each.free.high == pytest.approx(own[axis].free.high, rel=1e-9)
-    assert any(abs(own[axis].free.high / other[axis].free.high - 1) > 1e-4 for axis in own)
+    np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)
+    assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4
+
+
+def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
+    found = reach(light, LOAD)
+    figure = reach_figure(found)
+    section, solid = figure.axes[:2]
+    drawn = {each.get_label(): each for each in section.collections if isinstance(each, LineCollection)}
+    assert set(drawn) == {"stroke", "stroke and contact"}
+    for label, each in drawn.items():
+        wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
+        np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
+    filled = [each for each in solid.patches if each.get_fill()]
+    eye = [np.cos(np.deg2rad(62)) * 0.91355, -np.sin(np.deg2rad(62)) * 0.91355, 0.40674]
+    assert len(filled) == np.count_nonzero(found.fields.solid.normals @ eye > 0)
+    assert [text.get_text() for text in solid.get_legend().get_texts()] == ["stroke", "stroke and contact"]
+    flat = reach_figure(reach(with_actuators(light, preload=0.0, ball_radius=None)))
+    assert [text.get_text() for text in flat.axes[0].texts] == ["no area is reached at θ = 0"]
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, reached):
+    path = GEOMETRY / "mobility6.toml"
+    cli.app(["reach", str(path), "--models", "analytic", "-o", str(tmp_path)], standalone_mode=False)
+    text = capsys.readouterr().out
+    assert "32 vertices, 30 faces" in text and "theta, others free: low end stopped by stroke: " in text
+    kept = Result.read(tmp_path / "mobility6-reach.json")
+    assert kept.vertices.shape == (32, 3) and kept.axes["actuator"] == reached.axes["actuator"]

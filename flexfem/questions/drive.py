@@ -1,0 +1,499 @@
+"""Strokes and forces of the stacks for a pose of a driven stage, and where finite elements go with these strokes.
+
+A contact that its stack presses with N carries along its face any force up to mu N before it slips. What is left of
+sliding depends on how the stage came there; every pose it may rest in is
+
+    U + sum_i h_i f_i,   |f_i| <= mu_i N_i,   h = C_Ut - C_Ud Y C_dt
+
+h being what a newton along contact i moves the platform by, the other stacks holding their strokes. The largest of each
+coordinate is `sum |h_i| mu_i N_i`, reached only where all contacts are about to slip. N is the force without friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from flexfem import arguments
+from flexfem.analytic.large import Serial, loaded, serial
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
+from flexfem.analytic.responses import DrivenModel, driven_model
+from flexfem.arrays import Array
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.fields import neck_maxima
+from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+from flexfem.mechanism.actuators import Body
+from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
+from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames
+from flexfem.mechanism.drives import StageDrive, contacts, drive_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.stage_file import actuators_of
+from flexfem.questions import warnings as warning
+from flexfem.questions.driven import (
+    CRITERIA,
+    LIMITS,
+    ROUND_OFF,
+    Criterion,
+    Driven,
+    DriveRanges,
+    Motion,
+    NeckSections,
+    Unreachable,
+    commands_for,
+    drive_ranges,
+    driven,
+    moved,
+    neck_forces,
+    sections_of,
+    shares,
+    stress_along,
+)
+from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Quantity, Result
+from flexfem.units import MICROMETRE
+
+LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
+LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
+MOTION, WRENCH, STIFFNESS = ("mm", "mm", "rad"), ("n", "n", "n_mm"), ("n_per_mm", "n_per_mm", "n_mm_per_rad")
+PUSHES = {
+    "pushed": "preloaded, pushes normal to the pushed body",
+    "carrier": "preloaded, pushes kept by the carrier",
+}
+FREE = ("disengaged, other directions free", "engaged, other directions free")
+UNIT_POSES = (("", "", "mm_per_rad"), ("", "", "mm_per_rad"), ("rad_per_mm", "rad_per_mm", ""))
+
+
+class Drive(Result):
+    """Strokes and forces of the stacks of a driven stage for a pose, and what finite elements do with the strokes."""
+
+    title = "strokes and forces for a pose"
+    labels: ClassVar = {"limit": LIMITS}
+    columns = ("criterion", "direction")
+    figure = "drive.command_figure"
+    drawn_from_fields = True
+    reading = (
+        "strokes and rotations beyond rest, forces and stress with the preloads; stiffness with the other directions "
+        "held unless said otherwise",
+    )
+    pose = Quantity("pose of the platform", MOTION, ("direction",), prefixed=True)
+    load = Quantity("load on the platform", WRENCH, ("direction",))
+    stroke = Quantity("stroke", "um", ("stack", "criterion"), SOLVED, "all")
+    force = Quantity("force", "n", ("stack", "criterion"), SOLVED, "all")
+    command = Quantity("stroke of the actuator", "um", ("actuator", "criterion"), SOLVED, "all", shown=False)
+    shortest = Quantity("least stroke of the actuator", "um", ("actuator",), shown=False)
+    longest = Quantity("largest stroke of the actuator", "um", ("actuator",), shown=False)
+    preload = Quantity("preload", "n", ("stack",), shown=False)
+    blocking_force = Quantity("blocking force", "n", ("stack",), shown=False)
+    share = Quantity("share of the limit", "percent", ("limit", "criterion"), SOLVED)
+    energy = Quantity("strain energy of the stage", "n_mm", ("criterion",), SOLVED, "all")
+    stack_energy = Quantity("strain energy of stacks and contacts", "n_mm", ("criterion",), SOLVED, "all")
+    rotation = Quantity(
+        "largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all", largest=("chain", "hinge")
+    )
+    stress = Quantity(
+        "highest neck stress",
+        "mpa",
+        ("model", "chain", "hinge", "criterion"),
+        STRESS,
+        "all",
+        largest=("chain", "hinge"),
+    )
+    friction = Quantity(
+        "pose that friction leaves open, at most ±", MOTION, ("strokes by", "model", "direction"), FRESH, "pose",
+        prefixed=True,
+    )  # fmt: skip
+    stiffness = Quantity("stiffness", STIFFNESS, ("state", "direction"), SOLVED)
+    change = Quantity("change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), SOLVED, "all")
+    push_spread = Quantity("spread of the engaged stiffness (±)", STIFFNESS, ("direction",), SOLVED)
+    error = Quantity(
+        "error of finite elements with strokes by", MOTION, ("commanding model", "direction"), COARSER, "all",
+        prefixed=True,
+    )  # fmt: skip
+    calibration = Quantity(
+        "pose to command for a unit pose", UNIT_POSES, ("component", "direction"), COARSER, "matrix", shown=False
+    )
+
+
+class StackPlace(NamedTuple):
+    """A stack in its place, frame of the stage.
+
+    chain : 1 to 3.   between : the body that carries it, and the one that it pushes.   actuator : index of its command.
+    contact, push : (2,), mm, where it pushes, and the unit vector in which it pushes the second body.
+    """
+
+    chain: int
+    between: tuple[Body, Body]
+    actuator: int
+    contact: Array
+    push: Array
+
+
+class DrivenStage(NamedTuple):
+    """What a figure of strokes and forces is drawn on."""
+
+    stage: Stage
+    places: list[StackPlace]
+
+
+class Commanding(NamedTuple):
+    """An analytic model that computes strokes, and the driven stage as it sees it.
+
+    stage : as it is modelled, see `model.ModelChoice`.
+    """
+
+    stage: Stage
+    result: AnalyticResult
+    model: DrivenModel
+    of: Driven
+
+
+class DrivenElements(NamedTuple):
+    """Finite elements of a driven stage, on their mesh.
+
+    across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
+    """
+
+    mesh: StageMesh
+    response: DrivenResponse
+    of: Driven
+    across: Array
+
+
+def drive(
+    stage: Stage,
+    *,
+    pose: tuple[float, float, float],
+    load: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    models: Literal["both", "analytic"] = "both",
+    analytic: Analytic = DEFAULT,
+    resolution: int | None = None,
+) -> Drive:
+    """Strokes and forces of every stack for a pose, by every criterion, and where finite elements go with the strokes.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage, with actuators.
+    pose : tuple of float
+        Pose of the platform: mm, mm, rad.
+    load : tuple of float
+        Load on the platform: N, N, N mm.
+    models : {"both", "analytic"}
+        Whether finite elements are given the strokes of the analytic model.
+    analytic : Analytic
+        The analytic model that computes the strokes.
+    resolution : int, optional
+        Triangles across every neck.
+
+    Returns
+    -------
+    Drive
+
+    Raises
+    ------
+    BadInput
+        The stage has no actuators, cannot be made, or the analytic model does not suit it.
+    ComputationFailed
+        The actuators do not move the platform in three directions, or a mesh does not pass its checks.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), pose=(2e-3, 1e-3, 0.0), models="analytic")
+    >>> [round(1e3 * stroke, 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
+    [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
+    """
+    check_feasible(stage)
+    mesh = mesh_of(models, resolution, None, 2)
+    wanted = arguments.vectors("pose", pose, 1, LARGEST_POSE)
+    F = arguments.vectors("load", load, 1, LARGEST_LOAD)
+    of, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
+    chosen = analytic.chosen(stage, warnings)
+    first = commanding(chosen)
+    elements = None if mesh is None else driven_elements(stage, mesh.resolution)
+    commands = _commands(first.of, of, wanted, F, lever, warnings)
+    motions = {name: moved(first.of, of, x, F) for name, x in commands.items()}
+    forces = np.array([of.preload + each.force for each in motions.values()])
+    stress = [[neck_stresses(first, np.concatenate([F, force])) for force in forces]]
+    models_found = {ANALYTIC: (first.of, across(first, of), forces)}
+    values: dict[str, Any] = {"pose": wanted, "load": F}
+    axes: dict[str, tuple[str, ...]] = {"criterion": tuple(commands), "strokes by": tuple(commands)}
+    axes |= {"actuator": of.names, "stack": stack_names(of)}
+    if elements is not None:
+        held = np.array([of.preload + moved(elements.of, of, x, F).force for x in commands.values()])
+        stress.append([element_stresses(stage, elements, np.concatenate([F, force])) for force in held])
+        models_found[ELEMENTS] = (elements.of, elements.across, held)
+        values |= _open_loop(stage, elements, first, chosen, wanted, F, axes)
+    x = np.array(list(commands.values()))
+    used = {name: shares(first.of, of, each, F) for name, each in commands.items()}
+    share = np.array([[np.max(each[limit]) for each in used.values()] for limit in LIMITS])
+    values |= {
+        "command": x.T,
+        "stroke": (x @ of.differential.T).T,
+        "force": forces.T,
+        "shortest": of.lowest,
+        "longest": of.highest,
+        "preload": of.preload,
+        "blocking_force": of.blocking_force,
+        "share": np.where(np.isfinite(share), 100 * share, np.nan),
+        "energy": [each.stage for each in motions.values()],
+        "stack_energy": [each.stacks for each in motions.values()],
+        "rotation": np.moveaxis(np.array([rotations(first, each, F) for each in motions.values()]), 0, -1),
+        "stress": np.moveaxis(np.array(stress), 1, -1),
+    }
+    if of.rubbing:
+        open_poses = [[left_open(*each[:2], of, force) for force in each[2]] for each in models_found.values()]
+        values["friction"] = np.swapaxes(open_poses, 0, 1)
+    values |= _stiffness(first, of, dict(zip(commands, forces, strict=True)), F, axes, warnings)
+    warnings += [text for name, each in commands.items() for text in limit_warnings(first.of, of, each, F, name)]
+    for name, highest in zip(commands, np.max(stress[-1], axis=(1, 2)), strict=True):
+        warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
+    warnings += warning.of_motion(stage, wanted, "the pose")
+    notes = [
+        f"each stack pushes by {', or by '.join(dict.fromkeys(one.contact for c in actuators_of(stage) for one in c))}",
+        warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
+    ]
+    settings = {"strokes by": first.result.name} | meshed(mesh)
+    drawn = DrivenStage(stage, stack_places(stage))
+    axes["model"] = tuple(models_found)
+    warnings = list(dict.fromkeys(warnings))
+    return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, drawn)
+
+
+def commanding(chosen: ModelChoice) -> Commanding:
+    """An analytic model of a driven stage. Raises BadInput as `model.analyse`, or without actuators."""
+    result = analyse(*chosen)
+    model = driven_model(chosen.stage, result)
+    return Commanding(chosen.stage, result, model, driven(model.compliance, drive_of(chosen.stage)))
+
+
+def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
+    """Finite elements of a driven stage. Raises BadInput without actuators, ComputationFailed."""
+    of, mesh = drive_of(stage), build_mesh(stage, resolution)
+    C, fields = driven_response(mesh, plate_of(stage), _with_friction(of))
+    known = 3 + len(of.stacks)
+    response = DrivenResponse(C[:known, :known], fields[:known])
+    return DrivenElements(mesh, response, driven(response.compliance, of), C[:known, known:])
+
+
+def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
+    """What the drive of a stage does, n = 1, by finite elements on a mesh of it; neck stress as of the analytic model.
+
+    Raises BadInput without actuators, ComputationFailed.
+    """
+    of, plate = drive_of(stage), plate_of(stage)
+    C, fields = driven_response(mesh, plate, of.stacks)
+    numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
+    one = of._replace(**{name: getattr(of, name)[None] for name in numbers})
+    return drive_ranges(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
+
+
+def engaged_stiffness(of: Driven) -> Array:
+    """Stiffness (3,) of the platform with the stacks holding their strokes, each direction with the others held."""
+    return np.asarray(np.diag(np.linalg.inv(of.engaged)))
+
+
+def push_spread(of: Commanding) -> Array:
+    """How much (3,) the engaged stiffness K_ii moves, at most, with pushes spread over half and twice the length that
+    is assumed, as far as links reach; zero by rigid links.
+    """
+    own = drive_of(of.stage)
+    spread = (tuple(stack.spread_over(times) for stack in own.stacks) for times in PLAUSIBLE)
+    models = [driven_model(of.stage, of.result, each).compliance for each in spread]
+    found = np.array([engaged_stiffness(driven(C, own)) for C in models])
+    return np.asarray(np.max(np.abs(found - engaged_stiffness(of.of)), axis=0))
+
+
+def neck_stresses(of: Commanding, loads: Array) -> Array:
+    """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (3 + n,)."""
+    sections = NeckSections(*(each[0] for each in sections_of(lower(of.stage))))
+    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])
+    return np.asarray(np.max(stress_along(sections, type(carried)(*(each[..., 0] for each in carried))), axis=-1))
+
+
+def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Array:
+    """As `neck_stresses`, by finite elements."""
+    field = np.tensordot(loads, elements.response.fields, axes=1)
+    stress = von_mises(nodal_stress(elements.mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
+    return neck_maxima(stage, elements.mesh, stress)
+
+
+def rotations(of: Commanding, motion: Motion, load: Array) -> Array:
+    """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
+    wrenches = of.model.necks @ np.concatenate([load, motion.force])
+    return np.asarray(
+        of.result.hinges.rotation * neck_forces(stage_frames(of.stage), wrenches[..., None]).moment[..., 0]
+    )
+
+
+def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
+    """The stacks of a drive, then its contacts of stated friction pushed along their faces."""
+    return (*of.stacks, *(of.stacks[k].across for k in of.rubbing))
+
+
+def across(of: Commanding, own: StageDrive) -> Array:
+    """As `DrivenElements.across`, by an analytic model."""
+    known = 3 + len(own.stacks)
+    if not own.rubbing:
+        return np.zeros((known, 0))
+    return driven_model(of.stage, of.result, _with_friction(own)).compliance[:known, known:]
+
+
+def left_open(of: Driven, along: Array, own: StageDrive, force: Array) -> Array:
+    """Half-widths (3,) of the poses that friction leaves open, mm, mm, rad, with forces (n,) of all stacks, N.
+
+    Contacts that would have to pull are open and hold nothing.
+    """
+    rubbing = list(own.rubbing)
+    per_force = along[:3] - of.C[:3, 3:] @ of.Y @ along[3:]
+    return np.asarray(np.abs(per_force) @ (own.friction[rubbing] * np.maximum(force[rubbing], 0.0)))
+
+
+def _commands(
+    of: Driven, own: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
+) -> dict[Criterion, Array]:
+    """Commands (m,) by criterion; those that stacks which only push cannot meet are left out, which is warned of."""
+    found: dict[Criterion, Array] = {CRITERIA[0]: commands_for(of, own, pose, load, lever, CRITERIA[0])}
+    for name in CRITERIA[1:]:
+        try:
+            found[name] = commands_for(of, own, pose, load, lever, name)
+        except ComputationFailed as failure:
+            warnings.append(f"{name}: {failure}")
+            if isinstance(failure, Unreachable) and name == "within limits":
+                warnings.append(f"the drive does not reach this pose: {failure.reason}")
+    if "within limits" in found:
+        used = {name: np.max(each) for name, each in shares(of, own, found["within limits"], load).items()}
+        which = max(used, key=lambda name: used[name])
+        if used[which] > 1 + ROUND_OFF:
+            warnings.append(
+                f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}"
+            )
+    return found
+
+
+def _stiffness(
+    first: Commanding,
+    own: StageDrive,
+    forces: Mapping[Criterion, Array],
+    load: Array,
+    axes: dict[str, tuple[str, ...]],
+    warnings: list[str],
+) -> dict[str, Array]:
+    """Stiffness of the platform without stacks, with them, and with their pushes, by what these go with in (16)."""
+    of, engaged = first.of, engaged_stiffness(first.of)
+    ways = {way: serial(first.stage, first.result, own.stacks, way) for way in FOLLOWS}
+    pushed = {PUSHES[way]: _preloaded(one, own, own.preload, np.zeros(3)) for way, one in ways.items()}
+    pushed |= {
+        f"pushed with the forces by {name}": _preloaded(ways["pushed"], own, f, load) for name, f in forces.items()
+    }
+    for name, K in pushed.items():
+        warnings += [f"no stable equilibrium of the stacks {name}"] if np.isnan(K).any() else []
+    bare, C = np.diag(np.linalg.inv(of.C[:3, :3])), of.C[:3, :3]
+    free = zip(FREE, (1 / np.diag(C), 1 / np.diag(of.engaged)), strict=True)
+    states = {"disengaged": bare, "engaged": engaged} | pushed | dict(free)
+    axes["state"] = tuple(states)
+    change = [100 * (K / engaged - 1) if name in pushed else np.full(3, np.nan) for name, K in states.items()]
+    found = {"stiffness": np.array(list(states.values())), "change": np.array(change)}
+    return found | ({"push_spread": push_spread(first)} if first.result.links else {})
+
+
+def _preloaded(of: Serial, own: StageDrive, force: Array, load: Array) -> Array:
+    """Diagonal (3,) of the stiffness with stacks of forces (n,), N, holding their strokes; nan where it is unstable."""
+    try:
+        found = loaded(of, force, load)
+    except (ComputationFailed, np.linalg.LinAlgError):
+        return np.full(3, np.nan)
+    return np.diag(found.stiffness(own.stiffness)) if found.stable(own.stiffness) else np.full(3, np.nan)
+
+
+def _open_loop(
+    stage: Stage,
+    elements: DrivenElements,
+    first: Commanding,
+    chosen: ModelChoice,
+    pose: Array,
+    load: Array,
+    axes: dict[str, tuple[str, ...]],
+) -> dict[str, Array]:
+    """Errors of finite elements with strokes of least energy by several models, then by the first after calibration."""
+    models = {first.result.name: first}
+    rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
+    for choice in ((None, CALIBRATED, True), *rigid):
+        try:
+            one = commanding(ModelChoice(stage, *choice))
+        except BadInput:  # off the chart
+            continue
+        models.setdefault(one.result.name, one)
+    own, lever = drive_of(stage), stage.chain.link_lengths[2]
+    full = calibration(elements.of, first.of, own, lever)
+    asked = [(name, model, pose) for name, model in models.items()]
+    asked.append((f"{first.result.name}, three gains", first, 1 / np.diag(np.linalg.inv(full)) * pose))
+    asked.append((f"{first.result.name}, calibration matrix", first, full @ pose))
+    found = []
+    for _, model, wanted in asked:
+        x = commands_for(model.of, own, wanted, load, lever, "least energy")
+        found.append(moved(elements.of, own, x, load).pose - pose)
+    axes["commanding model"] = tuple(name for name, *_ in asked)
+    return {"error": np.array(found), "calibration": full}
+
+
+def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) -> Array:
+    """Matrix (3, 3) of the pose to command of a model so that finite elements take a pose, both without load."""
+    none, units = np.zeros(3), np.diag([1e-3, 1e-3, 1e-3 / lever])
+    strokes = [commands_for(model, own, unit, none, lever, "least energy") for unit in units]
+    reached = np.array([moved(elements, own, x, none).pose for x in strokes]).T
+    return np.asarray(units @ np.linalg.inv(reached))
+
+
+def stack_names(of: StageDrive) -> tuple[str, ...]:
+    """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
+    rows = [int(np.flatnonzero(row)[0]) for row in of.differential]
+    partner = [row[k] < 0 for k, row in zip(rows, of.differential, strict=True)]
+    return tuple(f"{of.names[k]}{', partner' if second else ''}" for k, second in zip(rows, partner, strict=True))
+
+
+def stack_places(stage: Stage) -> list[StackPlace]:
+    """The stacks (n) of a stage in the order of `StageDrive`."""
+    found = list[StackPlace]()
+    placed = [(chain, each) for chain in CHAINS for each in range(len(stage.actuator))]
+    for command, (chain, index) in enumerate(placed):
+        turn = np.exp(1j * (chain - 1) * CHAIN_TURN)
+        for point, direction in contacts(stage, chain, index):
+            at, push = turn * point, turn * np.exp(1j * direction)
+            ends = np.array([at.real, at.imag]), np.array([push.real, push.imag])
+            found.append(StackPlace(chain, stage.actuator[index].between, command, *ends))
+    return found
+
+
+def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
+    """Limits that commands (m,) break, a sentence for each kind: how many, and the one farthest beyond."""
+    broken = {name: used > 1 + ROUND_OFF for name, used in shares(of, own, x, load).items()}
+    force, stacks, um = own.preload + moved(of, own, x, load).force, stack_names(own), MICROMETRE
+    kinds = {
+        "strokes": (np.any(broken["stroke"].reshape(2, -1), axis=0), np.maximum(x - own.highest, own.lowest - x)),
+        "contacts": (broken["contact"], -force),
+        "forces": (broken["blocking force"], force - own.blocking_force),
+    }
+    found = []
+    for kind, (which, beyond) in kinds.items():
+        if not which.any():
+            continue
+        k = int(np.argmax(np.where(which, beyond, -np.inf)))
+        said = {
+            "strokes": lambda k: (
+                f"{own.names[k]} would need {um.factor * x[k]:.4g} {um.plain}, outside "
+                f"{um.factor * own.lowest[k]:.4g} to {um.factor * own.highest[k]:.4g} {um.plain}"
+            ),
+            "contacts": lambda k: f"{stacks[k]} would have to pull with {-force[k]:.4g} N",
+            "forces": lambda k: (
+                f"{stacks[k]} would have to push with {force[k]:.4g} N, above {own.blocking_force[k]:.4g} N"
+            ),
+        }[kind](k)
+        found.append(f"{criterion}: {np.count_nonzero(which)} {kind} beyond their limits, farthest {said}")
+    return found

@@ -1,0 +1,539 @@
+"""Driven stages: what strokes do, which strokes a pose takes, the limits, and how far the drives of many designs reach.
+
+All of it is algebra on a compliance of either model.
+
+With loads F on the platform and the forces f by which n stacks push their bodies apart, [U; d] = C [F; f]. A stack of
+stiffness k with the free stroke s fills its opening: d = s - f / k. Then
+
+    f = Y (s - C_dF F),   Y = (k^-1 + C_dd)^-1,   U = C_UF F + C_Ud f,   s = T x
+
+for the commands x. Forces, openings and strokes are those beyond rest, where the preloads are balanced.
+
+At every place x along a neck, from its centre, the stress is `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the
+height of the notch there. M, N, V are linear in the commands, so that yield is four half-spaces for every place.
+
+Along an axis the commands for the pose t, the others zero, are x = t u + N y, u of least norm, N the commands that
+leave the platform where it is: the farthest t is a linear program in t and y, of strokes, contacts and blocking forces.
+Of yield only those half-spaces are added that a solution breaks, the worst place of every neck, until none is broken.
+The preloads of single stacks stress the necks at rest; those of a pair bear on each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.arrays import Array, Index, inverse
+from flexfem.hinges.strength import concentration, stress_raised
+from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
+from flexfem.mechanism.designs import Designs, Frames
+from flexfem.mechanism.drives import StageDrive
+from flexfem.questions.warnings import YIELD_MARGIN
+from flexfem.refused import ComputationFailed
+
+Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
+CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
+ROUND_OFF = 1e-9  # of the largest stroke or force
+Limit: TypeAlias = Literal["stroke", "contact", "blocking force"]
+LIMITS: tuple[Limit, ...] = get_args(Limit)
+NOTHING_ALLOWED: dict[Limit, str] = {  # of limits that allow nothing at all in one direction, why no strokes do
+    "stroke": "some single stacks would need strokes below 0 um, their least",
+    "contact": "some stacks without preload would have to pull",
+    "blocking force": "some stacks preloaded to their blocking force would have to push harder",
+}
+SINGULAR = 1e-9  # of the largest: a direction in which no command moves the platform
+BESIDE, SECTIONS = 0.7, 141  # how far beside the centre, per radius of the notch, and at how many places
+SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of bending and of tension
+ROUNDS = 60  # of added half-spaces; three are common
+YIELDING = 1e-11  # of the yield strength: round-off
+TOGETHER = 256  # designs at a time: their programs stay in the cache of a processor
+FLAT = 1e-11  # slopes that are round-off, of rows of unit norm and slopes of at most one
+KEPT = 1e-9  # by which a constraint of a unit row may be broken, relative to the point
+STEPS = 100  # of the simplex method; ten are common
+
+
+class Unreachable(ComputationFailed):
+    """No strokes hold a pose, whatever their size; `reason` says which limit is why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"no strokes of any size hold this pose: {reason}")
+        self.reason = reason
+
+
+class DriveLimits(NamedTuple):
+    """Limits (..., k) of commands (m,): rows (..., k, m) @ command <= offsets + sizes; sizes of zero allow nothing."""
+
+    rows: Array
+    offsets: Array
+    sizes: Array
+
+
+class Driven(NamedTuple):
+    """A driven stage; leading axes are designs.
+
+    C : (..., 3 + n, 3 + n), mm, rad per N, N mm.   Y : (..., n, n), N/mm, forces of the stacks per stroke.
+    T : (n, m), strokes per command.
+    """
+
+    C: Array
+    Y: Array
+    T: Array
+
+    @property
+    def poses(self) -> Array:
+        """Pose (..., 3, m) per command, mm and rad per mm."""
+        return np.asarray(self.C[..., :3, 3:] @ self.Y @ self.T)
+
+    @property
+    def engaged(self) -> Array:
+        """Compliance (..., 3, 3) of the platform with the stacks holding their strokes."""
+        return np.asarray(self.C[..., :3, :3] - self.C[..., :3, 3:] @ self.Y @ self.C[..., 3:, :3])
+
+
+class Motion(NamedTuple):
+    """What commands and a load do.
+
+    command : (m,), mm.   pose : (3,).   force : (n,), N, beyond rest.
+    stage, stacks : strain energy, N mm, of the stage, and of stacks and contacts, beyond rest.
+    """
+
+    command: Array
+    pose: Array
+    force: Array
+    stage: float
+    stacks: float
+
+
+class NeckForces(NamedTuple):
+    """What the necks carry, (..., 3 chains, 3 hinges): moments about their centres, forces along and across, N mm, N.
+
+    With one more axis at the end: per load, per command.
+    """
+
+    moment: Array
+    normal: Array
+    shear: Array
+
+
+class NeckSections(NamedTuple):
+    """Levers x (..., 3 chains, 3 hinges, s) of V at places along the necks, mm, and stress there: of M + V x, and of N.
+
+    x : distance of the place from the centre, times K_s / K_b.   Stress is von Mises'.
+    bending : MPa per N mm.   tension : MPa per N.
+    """
+
+    x: Array
+    bending: Array
+    tension: Array
+
+
+def driven(C: Array, drive: StageDrive) -> Driven:
+    """A driven stage from its compliance (..., 3 + n, 3 + n).
+
+    Notes
+    -----
+    `Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2`, which is zero for stacks of no stiffness.
+    """
+    root = np.sqrt(drive.stiffness)
+    inner = inverse(np.eye(root.shape[-1]) + root[..., :, None] * C[..., 3:, 3:] * root[..., None, :])
+    return Driven(C, root[..., :, None] * inner * root[..., None, :], drive.differential)
+
+
+def held(C: Array) -> Driven:
+    """A stage (..., 3 + n, 3 + n) whose openings are the commands themselves, by whatever forces that takes."""
+    return Driven(C, inverse(C[..., 3:, 3:]), np.eye(C.shape[-1] - 3))
+
+
+def moved(of: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
+    """What commands (m,), mm, and a load (3,), N, N, N mm, do to one stage."""
+    force = of.Y @ (of.T @ command - of.C[3:, :3] @ load)
+    both = np.concatenate([load, force])
+    found = of.C @ both
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stacks = np.where(force == 0, 0.0, force**2 / drive.stiffness)
+    return Motion(command, found[:3], force, float(both @ found / 2), float(np.sum(stacks) / 2))
+
+
+def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, criterion: Criterion) -> Array:
+    """Commands (m,), mm, for a pose (3,) under a load (3,); lever, mm, makes rotations comparable.
+
+    Raises ComputationFailed when no commands reach the pose, whatever their size.
+
+    Notes
+    -----
+    least energy : of the stage, (29). Under a load the energy of the platform's work is that of the pose, whatever the
+        commands, so that the forces alone are to be least: min f' C_dd f.
+    least stroke : the largest of the commands, each as a share of its own limit, is least: a linear program.
+    within limits : the largest share of any limit is least: of the strokes, of preloads that contacts may not lose,
+        and of what blocking forces leave.
+    """
+    scale = np.array([1.0, 1.0, lever])
+    G, wanted = scale[:, None] * of.poses, scale * (pose - of.engaged @ load)
+    values = np.linalg.svd(G, compute_uv=False)
+    if len(values) < 3 or not values[2] > SINGULAR * values[0]:
+        raise ComputationFailed("the drive does not move the platform in three directions: no strokes for this pose")
+    if criterion == "least energy":
+        found = _least_energy(of, G, wanted, load)
+    else:
+        limits = limits_of(of, drive, load)
+        found = _least_share(limits if criterion == "within limits" else {"stroke": limits["stroke"]}, G, wanted)
+    return np.asarray(found + np.linalg.lstsq(G, wanted - G @ found, rcond=None)[0])  # what the programs rounded off
+
+
+def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
+    """min f' C_dd f with f = Y (T x - C_dF F) and G x = wanted, in the null space of G.
+
+    Notes
+    -----
+    Commands against each other that a rigid model gives no energy, as six pairs on mobility three, are left at the
+    smallest strokes: their energy is round-off.
+    """
+    particular = np.linalg.lstsq(G, wanted, rcond=None)[0]
+    free = np.linalg.svd(G)[2][3:].T
+    per_command = of.Y @ of.T
+    force = per_command @ particular - of.Y @ of.C[3:, :3] @ load
+    F = per_command @ free
+    energy, turned = np.linalg.eigh(F.T @ of.C[3:, 3:] @ F)
+    kept = energy > SINGULAR * np.linalg.norm(per_command.T @ of.C[3:, 3:] @ per_command, 2)
+    F, free = F @ turned[:, kept], free @ turned[:, kept]
+    return np.asarray(particular - free @ (F.T @ of.C[3:, 3:] @ force / energy[kept]))
+
+
+def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, wanted: Array) -> Array:
+    """min t with rows x <= offsets + t sizes, of all limits together, and G x = wanted.
+
+    Raises Unreachable, which says why, when no x does: then some of the limits allow nothing at all, whatever t.
+    """
+    found = _program(DriveLimits(*map(np.concatenate, zip(*limits.values(), strict=True))), G, wanted)
+    if found is not None:
+        return found
+    none = {name: DriveLimits(*(part[each.sizes == 0] for part in each)) for name, each in limits.items()}
+    binding = {name: each for name, each in none.items() if len(each.rows)}
+    alone = [name for name, each in binding.items() if _program(each, G, wanted) is None]
+    raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
+
+
+def _program(of: DriveLimits, G: Array, wanted: Array) -> Array | None:
+    """min t with rows x <= offsets + t sizes and G x = wanted; None where there is no such x."""
+    from scipy.optimize import linprog
+
+    rows, offsets, sizes = of
+    unit = float(np.max(np.abs(np.linalg.lstsq(G, wanted, rcond=None)[0]))) or float(np.max(sizes)) or 1.0
+    size = np.max(np.abs(G)) * unit
+    norm = np.maximum(np.max(np.abs(rows), axis=1) * unit, np.finfo(float).tiny)
+    found = linprog(
+        np.append(np.zeros(G.shape[1]), 1.0),
+        A_ub=np.column_stack([rows * unit, -sizes]) / norm[:, None],
+        b_ub=offsets / norm,
+        A_eq=np.column_stack([G * unit, np.zeros(3)]) / size,
+        b_eq=wanted / size,
+        bounds=[(None, None)] * G.shape[1] + [(0, None)],
+        method="highs",
+    )
+    if found.status == 2:
+        return None
+    if found.status != 0:
+        raise ComputationFailed(f"linear program for strokes: {found.message}")
+    return np.asarray(found.x[:-1] * unit)
+
+
+def limits_of(of: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
+    """Every limit of a drive under a load (3,): of the commands (m,) the highest, then the lowest; of the forces (n,)
+    that none is above the blocking force, and that no contact is lost.
+    """
+    one, sizes = np.eye(drive.lowest.shape[-1]), np.abs(np.concatenate([drive.highest, drive.lowest], axis=-1))
+    per_command, at_rest = of.Y @ of.T, of.Y @ of.C[..., 3:, :3] @ load
+    left = drive.blocking_force - drive.preload
+    left[np.abs(left) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
+    return {
+        "stroke": DriveLimits(np.concatenate([one, -one]), np.zeros_like(sizes), sizes),
+        "blocking force": DriveLimits(per_command, at_rest, left),
+        "contact": DriveLimits(-per_command, -at_rest, drive.preload),
+    }
+
+
+def shares(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[Limit, Array]:
+    """Shares that commands take of each limit, above one where they break it: of strokes (2m,), of forces (n,).
+
+    inf where nothing is allowed: the contact of a stack without preload that would have to pull. What is used of
+    nothing at all by round-off alone is nothing.
+    """
+    found, limits = dict[Limit, Array](), limits_of(of, drive, load)
+    for name in LIMITS:
+        rows, offsets, sizes = limits[name]
+        used = rows @ command - offsets
+        none = used <= ROUND_OFF * np.max(np.abs(used), initial=0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found[name] = np.where(none, 0.0, used / sizes)
+    return found
+
+
+def neck_forces(frames: Frames, wrenches: Array) -> NeckForces:
+    """What necks carry of wrenches (..., 3 chains, 3 hinges, 3, k) at the platform centre, each (..., 3, 3, k)."""
+    F_x, F_y, M = np.moveaxis(wrenches, -2, 0)
+    x, y = np.moveaxis(frames.centres, -1, 0)[..., None]
+    c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
+    return NeckForces(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
+
+
+def per_command(of: Driven, frames: Frames, necks: Array) -> NeckForces:
+    """What necks carry (..., 3, 3, m) per command, by the wrenches `necks` of `DrivenModel`."""
+    return neck_forces(frames, necks[..., 3:] @ (of.Y @ of.T)[..., None, None, :, :])
+
+
+def sections_of(designs: Designs, count: int = SECTIONS) -> NeckSections:
+    """The places of n designs, (n, 3, 3, s), an odd `count` of them: one is the centre alone."""
+    radius, neck = designs.radius[..., None], designs.neck[..., None]
+    x = radius * (np.linspace(-BESIDE, BESIDE, count) if count > 1 else np.zeros(1))
+    high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
+    bending, tension, shear = (part[..., None] for part in stress_raised(designs))
+    area = designs.thickness[:, None, None, None] * high
+    return NeckSections(x * shear / bending, 6 * bending / area / high, tension / area)
+
+
+def stress_along(at: NeckSections, carried: NeckForces) -> Array:
+    """Stress (..., 3, 3, s), MPa, at every place, of forces (..., 3, 3)."""
+    M, N, V = (each[..., None] for each in carried)
+    return np.asarray(np.abs(at.bending * (M + V * at.x)) + np.abs(at.tension * N))
+
+
+def limits_of_necks(at: NeckSections, carried: NeckForces, at_rest: NeckForces, strength: float) -> DriveLimits:
+    """Every half-space that yield at `strength`, MPa, sets to the commands of one design: 36 s of them.
+
+    Parameters
+    ----------
+    carried : NeckForces
+        Per command, (3, 3, m).
+    at_rest : NeckForces
+        (3, 3), of a load without commands.
+    """
+
+    def signed(of: NeckForces) -> Array:
+        """Stresses (3, 3, s, 4, k) with the `SIGNS` of bending and tension, of forces (3, 3, k)."""
+        moment, normal, shear = (each[:, :, None] for each in of)
+        bent, pulled = at.bending[..., None] * (moment + shear * at.x[..., None]), at.tension[..., None] * normal
+        return np.asarray(SIGNS[:, :1] * bent[..., None, :] + SIGNS[:, 1:] * pulled[..., None, :])
+
+    rows = signed(carried)
+    offsets = -signed(NeckForces(*(each[..., None] for each in at_rest))).ravel()
+    return DriveLimits(rows.reshape(-1, rows.shape[-1]), offsets, np.full(len(offsets), strength))
+
+
+class DriveRanges(NamedTuple):
+    """What the drives of n designs do, directions x, y, theta; nan for a design that they do not move in all three, and
+    for one whose preloads alone make a neck yield.
+
+    reach : (n, 2, 3), mm and rad, how far each way, forwards and backwards.
+    engaged : (n, 3, 3), stiffness with the stacks holding their strokes.
+    """
+
+    reach: Array
+    engaged: Array
+
+    @property
+    def range(self) -> Array:
+        """The lesser (n, 3) of both ways."""
+        return np.asarray(np.min(self.reach, axis=1))
+
+
+def drive_ranges(designs: Designs, of: Driven, necks: Array, drive: StageDrive) -> DriveRanges:
+    """What the drives of n designs do.
+
+    Parameters
+    ----------
+    of, drive : Driven, StageDrive
+        Of n designs.
+    necks : array
+        (n, 3 chains, 3 hinges, 3, 3 + stacks), of `DrivenModel`.
+    """
+    n = len(designs.thickness)
+    reach, values = np.full((n, 2, 3), np.nan), _singular_values(of)
+    moving = np.flatnonzero(values[:, 2] > SINGULAR * values[:, 0])  # not for nan
+    carried = per_command(of, designs.frames, necks)
+    at_rest = neck_forces(designs.frames, necks[..., 3:] @ drive.preload[:, None, None, :, None])
+    for begin in range(0, len(moving), TOGETHER):
+        here = moving[begin : begin + TOGETHER]
+        some = Driven(of.C[here], of.Y[here], of.T)
+        forces, rest = (NeckForces(*(e[here].reshape(len(here), 9, -1) for e in each)) for each in (carried, at_rest))
+        numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
+        own = drive._replace(**{name: getattr(drive, name)[here] for name in numbers})
+        reach[here] = _within_yield(_along_axes(some, own), designs.chosen(here), forces, rest)
+    return DriveRanges(reach, inverse(of.engaged))
+
+
+def _singular_values(of: Driven) -> Array:
+    """Of what a unit command does, (n, 3), rotations by a length that makes them as large as translations."""
+    poses = np.where(np.isfinite(of.poses), of.poses, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = poses / np.linalg.norm(poses, axis=2, keepdims=True)
+    values = np.zeros((len(poses), 3))
+    sound = np.isfinite(alike).all(axis=(1, 2))
+    values[sound] = np.linalg.svd(alike[sound], compute_uv=False)
+    return values
+
+
+class _Programs(NamedTuple):
+    """What the commands of p programs are, x = Z (t, y), (p, m, d), and the limits on these: rows z <= ends."""
+
+    design: Index
+    Z: Array
+    rows: Array
+    ends: Array
+
+
+def _along_axes(of: Driven, drive: StageDrive) -> _Programs:
+    """Six programs a design, forwards and backwards along x, y, theta."""
+    scale = 1 / np.linalg.norm(of.poses, axis=2, keepdims=True)
+    free = np.swapaxes(np.linalg.svd(of.poses * scale)[2][:, 3:], 1, 2)
+    least = np.linalg.pinv(of.poses * scale) * np.swapaxes(scale, 1, 2)  # (n, m, 3): commands of unit poses
+    n, m, d = len(least), least.shape[1], free.shape[2] + 1
+    limits = limits_of(of, drive, np.zeros(3)).values()
+    rows = np.concatenate([np.broadcast_to(each.rows, (n, *each.rows.shape[-2:])) for each in limits], axis=1)
+    ends = np.concatenate([each.offsets + each.sizes for each in limits], axis=-1)
+    Z = np.concatenate([np.moveaxis(least, 2, 1)[..., None], np.broadcast_to(free[:, None], (n, 3, m, d - 1))], axis=-1)
+    Z = np.stack([Z, Z * np.append(-1.0, np.ones(d - 1))], axis=1).reshape(6 * n, m, d)
+    design = np.repeat(np.arange(n), 6)
+    return _Programs(design, Z, rows[design] @ Z, ends[design])
+
+
+def _within_yield(of: _Programs, designs: Designs, carried: NeckForces, rest: NeckForces) -> Array:
+    """How far (n, 2, 3) with the half-spaces of yield that matter.
+
+    carried, rest : what necks carry per command, (n, 9, m), and of preloads, (n, 9, 1).
+    """
+    z = np.full((len(of.design), of.Z.shape[2]), np.nan)
+    forces = NeckForces(*(each[of.design] @ of.Z for each in carried))
+    todo = np.flatnonzero(~_worst(designs, of.design, forces, rest, 0 * np.nan_to_num(z))[0])
+    rows, ends = of.rows[todo], of.ends[todo]
+    for _ in range(ROUNDS):
+        z[todo] = farthest(rows, ends)
+        forces = NeckForces(*(each[of.design[todo]] @ of.Z[todo] for each in carried))
+        broken, cut, end = _worst(designs, of.design[todo], forces, rest, z[todo])
+        if not broken.any():
+            return z[:, 0].reshape(-1, 2, 3)
+        todo = todo[broken]
+        rows = np.concatenate([rows[broken], cut[broken]], axis=1)
+        ends = np.concatenate([ends[broken], end[broken]], axis=1)
+    z[todo] = np.nan  # never seen
+    return z[:, 0].reshape(-1, 2, 3)
+
+
+def _worst(
+    designs: Designs, design: Index, forces: NeckForces, rest: NeckForces, z: Array
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which programs (p,), of which designs, break yield; for each neck the half-space of its worst place.
+
+    Half-spaces as rows (p, 9, d) and ends (p, 9). Places are looked at where the narrowest section would break it with
+    the lever of the farthest.
+    """
+    carried = NeckForces(
+        *(np.einsum("pkd,pd->pk", each, z) + own[design, :, 0] for each, own in zip(forces, rest, strict=True))
+    )
+    near = np.flatnonzero(np.any(_at_most(designs, design, carried) > _allowed(designs)[design, None], axis=1))
+    broken, cut, ends = np.zeros(len(z), dtype=bool), np.zeros((len(z), 9, z.shape[1])), np.ones((len(z), 9))
+    if not len(near):
+        return broken, cut, ends
+    some = designs.chosen(design[near])
+    at = NeckSections(*(each.reshape(len(near), 9, -1) for each in sections_of(some)))
+    M, N, V = (each[near] for each in carried)
+    stress = stress_along(at, NeckForces(M, N, V))
+    broken[near] = np.max(stress, axis=(1, 2)) > _allowed(some) * (1 + YIELDING)
+    x, bent, pulled = (np.take_along_axis(each, np.argmax(stress, axis=2)[..., None], 2) for each in at)
+    one, other = np.sign(M[..., None] + V[..., None] * x), np.sign(N[..., None])
+    cut[near], at_rest = (
+        one * bent * (moment + shear * x) + other * pulled * normal
+        for moment, normal, shear in (tuple(e[near] for e in forces), tuple(e[design[near]] for e in rest))
+    )
+    ends[near] = _allowed(some)[:, None] - at_rest[..., 0]
+    return broken, cut, ends
+
+
+def _allowed(designs: Designs) -> Array:
+    """Stress (n,) that limits of yield allow: the model's may be low."""
+    return np.asarray(designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]))
+
+
+def _at_most(designs: Designs, design: Index, carried: NeckForces) -> Array:
+    """A stress (p, 9) that none along the necks of programs' designs exceeds."""
+    bending, tension = (each[design].reshape(-1, 9) for each in sections_of(designs, 1)[1:])
+    K = concentration(designs.neck[design] / designs.radius[design])
+    lever = (BESIDE * designs.radius[design] * K.shear / K.bending).reshape(-1, 9)
+    M, N, V = (np.abs(each) for each in carried)
+    return np.asarray(bending * (M + lever * V) + tension * N)
+
+
+def farthest(A: Array, b: Array) -> Array:
+    """Points (p, d) of the largest z_0 with A z <= b: A (p, k, d), b (p, k) not negative, bounded.
+
+    Notes
+    -----
+    The simplex method on one tableau for each program, all a step at a time: from z = 0 the coordinates z enter the
+    basis, and slacks that leave it hold the point. The point is then solved for anew from the constraints that hold it
+    and checked; a program that fails the check is left to HiGHS. A batch of such programs took HiGHS 30 times as long.
+    """
+    d = A.shape[2]
+    unit = _scale(np.max(np.abs(A), axis=1))
+    rows = A * unit[:, None, :]
+    norm = _scale(np.linalg.norm(rows, axis=2))
+    rows, ends = rows * norm[..., None], b * norm
+    span = _scale(np.max(np.abs(ends), axis=1))[:, None]
+    ends = ends * span
+    held, sure = _held(rows, ends)
+    active = np.take_along_axis(rows, np.maximum(held, 0)[..., None], axis=1)
+    active = np.where((held < 0)[..., None], np.eye(d)[np.maximum(-1 - held, 0)], active)
+    at = np.where(held < 0, 0.0, np.take_along_axis(ends, np.maximum(held, 0), axis=1))
+    z = np.einsum("pij,pj->pi", inverse(active), at)
+    slack = ends - np.einsum("pkd,pd->pk", rows, z)
+    sure &= np.min(slack, axis=1) >= -KEPT * (1 + np.max(np.abs(z), axis=1))  # not for nan
+    for place in np.flatnonzero(~sure):
+        z[place] = _by_highs(rows[place], ends[place])
+    return np.asarray(z * unit / span)
+
+
+def _held(A: Array, b: Array) -> tuple[Index, NDArray[np.bool_]]:
+    """What holds the best point of each program (p, d), rows or -1 - j for z_j = 0, and which are optimal (p,)."""
+    p, k, d = A.shape
+    found, sure = np.zeros((p, d), dtype=np.int64), np.zeros(p, dtype=bool)
+    slope = np.broadcast_to(np.eye(d + 1)[:1], (p, 1, d + 1))
+    T = np.concatenate([np.concatenate([A, b[..., None]], axis=2), slope], axis=1)  # last row: slopes, last column: b
+    outside, inside = np.tile(-1 - np.arange(d), (p, 1)), np.tile(np.arange(k), (p, 1))
+    todo = np.arange(p)
+    for _ in range(STEPS):
+        gain = np.where(outside < 0, np.abs(T[:, -1, :-1]), T[:, -1, :-1])
+        on = np.max(gain, axis=1) > FLAT
+        found[todo[~on]], sure[todo[~on]] = outside[~on], np.isfinite(gain[~on]).all(axis=1)
+        T, outside, inside, gain, todo = T[on], outside[on], inside[on], gain[on], todo[on]
+        if not len(todo):
+            break
+        each, enters = np.arange(len(todo)), np.argmax(gain, axis=1)
+        way = T[each, :, enters]
+        way = way * np.where(way[:, -1:] < 0, -1.0, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = (way[:, :-1] > FLAT) & (inside >= 0)
+            ratio = np.where(ahead, np.maximum(T[:, :-1, -1], 0.0) / way[:, :-1], np.inf)
+        step = np.min(ratio, axis=1)
+        leaves = np.argmax(np.where(ratio <= step[:, None] * (1 + FLAT), way[:, :-1] * ahead, -1.0), axis=1)
+        pivot = T[each, leaves] / T[each, leaves, enters][:, None]
+        column = T[each, :, enters]
+        T -= column[:, :, None] * pivot[:, None, :]
+        T[each, leaves] = pivot
+        T[each, :, enters] = -column * (1 / column[each, leaves])[:, None]
+        T[each, leaves, enters] = 1 / column[each, leaves]
+        outside[each, enters], inside[each, leaves] = inside[each, leaves], outside[each, enters]
+    return found, sure
+
+
+def _scale(size: Array) -> Array:
+    return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 1.0)
+
+
+def _by_highs(A: Array, b: Array) -> Array:
+    from scipy.optimize import linprog
+
+    found = linprog(-np.eye(A.shape[1])[0], A_ub=A, b_ub=b, bounds=(None, None), method="highs")
+    if found.status != 0:
+        raise ComputationFailed(f"linear program: {found.message}")
+    return np.asarray(found.x)

@@ -1,0 +1,255 @@
+"""Strokes, forces and poses: known answers of springs, energy, (29), and the two witnesses of driven stages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
+from flexfem.analytic.paper import inverse_kinematics, stiffness
+from flexfem.fem.response import neck_wrenches
+from flexfem.fem.structure import plate_of
+from flexfem.mechanism.contacts import Push, Stack
+from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.questions.drive import calibration, commanding, driven_elements, neck_stresses, rotations
+from flexfem.questions.driven import (
+    CRITERIA,
+    NeckForces,
+    NeckSections,
+    commands_for,
+    driven,
+    limits_of,
+    limits_of_necks,
+    moved,
+    neck_forces,
+    per_command,
+    sections_of,
+    shares,
+)
+from flexfem.refused import ComputationFailed
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+LOAD = np.array([3.1, -1.7, 41.0])
+POSE = np.array([2.3e-3, -1.1e-3, 7.0e-5])
+LEVER = 24.0
+NONE = np.zeros(3)
+MESH = 4e-3  # four triangles across a neck and the beams of the links: 0.2 % seen, of C as of stiffness alone
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return load_stage(GEOMETRY / "mobility6.toml")
+
+
+def spring(stiffness: float, stack: float, stroke: float = 0.0174) -> tuple[np.ndarray, StageDrive]:
+    """The platform on one spring in x, pushed by one stack; y and theta go along with no one."""
+    nowhere = Stack(0, (Push(3, np.array([1.0, 0, 0]), None), Push(0, np.zeros(3), None)))
+    C = np.diag([1 / stiffness, 1.0, 1.0, 1 / stiffness])
+    C[0, 3] = C[3, 0] = 1 / stiffness
+    one = np.ones(1)
+    return C, StageDrive((nowhere,), ("one",), stack * one, 0 * one, 935.0 * one, np.eye(1), 0 * one, stroke * one)
+
+
+def model(stage: Stage, mobility: int | None = None, formula: str = CALIBRATED, links: bool = True):
+    return commanding(ModelChoice(stage, mobility, formula, links))
+
+
+def share(of, drive, x, load) -> float:
+    return max(float(np.max(each)) for each in shares(of, drive, x, load).values())
+
+
+def test_ae0505d16_on_14_3_newtons_per_micrometre_travels_13_74_micrometres():
+    """NEC/Tokin, Multilayer Piezoelectric Actuators vol. 6, page 22: the spring load of their example."""
+    C, drive = spring(14.3e3, 935 / 0.0174)
+    found = moved(driven(C, drive), drive, drive.highest, np.zeros(3))
+    assert 1e3 * found.pose[0] == pytest.approx(13.74, abs=0.005)
+    assert found.force[0] == pytest.approx(14.3e3 * found.pose[0])
+
+
+def test_a_spring_as_stiff_as_the_stack_halves_its_stroke():
+    C, drive = spring(31e3, 31e3)
+    found = moved(driven(C, drive), drive, drive.highest, np.zeros(3))
+    assert found.pose[0] == pytest.approx(0.0087)
+    assert found.force[0] == pytest.approx(0.0087 * 31e3)
+    assert found.stage == pytest.approx(found.stacks)
+
+
+def test_stacks_of_no_stiffness_leave_the_passive_stage(stage):
+    drive = drive_of(stage)._replace(stiffness=np.zeros(12))
+    C = model(stage, 6, DEFAULT_FORMULA, False).model.compliance
+    of = driven(C, drive)
+    np.testing.assert_array_equal(of.engaged, C[:3, :3])
+    np.testing.assert_array_equal(of.poses, 0.0)
+
+
+def test_what_is_stored_is_the_work_done(stage):
+    """Strokes and load grow together: half of stroke times force and of load times pose."""
+    drive, x = drive_of(stage), 1e-3 * np.array([3.0, -2.0, 1.0, 5.0, -4.0, 2.5])
+    of = model(stage).of
+    found = moved(of, drive, x, LOAD)
+    work = (found.force @ (drive.differential @ x) + LOAD @ found.pose) / 2
+    assert found.stage + found.stacks == pytest.approx(work, rel=1e-10)
+    assert found.stage > 0 < found.stacks
+
+
+def test_engaged_stacks_make_the_platform_stiffer_and_a_load_moves_it_by_that(stage):
+    drive, of = drive_of(stage), model(stage, 6, DEFAULT_FORMULA, False).of
+    found = moved(of, drive, np.zeros(6), LOAD)
+    np.testing.assert_allclose(found.pose, of.engaged @ LOAD, rtol=1e-9)
+    passive, engaged = np.linalg.inv(of.C[:3, :3]), np.linalg.inv(of.engaged)
+    assert np.all(np.linalg.eigvalsh(engaged - passive) > 0)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("load", [np.zeros(3), LOAD], ids=["free", "loaded"])
+def test_pose_to_strokes_to_pose(stage, criterion, load):
+    drive = drive_of(stage)
+    for choice in ((3, DEFAULT_FORMULA, False), (6, DEFAULT_FORMULA, False), (None, CALIBRATED, True)):
+        of = model(stage, *choice).of
+        x = commands_for(of, drive, POSE, load, LEVER, criterion)
+        np.testing.assert_allclose(moved(of, drive, x, load).pose, POSE, rtol=1e-12)
+
+
+def test_least_energy_turns_the_joints_as_29_says(stage):
+    """Six sets command the six independent joints of mobility six, whatever their stiffness."""
+    drive = drive_of(stage)
+    one = model(stage, 6, DEFAULT_FORMULA, False)
+    motion = moved(one.of, drive, commands_for(one.of, drive, POSE, np.zeros(3), LEVER, "least energy"), np.zeros(3))
+    of = assemble(stage, 6)
+    joints = inverse_kinematics(of, stiffness(of), POSE).joints
+    turning = joints[of.joints.kind == 0].reshape(3, 3)
+    np.testing.assert_allclose(rotations(one, motion, NONE), turning, rtol=1e-7, atol=1e-12)
+    assert motion.stage == pytest.approx(POSE @ np.linalg.inv(one.of.C[:3, :3]) @ POSE / 2, rel=1e-9)
+
+
+def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
+    """One pair on link 1, 10 mm from its hinge: a stage of revolutes and stiff stacks has no other choice."""
+    stage = load_stage(GEOMETRY / "mobility3.toml")
+    drive = drive_of(stage)._replace(stiffness=np.full(12, 1e9))
+    one = model(stage, 3, DEFAULT_FORMULA, False)
+    of = driven(one.model.compliance, drive)
+    alone = np.array([True, True, False, False, False, False, False, False, False, False, False, False])
+    free = drive._replace(stiffness=np.where(alone, 1e9, 0.0))
+    of = driven(one.model.compliance, free)
+    found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
+    turned = rotations(one._replace(of=of), found, NONE)
+    assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
+
+
+def test_no_strokes_have_a_smaller_largest_one(stage):
+    drive, of = drive_of(stage), model(stage).of
+    least = commands_for(of, drive, POSE, np.zeros(3), LEVER, "least stroke")
+    free = np.linalg.svd(of.poses * np.array([[1], [1], [LEVER]]))[2][3:]
+    rng = np.random.default_rng(5)
+    for step in 10 ** rng.uniform(-6, -3, 200):
+        other = least + step * rng.normal(size=3) @ free
+        np.testing.assert_allclose(moved(of, drive, other, np.zeros(3)).pose, POSE, rtol=1e-6, atol=1e-12)
+        assert np.max(np.abs(other)) > np.max(np.abs(least))
+    energies = [moved(of, drive, commands_for(of, drive, POSE, LOAD, LEVER, c), LOAD).stage for c in CRITERIA]
+    assert energies[0] == min(energies)
+
+
+def test_the_limits_of_every_stack_count(stage):
+    """Strokes to half of 17.4 um on either side at base and at elbow, and contacts to their preload."""
+    drive, of = drive_of(stage), model(stage).of
+    for command in range(6):
+        x = 8.7e-3 * np.eye(6)[command]
+        assert max(shares(of, drive, x, np.zeros(3))["stroke"]) == pytest.approx(1.0)
+        force = moved(of, drive, x, LOAD).force
+        found = shares(of, drive, x, LOAD)
+        assert max(found["contact"]) == pytest.approx(-np.min(force) / 50.0)
+        assert max(found["blocking force"]) == pytest.approx(np.max(force) / 885.0)
+
+
+def test_within_limits_uses_the_smallest_share_of_any(stage):
+    light = stage.replace(actuator=[{**each.model_dump(exclude_unset=True), "preload": 2.0} for each in stage.actuator])
+    drive, of = drive_of(light), model(light).of
+    used = {c: share(of, drive, commands_for(of, drive, POSE, LOAD, LEVER, c), LOAD) for c in CRITERIA}
+    assert used["within limits"] < 0.9 * used["least stroke"]
+    assert used["within limits"] <= used["least energy"]
+
+
+def test_a_contact_without_preload_can_only_be_pressed():
+    C, drive = spring(14.3e3, 50e3)
+    of = limits_of(driven(C, drive), drive, np.zeros(3))
+    contact, blocking = of["contact"], of["blocking force"]
+    np.testing.assert_allclose([contact.sizes, blocking.sizes], [[0.0], [935.0]])
+    assert max(shares(driven(C, drive), drive, np.array([-1e-3]), np.zeros(3))["contact"]) == np.inf
+
+
+def test_one_direction_of_pushing_does_not_hold_three(stage):
+    C, drive = spring(14.3e3, 50e3)
+    with pytest.raises(ComputationFailed, match="three directions"):
+        commands_for(driven(C, drive), drive, POSE, np.zeros(3), LEVER, "least energy")
+
+
+@pytest.fixture(scope="module")
+def unlike(stage) -> Stage:
+    """Unlike chains, contacts off the links' normals, on straight and bent links and on the rim of the platform."""
+    rim = 17.0 * np.exp(1j * np.deg2rad(75.0))
+    return stage.replace(
+        override={(2, "elbow"): {"neck": 0.61}, (3, "base"): {"radius": 3.1}, (1, "platform"): {"neck": 0.43}},
+        actuator=[
+            stage.actuator[0].model_copy(update={"tilt": np.deg2rad(-15.0), "pair": False}),
+            stage.actuator[1].model_copy(update={"arm": 7.0, "side": "right", "tilt": np.deg2rad(10.0)}),
+            {
+                "name": "rim",
+                "between": ("link 1", "platform"),
+                "point": (rim.real, rim.imag),
+                "direction": np.deg2rad(260.0),
+                "stroke": 0.03,
+                "blocking_force": 410.0,
+            },
+        ],
+    )
+
+
+def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike):
+    best, metal = model(unlike), driven_elements(unlike, 4)
+    C, F = best.of.C, metal.of.C
+    size = np.sqrt(np.diag(F))
+    assert np.max(np.abs(C - F) / np.outer(size, size)) < MESH
+    drive, lever = drive_of(unlike), unlike.chain.link_lengths[2]
+    x = commands_for(best.of, drive, POSE, np.zeros(3), lever, "least energy")
+    reached = moved(metal.of, drive, x, np.zeros(3)).pose
+    scale = np.array([1.0, 1.0, lever])
+    assert np.linalg.norm((reached - POSE) * scale) < 1e-3 * np.linalg.norm(POSE * scale)
+    rigid = model(unlike, 21, CALIBRATED, False)
+    stiff = moved(metal.of, drive, commands_for(rigid.of, drive, POSE, np.zeros(3), lever, "least energy"), np.zeros(3))
+    assert np.linalg.norm((stiff.pose - POSE) * scale) > 3 * np.linalg.norm((reached - POSE) * scale)
+    full = calibration(metal.of, best.of, drive, lever)
+    x = commands_for(best.of, drive, full @ POSE, np.zeros(3), lever, "least energy")
+    np.testing.assert_allclose(moved(metal.of, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
+
+
+def test_necks_of_finite_elements_carry_what_balances_and_what_the_model_says(unlike):
+    """Platform hinges together hold the load; base hinges, pushed from the frame alone, with the stacks there."""
+    drive, one, metal = drive_of(unlike), model(unlike), driven_elements(unlike, 4)
+    found = neck_wrenches(metal.mesh, plate_of(unlike), metal.response.fields)
+    np.testing.assert_allclose(found[:, 2, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
+    np.testing.assert_allclose(found[:, 0, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
+    lever = np.array([1.0, 1.0, unlike.chain.link_lengths[2]])[:, None]
+    size = np.max(np.abs(one.model.necks / lever), axis=(0, 1, 2))
+    assert found.shape == (3, 3, 3, 3 + len(drive.stacks))
+    assert np.max(np.abs(found - one.model.necks) / lever / size) < MESH
+
+
+def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):
+    stage = stage.replace(
+        override={(2, "elbow"): {"neck": 0.41}, (3, "platform"): {"radius": 1.9}}, model="plane_strain"
+    )
+    drive, one, frames = drive_of(stage), model(stage), stage_frames(stage)
+    sections = NeckSections(*(each[0] for each in sections_of(lower(stage))))
+    rest = np.concatenate([LOAD, moved(one.of, drive, np.zeros(6), LOAD).force])
+    at_rest = NeckForces(*(each[..., 0] for each in neck_forces(frames, (one.model.necks @ rest)[..., None])))
+    limits = limits_of_necks(sections, per_command(one.of, frames, one.model.necks), at_rest, 503.0)
+    assert limits.rows.shape == (9 * 141 * 4, 6)
+    for command in 1e-3 * np.random.default_rng(3).normal(size=(5, 6)):
+        found = limits.rows @ command - limits.offsets
+        wanted = neck_stresses(one, np.concatenate([LOAD, moved(one.of, drive, command, LOAD).force]))
+        np.testing.assert_allclose(np.max(found.reshape(3, 3, -1), axis=-1), wanted, rtol=1e-10)
+    np.testing.assert_array_equal(limits.sizes, 503.0)

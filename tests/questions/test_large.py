@@ -1,0 +1,141 @@
+"""Large displacements: two models that agree, numbers that belong to one another, figure and command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.analytic.large import at_pose, tangents
+from flexfem.analytic.model import analyse, assemble
+from flexfem.commands import cli
+from flexfem.fem.nonlinear import equilibrium
+from flexfem.fem.structure import plate_of
+from flexfem.plot.drive import large_figure
+from flexfem.questions import large as module
+from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
+from flexfem.questions.setup import solved
+from flexfem.results import Result
+from flexfem.units import DIRECTIONS
+
+PATH = Path(__file__).parents[2] / "geometry/mobility6.toml"
+COARSE = 2  # triangles across a neck: the nonlinearity is within 0.6 % of that with eight
+AGREE = 0.09  # pseudo-rigid over finite-element nonlinearity, less one: 0.07 in X on any mesh
+SUM, SLOPE = 1e-7, 1e-7  # percentage points: Gauss's sums, central differences
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return flexfem.load(PATH)
+
+
+@pytest.fixture(scope="module")
+def found(stage) -> Large:
+    """Finite elements are solved at two commands on either side of rest, not at four."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "SOLVED", np.array([-20, -2, 0, 2, 20]))
+        return flexfem.large(stage, resolution=COARSE)
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_16_is_the_slope_of_the_exact_load_and_its_sum_the_load(found, direction):
+    tangent, errors = found.at("tangent", direction=direction), found.at("errors", direction=direction)
+    np.testing.assert_allclose(tangent[:, TANGENT], tangent[:, EXACT], rtol=0, atol=SLOPE)
+    np.testing.assert_allclose(errors[:, TANGENT], errors[:, EXACT], rtol=0, atol=SUM)
+    assert np.abs(tangent[:, WITHOUT] - tangent[:, EXACT]).max() > 0.05
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_along_the_command_the_position_error_is_what_the_load_deviates_from_18_by(found, stage, direction):
+    axis, K = DIRECTIONS.index(direction), analyse(stage).stiffness
+    commanded = float(found.amplitude[axis]) * np.arange(-STEPS, STEPS + 1) / STEPS
+    moved = commanded != 0
+    load = found.at("load", direction=direction, theory="exact", component=direction)
+    error = found.at("errors", direction=direction, theory="exact", component=direction)
+    deviation = load[moved] / (K[axis, axis] * commanded[moved]) - 1
+    np.testing.assert_allclose(error[moved], 100 * deviation, rtol=0, atol=1e-9)  # K is diagonal to round-off
+    assert error[~moved] == 0.0
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_pseudo_rigid_stage_and_finite_elements_agree_on_the_nonlinearity(found, direction):
+    for name in ("stiffness", "error", *(["aside"] if direction != "theta" else [])):
+        of = found.at(name, direction=direction)
+        np.testing.assert_allclose(of[:, EXACT] / of[:, HELD], 1.0, atol=AGREE)
+    stiffness = found.at("stiffness", direction=direction)
+    assert np.all(stiffness[:, WITHOUT] / stiffness[:, HELD] < 0.75), "(16) without its terms is nowhere near them"
+
+
+def test_a_symmetric_stage_turns_without_moving_aside(found):
+    assert np.nanmax(np.abs(found.at("errors", direction="theta")[..., :2])) < 1e-6  # per cent; 0.4 in the others
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_small_commands_are_linear_and_the_error_grows_with_the_command(found, direction):
+    for theory in ("(16) less its terms", "exact", "finite elements"):
+        far, near, ahead, end = found.at("error", direction=direction, theory=theory)
+        assert (end - far) / (ahead - near) == pytest.approx(10.0, rel=0.05)  # quadratic but for terms of third order
+    assert np.nanmax(np.abs(found.at("tangent", direction=direction)[STEPS])) < 1e-6
+
+
+def test_the_load_on_the_finite_elements_is_the_exact_one(found, stage):
+    load, response = at_pose(assemble(stage), np.array([0.0, -0.5, 0.0])).load, solved(stage, COARSE)
+    pose = equilibrium(response.mesh, plate_of(stage), load).pose[0]
+    error = 100 * (response.compliance @ load - pose) * [1, 1, 24] / pose[1]  # l3 = 24 mm
+    np.testing.assert_allclose(found.at("errors", direction="y")[0, LOADED], error, rtol=1e-6)
+    aside = found.at("aside", direction="y", at="-100 %")[LOADED]
+    assert aside == pytest.approx(error[2], rel=1e-6)
+    assert aside == pytest.approx(-0.452, abs=0.005)  # 105 urad of 24 mm over 0.56 mm
+
+
+def test_the_box_is_searched_at_its_corners_edges_and_faces(found, stage):
+    """Distances with rotations by l3 = 24 mm; tangent compliances with the second-order terms over those without."""
+    of, C = assemble(stage), analyse(stage).compliance
+    ends = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k])
+    for part, position, terms in zip((0.1, 1.0), found.position, found.terms, strict=True):
+        poses = part * ends * [0.5, 0.5, 0.01]
+        off = (at_pose(of, poses).load @ C - poses) * [1, 1, 24]
+        size = np.linalg.norm(poses * [1, 1, 24], axis=1)
+        assert position == pytest.approx(100 * np.max(np.linalg.norm(off, axis=1) / size), rel=1e-7)
+        at = tangents(of, poses)
+        with_terms, without = (np.array([np.diag(np.linalg.inv(K)) for K in each]) for each in (at.tangent, at.without))
+        assert terms == pytest.approx(100 * np.max(np.abs(with_terms / without - 1)), rel=1e-6)
+
+
+def test_a_command_out_of_reach_is_refused(stage):
+    with pytest.raises(flexfem.ComputationFailed, match=r"no equilibrium|strain of"):
+        flexfem.large(stage, amplitude=900.0, models="analytic")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mobility3", "mobility6"])
+def test_a_finer_mesh_moves_the_compliance_and_not_the_nonlinearity(name):
+    own = flexfem.load(PATH.with_stem(name))
+    coarse, fine = (flexfem.large(own, resolution=n) for n in (4, 8))
+    np.testing.assert_allclose(coarse.error[..., HELD], fine.error[..., HELD], rtol=1e-3)
+    np.testing.assert_allclose(coarse.stiffness[..., HELD], fine.stiffness[..., HELD], rtol=1e-3)
+
+
+def test_the_figure_draws_every_theory_over_the_command(found):
+    figure = large_figure(found)
+    along = figure.axes[1]
+    lines = {line.get_label(): line.get_xydata() for line in along.get_lines()}
+    exact = np.column_stack([np.linspace(-500, 500, 41), found.at("errors", direction="x")[:, EXACT, 0]])
+    np.testing.assert_allclose(lines["exact equilibrium"], exact, atol=1e-9)
+    np.testing.assert_allclose(lines["finite elements held at the command"][:, 0], [-500, -50, 0, 50, 500], atol=1e-9)
+    loaded = lines["finite elements under the load of exact equilibrium"]
+    np.testing.assert_allclose(loaded[:, 1], found.at("error", direction="x")[:, LOADED])
+    figure = large_figure(flexfem.large(flexfem.load(PATH), models="analytic"))
+    assert not [line for line in figure.axes[1].get_lines() if "finite elements" in str(line.get_label())]
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys):
+    options = ["--models", "analytic", "--amplitude", "0.1", "-o", str(tmp_path)]
+    cli.app(["large", str(PATH), *options], standalone_mode=False)
+    assert "amplitude" in capsys.readouterr().out
+    kept = Result.read(tmp_path / "mobility6-large.json")
+    np.testing.assert_allclose(kept.amplitude, [0.1, 0.1, 2e-3])
+    assert np.isnan(kept.at("error", theory="finite elements")).all()
