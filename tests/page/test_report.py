@@ -184,7 +184,7 @@ def test_a_page_never_replaces_what_it_is_of(tmp_path):
 def test_stored_json_that_is_no_answer_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "two\nlines.json"
     path.write_bytes(content)
-    with pytest.raises(BadInput, match="not a result of flexfem verify: no JSON") as refused:
+    with pytest.raises(BadInput, match="expected a result that flexfem stored as JSON") as refused:
         report(path, tmp_path / "page.html")
     assert "\n" not in str(refused.value) and list(tmp_path.iterdir()) == [path]
 

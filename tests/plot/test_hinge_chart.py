@@ -7,7 +7,7 @@ import pytest
 
 from flexfem.plot.hinge import FLOOR, FREEDOMS, hinge_chart_figure, merged
 from flexfem.plot.text import SPACE
-from flexfem.verify.hinges import FormulaCurve, HingeReview
+from flexfem.questions.hinges import FormulaCurve, HingeReview
 
 X = np.geomspace(0.02, 1.2, 40)
 FULL = 1.5  # points: curves within their range are broader than this, pale ones thinner

@@ -12,7 +12,7 @@ import pytest
 from flexfem.design.result import read_design
 from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
-from flexfem.verify.result import write_record
+from flexfem.results import write_sealed
 
 from ..design.recorded import recorded
 from .conftest import fields, result
@@ -33,7 +33,7 @@ def stored(tmp_path):
     """A file of every kind of answer that is read again."""
     return {
         "verification": written(tmp_path),
-        "design": write_record(recorded(), tmp_path / "design.json"),
+        "design": write_sealed(tmp_path / "design.json", recorded().model_dump(mode="json")),
     }
 
 

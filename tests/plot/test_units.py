@@ -109,8 +109,6 @@ def test_every_direction_has_its_unit() -> None:
 
 def test_units_are_spelled_in_one_place() -> None:
     others = (
-        "commands/tables",
-        "commands/comparisons",
         "questions/warnings",
         "study/findings",
     )
