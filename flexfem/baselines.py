@@ -252,10 +252,16 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
                 if not (value == before or abs(value - before) <= accepted):
                     said = f"was {before:.15g}, is {value:.15g}, moved {value - before:+.3g}, accepted {accepted:.2g}"
                     yield f"{place} {said}"
-                if bool(bands) == bool(np.isnan(band)) or (
-                    bands and not abs(band - bands[0]) <= accepted_band + accepted
-                ):
-                    yield f"{place}: its band was {bands or 'none'}, is {band:.6g}, accepted {accepted_band:.2g}"
+                if bands and not np.isnan(band) and not abs(band - bands[0]) <= accepted_band + accepted:
+                    yield f"{place}: its band was {bands[0]:.6g}, is {band:.6g}, accepted {accepted_band:.2g}"
+        had = _banded(key for key, each in old.items() if len(each) == 2)
+        for quantity in had ^ _banded(key for key, each in new.items() if not np.isnan(each[1])):
+            yield f"{name}: {question}.{quantity}: its bands came or went"
+
+
+def _banded(paths: Iterable[str]) -> set[str]:
+    """Quantities of paths with bands: which one of equal highest stresses has the band is up to round-off."""
+    return {path.partition(".")[0] for path in paths}
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:

@@ -106,7 +106,8 @@ class CurveModels(NamedTuple):
     @classmethod
     def read(cls, data: dict[str, Any]) -> CurveModels:
         """The models as a stored result has them."""
-        return cls(**data | {"hinges": [HingeDrawing(**each) for each in data["hinges"]]})
+        hinges = [HingeDrawing(**each | {"centre": tuple(each["centre"])}) for each in data["hinges"]]
+        return cls(**data | {"hinges": hinges})
 
 
 class Verification(Result):
