@@ -50,8 +50,9 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K
     "µm/(K/mm)": 1e-3,  # mm per K/mm
     "µrad/(K/mm)": 1e-6,
     "kg mm²": 1e-3,
+    "µm² mrad": 1e-9,
     **dict.fromkeys(
-        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", "V", "s", ""), 1.0
+        ("rad", "N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", "V", "s", "", "rad/mm", "mm/rad"), 1.0
     ),
 }
 OUTPUTS = {
