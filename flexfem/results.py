@@ -343,7 +343,7 @@ class Result:
         try:
             return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
-            raise BadInput(f"{path}: not what this version of flexfem stores, make it again") from None
+            raise BadInput(f"{place_of(path)}: not what this version of flexfem stores, make it again") from None
 
     @classmethod
     def _from(cls, data: Mapping[str, Any]) -> Self:

@@ -220,16 +220,8 @@ def _stored(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", assumed, not_stated, parts)
 
 
-def _section(name: str, title: str, *parts: Any) -> PageSection:
-    """A section of markup and tables of text, the latter with their notes."""
-    html = Markup("")
-    for each in parts:
-        if isinstance(each, Markup):
-            html += each
-        else:
-            html += notes([each.note] if each.note else [], "note")
-            html += table(each.head, each.rows, caption=each.title, numbers=each.numbers)
-    return PageSection(name, title, html)
+def _section(name: str, title: str, *parts: Markup) -> PageSection:
+    return PageSection(name, title, Markup("").join(parts))
 
 
 def _curves(result: Verification, number: int) -> PageSection:

@@ -21,7 +21,6 @@ EXTRUDED = (
     "In three dimensions the stage is extruded: wedges of 18 nodes in layers, both faces free. Bands are then of the "
     "mesh in the plane and of the layers, whose share is the change from fewer to more of them times 1.25."
 )
-COMMANDED: dict[Drive, str] = {"force": "", "joints": ", joints imposed", "strokes": ", strokes commanded"}
 BRIEF: dict[Drive, str] = {
     "force": "force by (18)",
     "joints": "joints imposed by (29)",

@@ -106,16 +106,12 @@ def test_no_number_whose_source_says_assumed_is_called_stated(tmp_path):
 
 
 def test_a_page_of_stored_results_has_their_tables_curves_and_doubts(tmp_path):
-    from ..plot.conftest import fields
-
     one = result({"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}, assumed=["chain.link_width_mm"])
-    one.fields = {label: fields() for label in one.axes["curve"]}
-    path = one.write(tmp_path / "y.json")
-    found = report(path, tmp_path / "page.html")
+    found = report(one.write(tmp_path / "fig.json"), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert found.sections == ["A case $y$", headings(page)[-1]]
+    assert found.sections == ["A case $y$", "Where the numbers come from"] and found.assumed == ["chain.link_width_mm"]
     shown = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
-    assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {*shown}
+    assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {cell.removesuffix(" %") for cell in shown}
     told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
     assert "one\ncommanded X (µm): 50.00\nerror in X (µm): 2.500" in told
 

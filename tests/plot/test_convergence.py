@@ -53,13 +53,6 @@ def test_an_order_is_the_slope_of_the_line_it_names(figure):
     assert np.all(guide.get_ydata()[0] > np.array([distance[0] for distance in DISTANCE.values()]))
 
 
-def test_the_legend_says_verdict_order_and_band_of_each_direction(figure):
-    labels = list(by_label(figure.axes[0]))
-    assert labels[:1] == ["X: converging, order 3.97, band 7.0e-03"]
-    assert "Y: out of range, order 2.96, band 3.2e-02" in labels
-    assert "θ: oscillatory, no order, band 1.6e-02" in labels
-
-
 def test_the_bar_of_the_finest_mesh_ends_at_its_band(figure):
     bars = [piece for found in figure.axes[0].collections for piece in found.get_segments()]
     for bar, (name, distance) in zip(bars, DISTANCE.items(), strict=True):
