@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 from random_stages import drawn
 
+import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.questions.setup import solved
-from flexfem.questions.stiffness import element_stress
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 
@@ -32,11 +31,11 @@ def highest(stress: Array) -> Array:
 
 def above(stage: Stage, resolution: int) -> dict[str, Array]:
     """Per cent (3,) above the finite elements, by formula and links."""
-    elements = highest(element_stress(stage, solved(stage, resolution)))
+    elements = highest(np.moveaxis(flexfem.solve(stage, resolution).neck_stress(np.eye(3)), 0, -1))
     found = {}
     for name, entry in FORMULAS.items():
         if np.all(entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)):
-            found[f"{name}, elastic links"] = highest(analyse(stage, 21, name, links=True).stress)
+            found[f"{name}, elastic links"] = highest(analyse(stage, None, name, True).stress)
             found[f"{name}, rigid links, mobility 3"] = highest(analyse(stage, 3, name).stress)
     return {name: 100 * (stress / elements - 1) for name, stress in found.items()}
 

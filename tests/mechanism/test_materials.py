@@ -159,7 +159,7 @@ def test_a_name_alone_is_the_material_with_its_numbers_and_its_source(named, cap
     stage, reference = flexfem.load(named('name = "al-7075-t6"')), flexfem.load(REFERENCE)
     assert stage.hash == reference.hash and stage.material.name == "al-7075-t6"
     assert stage.not_stated == () and "material.youngs_modulus_gpa" not in stage.assumed
-    sources = [source for key, source in stage.sources.items() if key.startswith("material.")]
+    sources = [text for key, text in stage.sources.items() if key.startswith("material")]
     assert len(sources) >= 4 and all("ASM data sheet" in text and "(al-7075-t6)" in text for text in sources)
     same = flexfem.load(named('name = "al-7075-t6"', "density_kg_m3 = 2810", "youngs_modulus_gpa = 71.7"))
     assert same == stage
