@@ -339,7 +339,7 @@ class Result:
         data = unsealed(path)
         found = Result.kinds.get(str(data.get("result")))
         if found is None or not issubclass(found, cls):
-            raise BadInput(f"{path}: a result of kind {data.get('result')!r}, expected {cls.kind()!r}")
+            raise BadInput(f"{place_of(path)}: a result of kind {data.get('result')!r}, expected {cls.kind()!r}")
         try:
             return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
