@@ -21,8 +21,8 @@ from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import ORDER, command_convergence, error_matrix
+from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh
 FINE = (11, 16)
@@ -54,7 +54,7 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, fl
         stage = Stage.model_validate(drawn)
         try:
             check_feasible(stage)
-            compliance = np.array([solve_stage(stage, n).response.compliance for n in RESOLUTIONS + FINE])
+            compliance = np.array([solve_stage(stage, n).compliance for n in RESOLUTIONS + FINE])
         except (BadInput, ComputationFailed):
             continue
         found.append((compliance, analyse(stage).stiffness, stage.chain.link_lengths[2], json.dumps(drawn)))

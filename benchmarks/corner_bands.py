@@ -29,9 +29,11 @@ from flexfem.fem.heat import heat_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions.asked import Clock, ask_elements, elements
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
+from flexfem.questions.strained import Repeated, scaled
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import (
     DRIFTS,
@@ -44,8 +46,6 @@ from flexfem.study.columns import (
     outputs_of,
     values_of,
 )
-from flexfem.verify.questions import Clock, ask_elements, elements
-from flexfem.verify.strained import Repeated, scaled
 
 RESOLUTIONS, FINE = (4, 6, 8), (12, 20)  # of the default mesh, and of the truth
 LEAST = 0.95  # of the numbers of a kind

@@ -18,8 +18,8 @@ from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import grid_convergence
+from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
-from flexfem.verify.protocol import solve_stage
 
 RESOLUTIONS = (4, 6, 8)
 
@@ -96,7 +96,7 @@ def drawn(count: int, seed: int) -> Iterator[Stage]:
 def deviation(stage: Stage) -> Array:
     """Per cent (3,) by which the analytic compliance is off the extrapolated one, in x, y, theta."""
     analytic = np.diag(analyse(stage, 21, "calibrated", links=True).compliance)
-    solved = np.array([np.diag(solve_stage(stage, n).response.compliance) for n in RESOLUTIONS])
+    solved = np.array([np.diag(solve_stage(stage, n).compliance) for n in RESOLUTIONS])
     limits = [grid_convergence(np.array(RESOLUTIONS), solved[:, k], 0.0).extrapolated for k in range(3)]
     return 100 * (analytic / np.array(limits) - 1)
 

@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 from random_stages import dimensions
 
+from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.bands import solve_solid
+from flexfem.questions.stiffness import neck_stress_of
 from flexfem.refused import BadInput
-from flexfem.verify.solid import neck_stress_of
-from flexfem.verify.summary import analytic_limits
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 
@@ -41,7 +41,7 @@ def stages(count: int, seed: int) -> Iterator[Stage]:
         stage = Stage.model_validate(drawn)
         try:
             check_feasible(stage)
-            analytic_limits(stage, "calibrated", links=True)
+            analyse(stage, None, "calibrated", True)
         except BadInput:
             continue
         count -= 1
@@ -78,7 +78,7 @@ def main() -> None:
         sizes = stage.array("radius"), stage.array("neck"), stage.chain.link_width
         used = [("corrected", name) for name, entry in FORMULAS.items() if np.all(entry.in_range(*sizes))]
         for model, formula in [*used, ("plane_stress", "calibrated"), ("plane_strain", "calibrated")]:
-            stress = analytic_limits(stage.replace(model=model), formula, links=True).stress.max(axis=(0, 1))
+            stress = analyse(stage.replace(model=model), None, formula, True).stress.max(axis=(0, 1))
             found[model, formula].append(100 * (stress / solid - 1))
         x, y, theta = found["corrected", "calibrated"][-1]
         print(f"{described(stage)}: corrected {x:+.2f} {y:+.2f} {theta:+.2f} %", flush=True)

@@ -15,28 +15,28 @@ from pathlib import Path
 import numpy as np
 from random_stages import drawn
 
+import flexfem
+from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.verify.protocol import solve_stage
-from flexfem.verify.summary import Limits, analytic_limits, element_limits
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 
 
-def highest(limits: Limits) -> Array:
+def highest(stress: Array) -> Array:
     """Highest stress (3,) of the nine necks, MPa per mm and rad."""
-    return np.asarray(np.max(limits.stress, axis=(0, 1)))
+    return np.asarray(np.max(stress, axis=(0, 1)))
 
 
 def above(stage: Stage, resolution: int) -> dict[str, Array]:
     """Per cent (3,) above the finite elements, by formula and links."""
-    elements = highest(element_limits(stage, solve_stage(stage, resolution)))
+    elements = highest(np.moveaxis(flexfem.solve(stage, resolution).neck_stress(np.eye(3)), 0, -1))
     found = {}
     for name, entry in FORMULAS.items():
         if np.all(entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)):
-            found[f"{name}, elastic links"] = highest(analytic_limits(stage, name, links=True))
-            found[f"{name}, rigid links, mobility 3"] = highest(analytic_limits(stage, name, 3))
+            found[f"{name}, elastic links"] = highest(analyse(stage, None, name, True).stress)
+            found[f"{name}, rigid links, mobility 3"] = highest(analyse(stage, 3, name).stress)
     return {name: 100 * (stress / elements - 1) for name, stress in found.items()}
 
 

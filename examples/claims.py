@@ -55,7 +55,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import RESOLUTION, StageMesh, uneven_sectors, welded
-from flexfem.fem.response import unit_response
+from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of, tie_hub
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
@@ -64,8 +64,8 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import error_bands, error_matrix, levels
 from flexfem.questions.budget import other_thickness
 from flexfem.questions.imposed import elements, imposed
+from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.verify.protocol import Solved, solve_stage
 
 try:
     ROOT = Path(__file__).parents[1]
@@ -73,7 +73,7 @@ except NameError:  # where a gallery executes it
     ROOT = Path.cwd().parent
 AMPLITUDE = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: the workspace, assumed; the paper's is not available
 OTHER = ~np.eye(3, dtype=bool)
-solved: Callable[[Stage, int], Solved] = cache(solve_stage)
+solved: Callable[[Stage, int], Response] = cache(solve_stage)
 
 
 class Side(NamedTuple):
@@ -156,7 +156,7 @@ def calibrated_side(stages: tuple[Stage, ...], mobility: int) -> Side:
 def reference_side(stage: Stage, mobility: int) -> Side:
     """One stage by finite elements, with the mesh uncertainty of its errors."""
     K, steps = analyse(stage, mobility).stiffness, levels(RESOLUTION)
-    found = np.array([solved(stage, level).response.compliance for level in steps])
+    found = np.array([solved(stage, level).compliance for level in steps])
     percent, band = error_bands(K, found, steps, stage.chain.link_lengths[2])
     bodies = body_compliance(stage)[None]
     own = (K[None], percent[None], float(np.max(np.diag(band))))
@@ -547,7 +547,7 @@ def deciding(claim: Claim, values: Array, numbers: dict[str, Array]) -> tuple[st
 def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     """Platform compliances by other finite elements than those of the verification, which come first."""
     fine, plate = solved(stage, RESOLUTION), plate_of(stage)
-    yield "none: curved quadratic triangles, as verified", fine.response.compliance
+    yield "none: curved quadratic triangles, as verified", fine.compliance
     for n in (1, 2, 4, 8):
         yield f"linear triangles, {n} across every neck", linear_compliance(solved(stage, n).mesh, plate)
     for across in ((1, 2, 2), (3, 4, 4)):  # of the three sectors; their cuts have the same nodes
@@ -555,9 +555,9 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
         yield f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)
         yield f"asymmetric mesh, {said} quadratic triangles", unit_response(sectors, plate).compliance
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
-    strain = unit_response(fine.response.sectors, held).compliance
+    strain = unit_response(fine.sectors, held).compliance
     yield "finite elements in plane strain, the limit of wide necks", strain
-    yield from other_thickness(stage, fine.response.compliance).items()
+    yield from other_thickness(stage, fine.compliance).items()
 
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
@@ -589,7 +589,7 @@ def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
 def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     """Errors of every alternative that takes one of the two stages."""
     K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
-    C = solved(stage, RESOLUTION).response.compliance
+    C = solved(stage, RESOLUTION).compliance
     for name, compliance in other_elements(stage):
         yield name, error_matrix(K, compliance, lever)
     for name in FORMULAS:
@@ -600,7 +600,7 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
             continue
     for change, what in ((0.01, "thicker"), (-0.01, "thinner")):  # mm, what wire cutting may leave: assumed
         necks = {name: stage.hinge(1, name).neck + change for name in HINGE_NAMES}
-        cut = solved(stage.replace(neck=necks), RESOLUTION).response.compliance
+        cut = solved(stage.replace(neck=necks), RESOLUTION).compliance
         yield f"necks 10 um {what} than drawn", error_matrix(K, cut, lever)
     percent = np.abs(scattered(stage, K))
     for name, share in (("median", 0.5), ("95 %", 0.95)):
@@ -654,7 +654,7 @@ def alternatives(three: Stage, six: Stage) -> Iterator[tuple[str, int, Array]]:
     """Every alternative: its name, the mobility of the model, and its errors."""
     for stage, model in ((three, 3), (six, 6)):
         yield from ((name, model, percent) for name, percent in of_stage(stage, model))
-    C = {stage: solved(stage, RESOLUTION).response.compliance for stage in (three, six)}
+    C = {stage: solved(stage, RESOLUTION).compliance for stage in (three, six)}
     lever = six.chain.link_lengths[2]
     yield "axial freedom left out, on the mobility-six stage", 3, error_matrix(analyse(six, 3).stiffness, C[six], lever)
     for own, model, other, name in ((three, 3, six, "six"), (six, 6, three, "three")):

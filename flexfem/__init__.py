@@ -18,11 +18,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexfem.api import Errors as Errors
-    from flexfem.api import analyse as analyse
-    from flexfem.api import errors as errors
-    from flexfem.api import load as load
-    from flexfem.api import solve as solve
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
     from flexfem.design.run import run_design as run_design
@@ -42,9 +37,15 @@ if TYPE_CHECKING:
     from flexfem.mechanism.stage_file import Platform as Platform
     from flexfem.models import AnalyticModel as AnalyticModel
     from flexfem.models import ElementModel as ElementModel
+    from flexfem.models import Errors as Errors
+    from flexfem.models import analyse as analyse
+    from flexfem.models import errors as errors
+    from flexfem.models import load as load
+    from flexfem.models import solve as solve
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.budget import budget as budget
+    from flexfem.questions.check import check as check
     from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import Verification as Verification
@@ -52,6 +53,9 @@ if TYPE_CHECKING:
     from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
+    from flexfem.questions.hinges import hinge_review as hinge_review
+    from flexfem.questions.hinges import known_formulas as known_formulas
+    from flexfem.questions.hinges import thickness_review as thickness_review
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
@@ -63,7 +67,6 @@ if TYPE_CHECKING:
     from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.reports.stage import check as check
     from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
@@ -71,9 +74,6 @@ if TYPE_CHECKING:
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_records as study_records
     from flexfem.studies import study_status as study_status
-    from flexfem.verify.hinges import hinge_review as hinge_review
-    from flexfem.verify.hinges import known_formulas as known_formulas
-    from flexfem.verify.hinges import thickness_review as thickness_review
     from flexfem.workshop import export as export
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
@@ -84,9 +84,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES: dict[str, tuple[str, ...]] = {
-    "api": ("Errors", "analyse", "errors", "load", "solve"),
     "design.run": ("run_design",),
-    "models": ("AnalyticModel", "ElementModel"),
+    "models": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
     "page.report": ("report",),
     "refused": ("BadInput", "ComputationFailed"),
     "mechanism.actuators": ("Actuator",),
@@ -110,12 +109,12 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.modes": ("dynamic_model", "modes"),
     "schemas": ("schema",),
     "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "view"),
-    "reports.stage": ("check",),
+    "questions.check": ("check",),
     "questions.budget": ("budget",),
     "questions.convergence": ("converge",),
     "questions.errors": ("Verification", "verification"),
     "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
-    "verify.hinges": ("hinge_review", "known_formulas", "thickness_review"),
+    "questions.hinges": ("hinge_review", "known_formulas", "thickness_review"),
     "baselines": ("baseline", "regression"),
 }
 __all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])

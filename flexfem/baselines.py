@@ -36,6 +36,7 @@ from flexfem.questions.case import LoadedCase
 from flexfem.questions.convergence import converge
 from flexfem.questions.errors import run_case
 from flexfem.questions.heat import drift
+from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.questions.life import life
 from flexfem.questions.modes import modes
 from flexfem.questions.setup import Analytic, about
@@ -44,7 +45,6 @@ from flexfem.questions.summary import summary
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Gate, Progress, Quantity, Result, versions
 from flexfem.units import unit_of
-from flexfem.verify.hinges import hinge_review, thickness_review
 
 COARSE = 2  # triangles across the necks of a kept mesh
 FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike

@@ -22,8 +22,9 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import place_of
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, write_atomically
 from flexfem.refused import BadInput
@@ -165,6 +166,18 @@ class TextTable(NamedTuple):
     rows: list[list[str]]
     names: int
     caption: str = ""
+
+
+class Fields(NamedTuple):
+    """Finite-element fields that a figure draws: nodes (n, 2) mm, triangles (m, 6), bodies (m,), displacement (n, 2)
+    mm, von Mises stress (n,) MPa; in three dimensions the displacement of the mid-plane, and the highest stress through
+    the thickness."""
+
+    nodes: AnyArray
+    triangles: AnyArray
+    bodies: AnyArray
+    displacement: AnyArray
+    stress: AnyArray
 
 
 class Result:
@@ -312,10 +325,7 @@ class Result:
 
     def write(self, path: Path) -> Path:
         """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
-        data = json.loads(json.dumps(self.to_dict(), allow_nan=False))
-        text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
-        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
-        return path
+        return write_sealed(path, self.to_dict())
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -326,16 +336,10 @@ class Result:
         BadInput
             It is none, it was changed since it was stored, or another version stored it.
         """
-        try:
-            data = json.loads(read_bytes(path, LARGEST_FILE))
-            found = Result.kinds[data["result"]]
-            stated = data.pop("digest")
-        except (ValueError, KeyError, TypeError, RecursionError):
-            raise BadInput(f"{place_of(path)}: expected a result that flexfem stored as JSON") from None
-        if not issubclass(found, cls):
-            raise BadInput(f"{place_of(path)}: a result of kind {data['result']!r}, expected {cls.kind()!r}")
-        if stated != digest(data):
-            raise BadInput(f"{place_of(path)}: changed since it was stored, its digest is of other content")
+        data = unsealed(path)
+        found = Result.kinds.get(str(data.get("result")))
+        if found is None or not issubclass(found, cls):
+            raise BadInput(f"{path}: a result of kind {data.get('result')!r}, expected {cls.kind()!r}")
         try:
             return found._from(data)
         except (KeyError, TypeError, ValueError, AssertionError):
@@ -573,6 +577,27 @@ def number(value: float, band: float = np.nan) -> str:
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
     return f"{value:z.{places}f} ± {band:.{places}f}"
+
+
+def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:
+    """Store a document as JSON with its digest; returns the path. Raises BadInput when the folder does not take it."""
+    data = json.loads(json.dumps(content, allow_nan=False))
+    text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
+    write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+    return path
+
+
+def unsealed(path: PathLike) -> dict[str, Any]:
+    """A stored document without its digest. Raises BadInput when it is none, or was changed since it was stored."""
+    try:
+        data: dict[str, Any] = json.loads(read_bytes(path, LARGEST_FILE))
+        stated = data.pop("digest")
+        same = stated == digest(data)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise BadInput(f"{place_of(path)}: expected a result that flexfem stored as JSON") from None
+    if not same:
+        raise BadInput(f"{place_of(path)}: changed since it was stored, its digest is of other content")
+    return data
 
 
 def versions() -> dict[str, str]:

@@ -8,12 +8,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexfem.refused import SourcesChanged
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 EVERY = 10.0  # s between two lines
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
@@ -243,3 +247,23 @@ def people() -> Any:
 
     terminal = sys.stdout is not None and sys.stdout.isatty()
     return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
+
+
+def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
+    """A table without lines, for `people`."""
+    from rich.table import Table
+
+    made = Table(*head, box=None, padding=(0, 2, 0, 0))
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def print_ending(out: Console, of: Any) -> None:
+    """Print the warnings of a record, and how many numbers are in doubt."""
+    from flexfem.mechanism.stage_file import doubts_said
+
+    for text in of.warnings:
+        out.print(f"warning: {text}")
+    for text in doubts_said(of.assumed, of.not_stated):
+        out.print(f"{text}: --json lists them")

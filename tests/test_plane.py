@@ -14,8 +14,8 @@ from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.hinges.chart import thickness_factors as factors
 from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
-from flexfem.verify.protocol import solve_stage
 
 REFERENCE = load_stage(Path(__file__).parents[1] / "geometry" / "mobility6.toml")
 ROUND_OFF = 1e-12
@@ -35,7 +35,7 @@ def test_both_models_take_plane_strain_alike():
     """The calibrated analytic model is as near to the finite elements in plane strain as in plane stress."""
     near = 3e-3  # 1.0e-3 in x, y and 1.5e-3 in theta in plane stress, and the mesh of resolution 6
     for model in ("plane_stress", "plane_strain"):
-        solved = np.diag(solve_stage(of(model), 6).response.compliance)
+        solved = np.diag(solve_stage(of(model), 6).compliance)
         np.testing.assert_allclose(
             np.diag(analyse(of(model), 21, "calibrated", links=True).compliance), solved, rtol=near
         )

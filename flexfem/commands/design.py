@@ -14,9 +14,8 @@ import typer
 
 from flexfem.commands import console
 from flexfem.commands.console import Json, Wanted
-from flexfem.commands.tables import print_ending, table
 from flexfem.sources import ONE_THREAD
-from flexfem.terminal import people, raw
+from flexfem.terminal import people, print_ending, raw, table
 
 if TYPE_CHECKING:
     from flexfem.design.result import Designed, Requirement, Stated

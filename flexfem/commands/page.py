@@ -11,8 +11,7 @@ import typer
 from flexfem import studies
 from flexfem.commands import console
 from flexfem.commands.console import Json, check_within
-from flexfem.commands.tables import print_ending
-from flexfem.terminal import people, working
+from flexfem.terminal import people, print_ending, working
 
 if TYPE_CHECKING:
     from flexfem.page.report import PageReport
@@ -38,9 +37,8 @@ def report(
 ) -> None:
     """Write one self-contained HTML page of a stage, a study or stored results and designs."""
     from flexfem.page import report as page
-    from flexfem.reports.given import LARGEST_AMPLITUDE
 
-    check_within("--amplitude", amplitude, LARGEST_AMPLITUDE)
+    check_within("--amplitude", amplitude, 1e3)
     wanted: Sequence[str] = [each.strip() for each in sections.split(",") if each.strip()] or page.STANDARD
     if list(wanted) == ["all"]:
         wanted = [each for each in page.SECTIONS if each != "life" or amplitude is not None]

@@ -19,6 +19,7 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
+from flexfem.questions.asked import ask_formulas
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
@@ -26,7 +27,6 @@ from flexfem.study.columns import ERRORS, STIFFNESSES
 from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
-from flexfem.verify.questions import ask_formulas
 
 CHUNK = 2048  # designs at a time
 MISSED = 1e30  # merit of a design that misses requirements, and more

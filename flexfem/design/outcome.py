@@ -34,6 +34,7 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
+from flexfem.results import versions
 from flexfem.study.answer import answer_designs, doubted
 from flexfem.study.columns import (
     BANDS,
@@ -51,7 +52,6 @@ from flexfem.study.columns import (
 from flexfem.study.factors import Column, Factor
 from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
-from flexfem.verify.result import versions
 
 PLANE_ALONE = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS}
 SHOWN = 200  # steps of a history
@@ -396,3 +396,6 @@ def doubts_of(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:
         "assumed": [*(f"stage: {key}" for key in assumed), *(f"requirements: {key}" for key in own)],
         "not_stated": [*(f"stage: {key}" for key in not_stated), *(f"requirements: {key}" for key in of.not_stated)],
     }
+
+
+# XX

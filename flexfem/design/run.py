@@ -18,8 +18,8 @@ from flexfem.design.search import silent
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.refused import BadInput
+from flexfem.results import write_sealed
 from flexfem.study.workers import Workers
-from flexfem.verify.result import write_record
 
 PathLike = str | os.PathLike[str]
 MOST_WORKERS = 1024
@@ -96,7 +96,10 @@ def write_design(found: Designed, folder: Path) -> list[Path]:
     texts |= {FRONT.format(stem, number): one.stage for number, one in enumerate(found.front, 1)}
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
-    return [*(folder / name for name in texts), write_record(found, folder / f"{stem}-design.json")]
+    return [
+        *(folder / name for name in texts),
+        write_sealed(folder / f"{stem}-design.json", found.model_dump(mode="json")),
+    ]
 
 
 def _remove_older(folder: Path, written: list[Path], base: Path) -> None:

@@ -1,4 +1,4 @@
-"""The hinge chart: compliances of `hinge` on two grids of Chebyshev points, as the files that `analytic.chart` reads.
+"""The hinge chart and the thickness chart: hinges on grids of Chebyshev points, as files that `hinges.chart` reads.
 
 `python -m flexfem.fem.chart [FOLDER]` makes them anew, in the package itself when no folder is given.
 """
@@ -21,7 +21,19 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.hinge import FREEDOMS, LENGTH, LEVELS, Extrapolation, PlaneHinge, sample
+from flexfem.fem.hinge import (
+    FREEDOMS,
+    LENGTH,
+    LEVELS,
+    THICK_FREEDOMS,
+    THICK_LEVELS,
+    Extrapolation,
+    PlaneHinge,
+    ThickHinge,
+    sample,
+    stress_factors,
+    thick_sample,
+)
 from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
@@ -94,7 +106,7 @@ def make_and_say(make: Make, usual: Path, every: int) -> None:
     print(path)
 
 
-RATIOS = (0.02, 1.2)  # t/R
+RATIOS = (0.02, 1.2)  # t/R, of all charts
 DIGITS = 8  # kept of a number; a slender neck's last two, in rotation, depend on who solved the equations
 ABOUT = (
     "Compliances of a circular hinge (radius R, neck t, notch height h = 2R + t) between elastic blocks of height H, "
@@ -178,10 +190,96 @@ def chart_path(grid: Grid) -> Path:
     return Path(str(files("flexfem") / "data" / grid.name))
 
 
+WIDTHS, POISSONS = (0.5, 50.0), (0.1, 0.45)  # b/t, nu
+THICK_SHAPE = (7, 11, 3)  # samples in t/R, b/t and nu
+THICK_DIGITS = 5  # kept of a position: its uncertainty is some 1e-4
+STRESSES = ("bending", "tension")
+THICK_ABOUT = (
+    "Circular hinge (radius R, neck t, thickness b) between elastic blocks as high as the notch, 2R + t, and at least "
+    "2(2R + t) and b long, in three dimensions: position p between plane stress and plane strain, "
+    "C = C_ps (1 - nu^2 p), of the compliance C in rotation and axially, about the neck's centre, less the blocks'. "
+    "Tables [t/R][b/t][nu]. Bands are absolute, of p. Under `stress`, the highest von Mises stress in the notch over "
+    "that in plane stress, by a moment and by a pull, on the finest mesh."
+)
+
+
+def thick_chart_points(shape: tuple[int, int, int] = THICK_SHAPE) -> tuple[Array, Array, Array]:
+    """Sampled t/R, at Chebyshev points in its root, b/t, at those in its logarithm, and nu, at those in itself."""
+    ratios = chebyshev_points(shape[0], *np.sqrt(RATIOS)) ** 2
+    widths = np.exp(chebyshev_points(shape[1], *np.log(WIDTHS)))
+    return np.asarray(ratios), np.asarray(widths), chebyshev_points(shape[2], *POISSONS)
+
+
+def make_thickness_chart(
+    path: Path,
+    workers: int = 1,
+    shape: tuple[int, int, int] = THICK_SHAPE,
+    levels: tuple[int, ...] = THICK_LEVELS,
+    date: str | None = None,
+    progress: Progress = lambda done, number: None,
+) -> None:
+    """Compute the chart and write it as JSON.
+
+    Parameters
+    ----------
+    workers : processes.   shape : samples in t/R, b/t and nu.   levels : refinements of the meshes, three or more.
+    date : ISO date to state, today's when None.   progress : called with the samples done and their number.
+
+    Raises BadInput when the file cannot be written.
+    """
+    points = thick_chart_points(shape)
+    hinges = [ThickHinge(*map(float, point)) for point in product(*points)]
+    made = sampled(partial(_both, levels=levels), hinges, workers, progress)
+    samples, stresses = ([pair[k] for pair in made] for k in (0, 1))
+    write_chart(path, _thick_document(points, samples, stresses, levels, date))
+
+
+def _both(hinge: ThickHinge, levels: tuple[int, ...]) -> tuple[Extrapolation, Extrapolation]:
+    return thick_sample(hinge, levels), stress_factors(hinge, levels[-2:])
+
+
+def _thick_document(
+    points: tuple[Array, Array, Array],
+    samples: list[Extrapolation],
+    stresses: list[Extrapolation],
+    levels: tuple[int, ...],
+    date: str | None,
+) -> dict[str, Any]:
+    shape = tuple(map(len, points))
+    values, stress = (np.array([each.values for each in made]).reshape(*shape, 2) for made in (samples, stresses))
+    bands = np.array([made.bands for made in samples]).reshape(*shape, 2)
+    moved = np.max([made.bands / made.values for made in stresses], axis=0)
+    worth = bands * points[2][:, None] ** 2
+    return {
+        "about": THICK_ABOUT,
+        "regenerate": "python -m flexfem.fem.chart",
+        "date": date or datetime.date.today().isoformat(),
+        "versions": versions(),
+        "meshes": f"curved quadratic triangles times quadratic segments (no gmsh), refinements {list(levels)}, at most "
+        f"{max(made.unknowns for made in samples)} unknowns, Richardson extrapolation with order 4",
+        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in enumerate(THICK_FREEDOMS)},
+        "largest_band_is": "of the compliance, relative: nu^2 times the band of p",
+        "range": {"t/R": list(RATIOS), "b/t": list(WIDTHS), "nu": list(POISSONS)},
+        "t/R": kept(points[0], 10),
+        "b/t": kept(points[1], 10),
+        "nu": kept(points[2], 10),
+        **{name: kept(values[..., k], THICK_DIGITS) for k, name in enumerate(THICK_FREEDOMS)},
+        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(THICK_FREEDOMS)},
+        "stress": {name: kept(stress[..., k], THICK_DIGITS) for k, name in enumerate(STRESSES)},
+        "largest_band_of_stress": {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)},
+    }
+
+
+def thickness_chart_path() -> Path:
+    """Where the package keeps its chart."""
+    return Path(str(files("flexfem") / "data" / "thickness_chart.json"))
+
+
 def main() -> None:
-    """Make both charts with two processes and say how far they are."""
+    """Make all charts with two processes and say how far they are."""
     for grid in (LOW, HIGH):
         make_and_say(partial(make_chart, grid=grid), chart_path(grid), 10)
+    make_and_say(make_thickness_chart, thickness_chart_path(), 20)
 
 
 if __name__ == "__main__":

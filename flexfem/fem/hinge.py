@@ -16,6 +16,21 @@ Reason: the stress of a simply connected body under given tractions does not dep
 function, a divergence: its integral depends on the tractions alone, so it is that of the straight beam of height H
 from end to end. See A. V. Cherkaev, K. A. Lurie, G. W. Milton, Proc. R. Soc. Lond. A 438 (1992) 519 (recalled). In
 plane strain rotation and axial compliance are therefore those of plane stress times 1 - nu^2.
+
+In three dimensions an eighth of the hinge is meshed by wedges, x, y, z > 0: its plane section times a line. What the
+thickness does is the position p between plane stress and plane strain, C = C_ps (1 - nu^2 p), from the energies of the
+solution in three dimensions and of that in plane stress on the same section, so that their mesh errors cancel. The
+blocks are as high as the notch and are thick plates too, but need no correction: pulled or bent by stresses uniform
+over the thickness b, a straight bar has the compliance of Young's modulus in either theory, whatever b. p lies in 0..1:
+plane stress is statically admissible, plane strain kinematically. p = 1 is in general not reached for b -> infinity,
+because the hinge may contract as a whole. Then e_zz is linear over the section, and with its energy minimised for a
+given length of blocks, A and I the section's area and its second moment about x,
+
+    C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation,
+
+since `int (s_xx + s_yy) dA = F L` and `int y (s_xx + s_yy) dA = M L` hold for any stress in equilibrium. Our algebra.
+The stress factor is the highest von Mises stress in the notch, over the whole thickness, over that of the plane-stress
+solution on the same section under the same moment or force. In a wide neck it lies near the free faces, about t away.
 """
 
 from __future__ import annotations
@@ -25,10 +40,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array
-from flexfem.fem.elements import Plate, integration, internal_forces, stiffness_matrix
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import Support, Traction, edge_force, mapped, nodes_on, solve_with
+from flexfem.arrays import AnyArray, Array
+from flexfem.fem.elements import (
+    SOLID_QUADRATURE,
+    Layers,
+    Plate,
+    layered,
+    nodal_stress,
+    solid_nodal_stress,
+    solid_von_mises,
+    von_mises,
+)
+from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.problem import Support, Traction, edge_force, nodes_on, settled, solve_with
+from flexfem.fem.structure import structure, tie
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
@@ -124,12 +149,12 @@ def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> 
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
-    plate, batches = Plate(1.0, poissons_ratio, 1.0), integration(mesh)
-    K, whole = stiffness_matrix(batches, plate, len(mesh.nodes)).tocsr(), list[float]()
+    of = structure(mesh, Plate(1.0, poissons_ratio, 1.0), tied=tie(mesh))
+    lower, whole = of.lower().tocsr(), list[float]()
     for traction, supports in zip(_tractions(hinge), _supports(mesh), strict=True):
-        force = edge_force(mesh, plate, mesh.edges["right"], traction)
-        field = solve_with(K, force, supports).field
-        held = internal_forces(batches, plate, field[None])[0]
+        force = edge_force(mesh, of.plate, mesh.edges["right"], traction)
+        field = solve_with(of, lower, force, supports).field
+        held = of.forces(field[None])[0]
         whole.append(4 * float(np.sum((2 * force - held) * field)))
     return np.array(whole) - block_compliance(hinge, poissons_ratio)
 
@@ -186,3 +211,184 @@ def richardson(levels: Sequence[int], values: Array) -> Array:
     n = np.asarray(levels, dtype=float)
     growth = ((n[1:] / n[:-1]) ** ORDER).reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
+
+
+THICK_FREEDOMS = ("rotation", "axial")
+THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
+THICK_LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
+LEAST_THICK_ARC = 3  # columns of the base grid along an arc
+THICK_EDGE = 2  # its columns along a block two heights long
+LAYERS = 0.5  # its layers for every e-fold of their thickness
+SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surface the stress changes over about t
+
+
+class ThickHinge(NamedTuple):
+    """A hinge of radius one and modulus one.
+
+    ratio : t/R.   width : b/t.   poissons_ratio : of the material.
+    length : of a block, in radii; 0 for the one of the chart, which is long against height and thickness.
+    """
+
+    ratio: float
+    width: float
+    poissons_ratio: float
+    length: float = 0.0
+
+    @property
+    def block(self) -> tuple[float, float]:
+        """Height and length of a block, in radii."""
+        high = 2.0 + self.ratio
+        return high, self.length or max(THICK_LENGTH * high, self.width * self.ratio)
+
+
+def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
+    """Mesh the quarter of the section: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
+
+    Notes
+    -----
+    Columns and their spacing along the arc are those of `hinge_mesh`; along the block they widen with the
+    distance from the notch. The block's triangles are straight, so that a beam's displacement is exact there.
+    """
+    tau, (high, length) = hinge.ratio, hinge.block
+    spread = float(np.sqrt(tau))
+    end = float(np.arcsinh(np.pi / 2 / spread))
+    arc = max(LEAST_THICK_ARC, int(np.ceil(end / tau**0.25)))
+    rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
+    edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
+
+    def place(u: Array, v: Array) -> Array:
+        column = u * (arc + edge)
+        angle = spread * np.sinh(end * np.clip(column / arc, 0.0, 1.0))
+        along = _widening(np.clip((column - arc) / edge, 0.0, 1.0), high / 2, length)
+        y = tau / 2 + 1 - np.cos(angle)
+        x = np.sin(angle) + along
+        foot = x + y * np.tan(angle / 2) - along * high / 2 / length
+        return np.stack([foot + (x - foot) * v, y * v], axis=-1)
+
+    mesh = mapped(refinement * (arc + edge), refinement * rows, place)
+    in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # beyond the column at the end of the arc
+    block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
+    nodes = mesh.nodes.copy()
+    nodes[block[:, 3:]] = (nodes[block[:, :3]] + nodes[block[:, [1, 2, 0]]]) / 2
+    return mesh._replace(nodes=nodes)
+
+
+def layers(hinge: ThickHinge, refinement: int) -> Array:
+    """Bounds of the layers (k + 1,), in radii, from the mid-plane z = 0 to the free surface, thinner towards it."""
+    half, surface = hinge.width * hinge.ratio / 2, SURFACE * hinge.ratio
+    number = refinement * int(np.ceil(LAYERS * np.arcsinh(half / surface)))
+    return half - _widening(np.linspace(1.0, 0.0, number + 1), surface, half)
+
+
+def _widening(s: Array, scale: float, total: float) -> Array:
+    """Points 0..total for s in 0..1, evenly spaced up to about `scale` and then in a geometric progression."""
+    return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
+
+
+def factor(hinge: ThickHinge, refinement: int) -> Array:
+    """Compliance (2,) in three dimensions over that in plane stress, on one mesh, in the order of `THICK_FREEDOMS`."""
+    plane, excess, _ = _compliances(hinge, refinement)
+    return 1 + excess / plane
+
+
+def position(hinge: ThickHinge, refinement: int) -> Array:
+    """Position p (2,) between plane stress, 0, and plane strain, 1, on one mesh; Poisson's ratio must not be zero."""
+    plane, excess, _ = _compliances(hinge, refinement)
+    return -excess / plane / hinge.poissons_ratio**2
+
+
+def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Extrapolation:
+    """Positions of a hinge between plane stress and plane strain over three or more refinements, coarse to fine.
+
+    Notes
+    -----
+    The band is what the finest mesh moves the extrapolated value by, far more than what is left after it.
+    """
+    made = [_compliances(hinge, refinement) for refinement in levels]
+    found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
+    limits = richardson(levels, found)
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
+
+
+def stress_factors(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS[1:]) -> Extrapolation:
+    """Highest von Mises stress over that in plane stress, under a moment and a pull (2,); of two or more refinements.
+
+    Notes
+    -----
+    The value is that of the finest mesh, the band what the finest mesh moves it by.
+    """
+    found, unknowns = [], 0
+    for refinement in levels:
+        of, plate = _solved(hinge, refinement), Plate(1.0, hinge.poissons_ratio, 1.0)
+        near = np.flatnonzero(np.hypot(*of.mesh.nodes.T) <= 1.0)
+        thin = von_mises(nodal_stress(of.mesh, plate, np.array(of.plane), near)).max(axis=1)
+        thick = [solid_von_mises(solid_nodal_stress(of.mesh, plate, of.line, u, near)).max() for u in of.solid]
+        found.append(np.divide(thick, thin))
+        unknowns = of.solid[0].size
+    return Extrapolation(found[-1], np.abs(found[-1] - found[-2]), np.array(found), unknowns)
+
+
+def _compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
+    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
+    of, (high, length) = _solved(hinge, refinement), hinge.block
+    blocks, half = np.array([24 * length / high**3, 2 * length / high]), np.sum(_along(of.line))
+    thin = np.array([np.sum(flat * u) for flat, u in zip(of.loads, of.plane, strict=True)])
+    thick = [np.sum(_extruded(flat, of.line) * u) / half for flat, u in zip(of.loads, of.solid, strict=True)]
+    return 4 * thin - blocks, 4 * (thick - thin), of.solid[0].size  # a quarter of the work is done on the quarter
+
+
+class _Solved(NamedTuple):
+    """Displacements on one mesh in plane stress (n, 2), and in three dimensions (n, m, 3), under loads (n, 2)."""
+
+    mesh: StageMesh
+    line: Layers
+    loads: list[Array]
+    plane: list[Array]
+    solid: list[Array]
+
+
+def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
+    mesh, line = section_mesh(hinge, refinement), layered(layers(hinge, refinement))
+    plate = Plate(1.0, hinge.poissons_ratio, 1.0)
+    flat, solid = (structure(mesh, plate, each, tie(mesh), SOLID_QUADRATURE) for each in (None, line))
+    found = _Solved(mesh, line, _loads(mesh, hinge.block[0]), [], [])
+    lowers = [of.lower().tocsr() for of in (flat, solid)]
+    for load, held in zip(found.loads, _held(mesh, line), strict=True):
+        thin = held[:, 0, :2].copy()
+        found.plane.append(settled(flat, lowers[0], load, thin))
+        found.solid.append(settled(solid, lowers[1], _extruded(load, line), held))
+    return found
+
+
+def _along(line: Layers) -> Array:
+    """Integrals (m,) of the shape functions of the line."""
+    return np.asarray(line.values @ line.weights)
+
+
+def _extruded(flat: Array, line: Layers) -> Array:
+    """Nodal forces (n, m, 3) of those in the plane (n, 2), per thickness."""
+    return np.pad(flat[:, None] * _along(line)[:, None], [(0, 0), (0, 0), (0, 1)])
+
+
+def _loads(mesh: StageMesh, high: float) -> list[Array]:
+    """Forces (n, 2) of the stresses of a unit moment and a unit pull, per thickness, on the end of the block."""
+
+    def bent(points: Array, _: Array) -> Array:
+        return 12 / high**3 * points[..., ::-1] * [1.0, 0.0]
+
+    def even(points: Array, _: Array) -> Array:
+        return np.broadcast_to([1 / high, 0.0], points.shape)
+
+    plate, end = Plate(1.0, 0.0, 1.0), mesh.edges["right"]
+    return [edge_force(mesh, plate, end, stress) for stress in (bent, even)]
+
+
+def _held(mesh: StageMesh, line: Layers) -> tuple[AnyArray, AnyArray]:
+    """What symmetry holds under a moment and a pull (n, m, 3); bending leaves a motion along y, held at one point."""
+    neck, axis = nodes_on(mesh, "left"), nodes_on(mesh, "bottom")
+    pulled = np.zeros((len(mesh.nodes), len(line.heights), 3), dtype=bool)
+    pulled[:, 0, 2] = pulled[neck, :, 0] = True
+    bent = pulled.copy()
+    bent[axis, :, 0] = bent[axis, :, 2] = bent[neck[0], 0, 1] = True
+    pulled[axis, :, 1] = True
+    return bent, pulled

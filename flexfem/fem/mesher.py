@@ -17,9 +17,58 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.fem.drawing import DrawnCurve, draw_loops
-from flexfem.fem.step import Extruded, write_extruded
-from flexfem.mechanism.bodies import Face
+from flexfem.mechanism.bodies import Face, Segment
+
+SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
+
+
+class DrawnCurve(NamedTuple):
+    """A drawn curve: its label, and for an arc the centre."""
+
+    label: str
+    centre: complex | None
+
+
+def draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], list[int]]:
+    """Draw every point and curve once; returns the curves and the closed loop of each face."""
+    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
+    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1).reshape(ends.shape)
+    drawn, loops, places = _Drawn(kernel), [], iter(first.tolist())
+    for face in faces:
+        pieces = zip(face.loop, face.labels, strict=True)
+        tags = [drawn.curve(segment, label, *next(places)) for segment, label in pieces]
+        loops.append(int(kernel.addCurveLoop([tag for tag in tags if tag])))
+    return drawn.curves, loops
+
+
+class _Drawn:
+    """Points and curves that the kernel has, by the places of their ends among all ends."""
+
+    def __init__(self, kernel: Any) -> None:
+        self.kernel = kernel
+        self.curves: dict[int, DrawnCurve] = {}
+        self._points: dict[int, int] = {}
+        self._between: dict[tuple[int, int], int] = {}
+
+    def curve(self, segment: Segment, label: str, start: int, end: int) -> int:
+        """Tag of a curve, negative where its face meets it backwards; 0 for an arc of a bend too slight to draw."""
+        one, other = self._point(start, segment.start), self._point(end, segment.end)
+        if one == other:
+            return 0
+        if (other, one) in self._between:
+            return -self._between[other, one]
+        if segment.centre is None:
+            tag = int(self.kernel.addLine(one, other))
+        else:
+            middle = self.kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
+            tag = int(self.kernel.addCircleArc(one, middle, other))
+        self._between[one, other], self.curves[tag] = tag, DrawnCurve(label, segment.centre)
+        return tag
+
+    def _point(self, place: int, at: complex) -> int:
+        if place not in self._points:
+            self._points[place] = self.kernel.addPoint(at.real, at.imag, 0.0)
+        return self._points[place]
 
 
 class Cone(NamedTuple):
@@ -99,6 +148,18 @@ LIBRARIES = {
     "libXinerama.so.1": "libxinerama1",
     "libgomp.so.1": "libgomp1",
 }
+
+
+class Extruded(NamedTuple):
+    """A solid to write as .step, from z = 0 up to its thickness, mm.
+
+    outer : closed counter-clockwise loop.   holes : centre (complex) and radius of each.
+    """
+
+    path: str
+    outer: list[Segment]
+    holes: list[tuple[complex, float]]
+    thickness: float
 
 
 class Export(NamedTuple):
@@ -186,6 +247,36 @@ def write_msh(export: Export) -> dict[str, AnyArray]:
     return {}
 
 
+def write_extruded(task: Extruded) -> dict[str, AnyArray]:
+    """Write a solid as a STEP file, its arcs as cylinders, in mm, and read it back.
+
+    Returns
+    -------
+    volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest and highest corner;
+    cylinders (), how many faces are cylinders.
+    """
+    with gmsh_session() as gmsh:
+        kernel = gmsh.model.occ
+        _, loops = draw_loops(kernel, [Face(task.outer, ["free"] * len(task.outer))])
+        for centre, radius in task.holes:
+            loops.append(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, radius)]))
+        kernel.extrude([(2, kernel.addPlaneSurface(loops))], 0.0, 0.0, task.thickness)
+        kernel.synchronize()
+        of_solid = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
+        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in of_solid])  # centres of the arcs
+        kernel.synchronize()
+        gmsh.write(task.path)
+        gmsh.clear()
+        solids = [tag for dim, tag in kernel.importShapes(task.path) if dim == 3]
+        kernel.synchronize()
+        faces = [gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)]
+        return {
+            "volumes": np.array([kernel.getMass(3, tag) for tag in solids]),
+            "box": np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)),
+            "cylinders": np.array(faces.count("Cylinder")),
+        }
+
+
 def main() -> None:
     """Serve one list of jobs after the other until standard input ends, or one fails."""
     made = os.fdopen(os.dup(1), "wb")
@@ -196,14 +287,8 @@ def main() -> None:
             made.flush()
 
 
-def write_step(task: Extruded) -> dict[str, AnyArray]:
-    """Write a solid as `write_extruded`."""
-    with gmsh_session() as gmsh:
-        return write_extruded(gmsh, task)
-
-
 def _served(jobs: list[Request]) -> list[dict[str, AnyArray]]:
-    serve: dict[type, Any] = {Job: mesh_faces, Export: write_msh, Extruded: write_step}
+    serve: dict[type, Any] = {Job: mesh_faces, Export: write_msh, Extruded: write_extruded}
     try:
         return [serve[type(job)](job) for job in jobs]
     except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line

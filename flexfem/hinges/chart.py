@@ -14,7 +14,7 @@ second file holds for every H/h from 3 on.
 
 The file `flexfem/data/thickness_chart.json` holds, on a grid of t/R, b/t and Poisson's ratio, the position p of a
 hinge of thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), made by
-`python -m flexfem.fem.thick_chart`; `flexfem/fem/thick.py` defines it. It hardly depends on nu, is near 0 where the
+`python -m flexfem.fem.chart`; `flexfem/fem/hinge.py` defines it. It hardly depends on nu, is near 0 where the
 neck is thin out of plane and near 1 where it is wide, in rotation; a pulled neck stays much nearer to plane stress.
 On the same grid it holds the highest von Mises stress in the notch over that in plane stress, by a moment and a pull.
 """

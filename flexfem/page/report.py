@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +16,7 @@ from flexfem import studies
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
@@ -22,7 +24,7 @@ from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown
 from flexfem.plot.text import SYMBOLS, doubt_rows, percent, significant
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
-from flexfem.reports.given import PathLike
+from flexfem.results import versions
 from flexfem.studies import REPORTS
 from flexfem.units import (
     COMMANDS,
@@ -36,14 +38,13 @@ from flexfem.units import (
     UNITS,
     unit_for,
 )
-from flexfem.verify.result import stamp, versions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexfem.mechanism.stage import Stage
+    from flexfem.questions.check import StageReport
     from flexfem.questions.errors import Verification
-    from flexfem.verify.stage_report import StageReport
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 MORE = ("large", "modes", "drift", "life")
@@ -121,7 +122,7 @@ def report(
         sections=[section for _, make in through(subject.parts) if (section := make()) is not None],
         doubts=f"{'; '.join(said)}. They are listed under “Where the numbers come from”." if said else "",
         command=command_line(files, target, sections, amplitude, checked_path(folder)),
-        made=stamp(),
+        made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
     )
     content = html_of(page).encode(errors="backslashreplace")  # names of files need not be UTF-8
@@ -256,7 +257,7 @@ def _stage(path: Path, sections: Sequence[str], amplitude: ArrayLike | None) -> 
     from flexfem.hinges.strength import required_law
     from flexfem.mechanism.stage import load_feasible
     from flexfem.mechanism.stage_file import located
-    from flexfem.reports.stage import check
+    from flexfem.questions.check import check
 
     stage = load_feasible(path)
     with located(stage):  # before anything is computed
@@ -357,7 +358,7 @@ def _stress(stage: Stage) -> PageSection:
 
     from flexfem import api
     from flexfem.plot.fields import CommandedStage, commanded_figure
-    from flexfem.verify.result import Fields
+    from flexfem.results import Fields
 
     model, shown, necks = api.solve(stage), [], []
     for axis in (0, 2):

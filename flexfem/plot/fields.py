@@ -20,9 +20,8 @@ from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS
+from flexfem.results import ELEMENTS, Fields
 from flexfem.units import DIRECTIONS, STRESS, unit_for
-from flexfem.verify.result import Fields
 
 VISIBLE = 0.05  # largest drawn displacement, per size of the stage
 DECADES = 4  # of stress; what is below has the last colour

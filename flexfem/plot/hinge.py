@@ -27,8 +27,8 @@ from flexfem.plot.style import (
 )
 from flexfem.plot.text import SPACE, significant
 from flexfem.questions.errors import CurveModels
+from flexfem.questions.hinges import HingeReview, ThicknessReview
 from flexfem.units import LENGTH
-from flexfem.verify.hinges import HingeReview, ThicknessReview
 
 FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}

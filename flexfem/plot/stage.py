@@ -36,11 +36,11 @@ from flexfem.plot.style import (
     panels,
 )
 from flexfem.plot.text import SPACE
+from flexfem.questions.check import StageReport
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
+from flexfem.results import Fields
 from flexfem.units import DEGREE, LENGTH
-from flexfem.verify.result import Fields
-from flexfem.verify.stage_report import StageReport
 
 Point = Sequence[float] | Array
 HasHinges: TypeAlias = Stage | StageReport | CurveModels

@@ -21,7 +21,7 @@ from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
 from flexfem.questions.errors import CurveModels, Verification
-from flexfem.verify.result import Fields
+from flexfem.results import Fields
 
 Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
 FORMS = ("png", "pdf")

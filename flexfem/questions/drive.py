@@ -206,7 +206,7 @@ def drive(
     --------
     >>> import flexfem
     >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), pose=(2e-3, 1e-3, 0.0), models="analytic")
-    >>> [round(1e3 * stroke, 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
+    >>> [round(1e3 * float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     check_feasible(stage)

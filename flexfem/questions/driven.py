@@ -472,7 +472,8 @@ def farthest(A: Array, b: Array) -> Array:
     -----
     The simplex method on one tableau for each program, all a step at a time: from z = 0 the coordinates z enter the
     basis, and slacks that leave it hold the point. The point is then solved for anew from the constraints that hold it
-    and checked; a program that fails the check is left to HiGHS. A batch of such programs took HiGHS 30 times as long.
+    and checked; a program that fails the check is left to HiGHS. For 256 such programs in four unknowns HiGHS took 19
+    times as long with one block-diagonal program, and 88 times as long one by one.
     """
     d = A.shape[2]
     unit = _scale(np.max(np.abs(A), axis=1))

@@ -44,13 +44,13 @@ from flexfem.results import (
     SOLVED,
     STRESS,
     About,
+    Fields,
     Gate,
     Progress,
     Quantity,
     Result,
 )
 from flexfem.units import DIRECTIONS, Direction
-from flexfem.verify.result import Fields
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
@@ -237,7 +237,7 @@ class Verification(Result):
         return {
             f"{k}.{key}": value
             for k, label in enumerate(self.curves)
-            for key, value in self.fields[label].model_dump().items()
+            for key, value in self.fields[label]._asdict().items()
         }
 
     def read_fields(self, path: str | os.PathLike[str]) -> dict[str, Fields]:
@@ -247,7 +247,7 @@ class Verification(Result):
         if digest_of_arrays(arrays) != self.settings.get("stored", {}).get("fields"):
             raise BadInput(f"{beside}: not the fields that were stored with {path}: flexfem verify makes both again")
         return {
-            label: Fields(**{key: arrays[f"{k}.{key}"] for key in Fields.model_fields})
+            label: Fields(**{key: arrays[f"{k}.{key}"] for key in Fields._fields})
             for k, label in enumerate(self.curves)
         }
 

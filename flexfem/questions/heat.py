@@ -37,9 +37,8 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.bands import ROUND_OFF, SAFETY, coarser, corner_bands, levels, pose_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Fields, Gate, Progress, Quantity, Result
 from flexfem.units import EXPANSION
-from flexfem.verify.result import Fields
 
 CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"

@@ -22,10 +22,10 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed, solved
+from flexfem.questions.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS
-from flexfem.verify.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
 
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz

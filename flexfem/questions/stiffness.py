@@ -10,10 +10,10 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
 from flexfem.arrays import Array, alone
-from flexfem.fem.elements import solid_nodal_stress, solid_von_mises
+from flexfem.fem.elements import Plate, solid_nodal_stress, solid_von_mises
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.fields import LoadCase, load_case
-from flexfem.fem.response import Response
+from flexfem.fem.fields import LoadCase, NeckStress, load_case, solid_neck_stresses
+from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
@@ -23,7 +23,6 @@ from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, Models, about, mesh_of, meshed, solved
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, STRESS, Progress, Quantity, Result
-from flexfem.verify.solid import bounding, neck_stress_of
 
 SHEET, HELD = "plane stress", "plane strain"  # labels of the plane problems that bound three dimensions
 STIFFNESSES = (("n_per_mm", "n_per_mm", "n"), ("n_per_mm", "n_per_mm", "n"), ("n", "n", "n_mm_per_rad"))
@@ -308,3 +307,17 @@ def _in_three_dimensions(
     found.values["neck_height"] = necks.height[0]
     found.bands["pose"] = total @ np.abs(force)
     return models, LoadFields(stage, force, None, response)
+
+
+def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
+    """Compliances (3, 3) of plane stress and of plane strain on the mesh of the plane of a response."""
+    plate = sheet_of(stage)
+    nu = plate.poissons_ratio
+    held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
+    soft, hard = (unit_response(response.sectors, each).compliance for each in (plate, held))
+    return soft, hard
+
+
+def neck_stress_of(stage: Stage, response: Response, loads: Array) -> NeckStress:
+    """Highest stress of every notch under loads (k, 3)."""
+    return solid_neck_stresses(stage, sheet_of(stage), response, loads)

@@ -29,14 +29,7 @@ from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.driven import DriveRanges
-from flexfem.questions.modes import payload_of
-from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
-from flexfem.study.factors import Factor, columns_of
-from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
-from flexfem.study.plan import Sampling, Study, names_in
-from flexfem.verify.questions import (
+from flexfem.questions.asked import (
     Clock,
     Moments,
     ask_drift,
@@ -46,7 +39,14 @@ from flexfem.verify.questions import (
     ask_frequencies,
     ask_solid,
 )
-from flexfem.verify.strained import Repeated, of_preloads, scaled
+from flexfem.questions.driven import DriveRanges
+from flexfem.questions.modes import payload_of
+from flexfem.questions.strained import Repeated, of_preloads, scaled
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
+from flexfem.study.plan import Sampling, Study, names_in
 
 Stages = Callable[[int], Stage]
 

@@ -19,7 +19,7 @@ from flexfem.files.refusals import one_line
 from flexfem.units import unit_of
 
 if TYPE_CHECKING:
-    from flexfem.verify.questions import Answers
+    from flexfem.questions.asked import Answers
 
 RESERVED = ("design", "status", "reason")
 FEASIBLE = "feasible"  # column of a study with constraints

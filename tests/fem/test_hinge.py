@@ -13,10 +13,10 @@ from flexfem.fem.chart import HIGH, LOW, chart_path, chart_points, main, make_ch
 from flexfem.fem.hinge import FREEDOMS, PlaneHinge, compliance, compliance_on, hinge_mesh, richardson
 from flexfem.fem.hinge import sample as sample_anew
 from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
-from flexfem.fem.problem import meshed
 from flexfem.mechanism.bodies import Face, Segment, area
 from flexfem.questions.bands import grid_convergence
 
+from ..validation.fields import meshed
 from ..validation.hinge import differences
 
 sample = cache(sample_anew)  # of the same hinges by several tests
@@ -165,8 +165,10 @@ def test_the_packaged_chart_can_be_made_anew(grid, row: int, column: int) -> Non
 def test_the_command_makes_a_chart_where_it_is_told(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("sys.argv", ["chart", str(tmp_path)])
     monkeypatch.setattr("flexfem.fem.chart.make_chart", lambda path, grid, workers, progress: progress(10, 80))
+    monkeypatch.setattr("flexfem.fem.chart.make_thickness_chart", lambda path, workers, progress: progress(20, 80))
     main()
     made = [f"sample 10 of 80\n{tmp_path / name}.json\n" for name in ("hinge_chart", "hinge_chart_high")]
+    made.append(f"sample 20 of 80\n{tmp_path / 'thickness_chart'}.json\n")
     assert capsys.readouterr().out == "".join(made)
 
 

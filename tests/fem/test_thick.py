@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import Plate
-from flexfem.fem.extrusion import displacement, line_integrals, section_integrals, solid_stiffness
-from flexfem.fem.hinge import PlaneHinge
+from flexfem.fem.chart import THICK_SHAPE, make_thickness_chart, thick_chart_points, thickness_chart_path
+from flexfem.fem.elements import SOLID_QUADRATURE, Plate, integration, layered
+from flexfem.fem.hinge import THICK_FREEDOMS as FREEDOMS
+from flexfem.fem.hinge import PlaneHinge, ThickHinge, factor, layers, position, section_mesh, stress_factors
 from flexfem.fem.hinge import sample as plane_sample
-from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, ordered
-from flexfem.fem.problem import edge_force, mapped, nodes_on
-from flexfem.fem.thick import FREEDOMS, ThickHinge, factor, layers, position, sample, section_mesh, stress_factors
-from flexfem.fem.thick_chart import SHAPE, chart_points, main, make_thickness_chart, thickness_chart_path
+from flexfem.fem.hinge import thick_sample as sample
+from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, mapped, ordered
+from flexfem.fem.problem import edge_force, nodes_on, settled
+from flexfem.fem.structure import structure, tie
 
 NU = 0.29
 EXACT = 1e-9  # relative: the solution is in the space of the elements, round-off is left
@@ -29,9 +30,9 @@ class Solid:
     """A section times a line, and its degrees of freedom by direction and place."""
 
     def __init__(self, mesh: StageMesh, z: np.ndarray, nu: float = NU) -> None:
-        self.mesh, self.line = mesh, line_integrals(z)
-        self.stiffness = solid_stiffness(section_integrals(mesh), self.line, nu)
-        self.z = np.sort(np.concatenate([z, (z[1:] + z[:-1]) / 2]))
+        line = layered(z)
+        self.mesh, self.z, self.along = mesh, line.heights, line.values @ line.weights
+        self.of = structure(mesh, Plate(1.0, nu, 1.0), line, tie(mesh), SOLID_QUADRATURE)
         self.shape = (3, len(mesh.nodes), len(self.z))
 
     def at(self, direction: int, nodes=slice(None), along=slice(None)) -> np.ndarray:
@@ -46,11 +47,19 @@ class Solid:
             lambda points, _: np.stack([stress(points[..., 1]), np.zeros(points.shape[:-1])], axis=-1),
         )
         force = np.zeros(self.shape)
-        force[:2] = flat.T[:, :, None] * self.line.whole
+        force[:2] = flat.T[:, :, None] * self.along
         return force.ravel()
 
     def solve(self, force: np.ndarray, held: list[np.ndarray]) -> np.ndarray:
-        return displacement(self.stiffness, force, np.concatenate(held), np.ones(len(force)))
+        mask = np.zeros(len(force), dtype=bool)
+        mask[np.concatenate(held)] = True
+        force, mask = (each.reshape(self.shape).transpose(1, 2, 0) for each in (force, mask))
+        return settled(self.of, self.of.lower().tocsr(), force, mask).transpose(2, 0, 1).ravel()
+
+    def held(self, u: np.ndarray) -> np.ndarray:
+        """Nodal forces that hold a displacement."""
+        field = np.reshape(u, self.shape).transpose(1, 2, 0)
+        return self.of.forces(field[None])[0].transpose(2, 0, 1).ravel()
 
     def coordinates(self) -> np.ndarray:
         flat = np.broadcast_to(self.mesh.nodes.T[:, :, None], (2, *self.shape[1:]))
@@ -68,7 +77,7 @@ def bent(y: np.ndarray) -> np.ndarray:
 
 def bar_compliance(solid: Solid, stress, held: list[np.ndarray]) -> float:
     force = solid.end_force(stress)
-    return 2 * float(force @ solid.solve(force, held)) / float(solid.line.whole.sum())
+    return 2 * float(force @ solid.solve(force, held)) / float(solid.along.sum())
 
 
 def pulled(solid: Solid) -> list[np.ndarray]:
@@ -90,19 +99,19 @@ def test_a_linear_displacement_needs_no_forces_inside_and_has_the_energy_of_its_
     G = np.random.default_rng(3).normal(size=(3, 3))
     u = np.einsum("ab,bnm->anm", G, solid.coordinates()).ravel()
     inside = np.setdiff1d(np.arange(len(wavy.nodes)), np.concatenate([nodes_on(wavy, side) for side in wavy.edges]))
-    forces = (solid.stiffness @ u).reshape(solid.shape)
+    forces = solid.held(u).reshape(solid.shape)
     np.testing.assert_allclose(forces[:, inside, 1:-1], 0.0, atol=1e-12 * np.abs(forces).max())
     strain = (G + G.T) / 2
     stress = (NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3) + strain) / (1 + NU)
-    volume = np.ones(len(wavy.nodes)) @ section_integrals(wavy).mass @ np.ones(len(wavy.nodes)) * Z[-1]
-    assert u @ solid.stiffness @ u == pytest.approx(np.sum(stress * strain) * volume, rel=EXACT)
+    volume = sum(batch.weights.sum() for batch in integration(wavy, SOLID_QUADRATURE)) * Z[-1]
+    assert u @ solid.held(u) == pytest.approx(np.sum(stress * strain) * volume, rel=EXACT)
 
 
 def test_rigid_motions_need_no_forces() -> None:
     solid = Solid(bar(), Z)
     x, y, z = solid.coordinates()
     for motion in ([y, -x, 0 * x], [z, 0 * x, -x], [0 * x, z, -y], [1 + 0 * x, 0 * x, 2 + 0 * x]):
-        np.testing.assert_allclose(solid.stiffness @ np.ravel(motion), 0.0, atol=1e-12)
+        np.testing.assert_allclose(solid.held(np.ravel(motion)), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("thickness", [0.07, 1.0, 23.0])
@@ -144,7 +153,7 @@ def test_work_is_energy() -> None:
     solid = Solid(section_mesh(ThickHinge(0.4, 3.0, NU), 1), Z)
     force = solid.end_force(lambda y: y + 0.3)
     u = solid.solve(force, pulled(solid))
-    assert force @ u == pytest.approx(u @ solid.stiffness @ u, rel=EXACT)
+    assert force @ u == pytest.approx(u @ solid.held(u), rel=EXACT)
 
 
 def mirrored(mesh: StageMesh) -> StageMesh:
@@ -181,7 +190,7 @@ def test_the_mesh_is_that_of_a_hinge(hinge: ThickHinge) -> None:
     on_arc = x < 1 - 1e-12
     np.testing.assert_allclose(np.hypot(x[on_arc], y[on_arc] - 1 - hinge.ratio / 2), 1.0, rtol=1e-12)
     np.testing.assert_allclose(y[~on_arc], high / 2, rtol=1e-12)
-    area = section_integrals(mesh).mass.sum()
+    area = sum(batch.weights.sum() for batch in integration(mesh))
     CHORDS = 1e-4  # a parabola is not quite an arc
     assert 4 * area == pytest.approx(2 * high * (1 + length) - np.pi, rel=CHORDS)
     assert least_scaled_jacobian(jacobians(mesh)) > 0.3
@@ -296,7 +305,7 @@ def test_the_chart_says_what_made_it_and_its_largest_bands(tmp_path) -> None:
 
 def test_the_packaged_chart_stands_on_its_points_and_states_its_largest_bands() -> None:
     found = json.loads(thickness_chart_path().read_text())
-    for name, points in zip(("t/R", "b/t", "nu"), chart_points(SHAPE), strict=True):
+    for name, points in zip(("t/R", "b/t", "nu"), thick_chart_points(THICK_SHAPE), strict=True):
         np.testing.assert_allclose(found[name], points, rtol=1e-7)
     for name in FREEDOMS:
         worth = np.array(found["bands"][name]) * np.array(found["nu"]) ** 2
@@ -311,12 +320,3 @@ def test_the_packaged_chart_can_be_made_anew() -> None:
     DIGITS = 1e-5  # kept in the file
     for k, name in enumerate(FREEDOMS):
         assert np.array(found[name])[at] == pytest.approx(made.values[k], abs=DIGITS)
-
-
-def test_the_command_makes_a_chart_where_it_is_told(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("sys.argv", ["chart", str(tmp_path)])
-    monkeypatch.setattr(
-        "flexfem.fem.thick_chart.make_thickness_chart", lambda path, workers, progress: progress(20, 80)
-    )
-    main()
-    assert capsys.readouterr().out == f"sample 20 of 80\n{tmp_path / 'thickness_chart.json'}\n"

@@ -10,9 +10,11 @@ import pytest
 from flexfem.analytic.model import at_necks
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.hinge import PlaneHinge, hinge_mesh
-from flexfem.fem.problem import Support, edge_force, nearest_node, nodes_on, solve
+from flexfem.fem.problem import Support, edge_force, nodes_on, solve
 from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
+
+from ..validation.fields import nearest_node
 
 NEUBER = 0.005  # of a notch of circular arcs between blocks, which is no hyperbola; seen: 0.24 % in tension at 0.3
 

@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.fem.hinge import PlaneHinge
+from flexfem.fem.chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
+from flexfem.fem.hinge import PlaneHinge, ThickHinge
 from flexfem.fem.hinge import sample as plane_sample
-from flexfem.fem.thick import ThickHinge, sample
-from flexfem.fem.thick_chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
+from flexfem.fem.hinge import thick_sample as sample
 from flexfem.hinges.chart import on_thickness_chart, thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
@@ -66,7 +66,7 @@ def test_the_chart_goes_through_its_samples() -> None:
 
 
 def test_between_its_samples_the_chart_is_what_finite_elements_are() -> None:
-    """By `fem.thick.sample` with refinements 1, 2, 3, once; on other scales of t/R or b/t up to 10^4 off."""
+    """By `fem.hinge.thick_sample` with refinements 1, 2, 3, once; on other scales of t/R or b/t up to 10^4 off."""
     points = np.array([(0.035, 30.0, 0.29), (0.09, 3.3, 0.29), (0.6, 17.0, 0.17), (0.9, 45.0, 0.4), (0.025, 48.0, 0.3)])
     rotation, axial = thickness_chart().positions(*points.T)
     INTERPOLATED = 0.005  # of a position, 4e-4 of the compliance; seen: 0.0036

@@ -12,7 +12,6 @@ import pytest
 import flexfem
 from flexfem import sources
 from flexfem.mechanism import materials
-from flexfem.verify.summary import summary
 
 REFERENCE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 NUMBERS = {"youngs_modulus": 141.3e3, "poissons_ratio": 0.29, "yield_strength": 276.0, "density": 8050.0}
@@ -160,8 +159,8 @@ def test_a_name_alone_is_the_material_with_its_numbers_and_its_source(named, cap
     stage, reference = flexfem.load(named('name = "al-7075-t6"')), flexfem.load(REFERENCE)
     assert stage.hash == reference.hash and stage.material.name == "al-7075-t6"
     assert stage.not_stated == () and "material.youngs_modulus_gpa" not in stage.assumed
-    sources = summary(stage).material
-    assert len(sources) == 4 and all("ASM data sheet" in text and "(al-7075-t6)" in text for text in sources.values())
+    sources = [text for key, text in stage.sources.items() if key.startswith("material")]
+    assert len(sources) >= 4 and all("ASM data sheet" in text and "(al-7075-t6)" in text for text in sources)
     same = flexfem.load(named('name = "al-7075-t6"', "density_kg_m3 = 2810", "youngs_modulus_gpa = 71.7"))
     assert same == stage
     material = flexfem.load(named('name = "ti-6al-4v"')).material

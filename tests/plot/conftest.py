@@ -12,8 +12,7 @@ from flexfem.arrays import Array
 from flexfem.questions.budget import Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
-from flexfem.results import About
-from flexfem.verify.result import Fields
+from flexfem.results import About, Fields
 
 HINGES = ("base", "elbow", "platform")
 PLACES = ((52.0, -30.0), (25.0, -31.0), (21.0, 3.0))

@@ -17,8 +17,8 @@ from flexfem.plot.design import sensitivity_figure
 from flexfem.plot.stage import outline_of
 from flexfem.plot.study_figures import Caption, Chosen, ParetoFront, Quantity, Scatter, Share, StudyMap
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
+from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.study.findings import Indices, Percentile
-from flexfem.verify.hinges import hinge_review, thickness_review
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"

@@ -156,7 +156,7 @@ def test_curves_pass_through_their_middles_and_boundaries_have_one_triangle(made
 
 def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
     one, models = made.fields(), {"a": made.model(), "b": made.model()}
-    other = one.model_copy(update={"displacement": -0.7 * one.displacement, "stress": 1.4 * one.stress[::-1]})
+    other = one._replace(displacement=-0.7 * one.displacement, stress=1.4 * one.stress[::-1])
     result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
     figure = deformed_figure(result, {"a": one, "b": other})
     assert "full command Y = 50.0 µm, displacements × 100; grey: undeformed" in " ".join(made.texts(figure))
@@ -179,12 +179,12 @@ def test_the_largest_stress_is_at_a_hinge_or_a_body_and_round_off_does_not_choos
     nodes = fields.nodes.copy()
     nodes[0] = np.array(model.hinges[4].centre) + 0.1
     assert name_of_place(model, fields, 0) == "pad of chain 1"
-    assert name_of_place(model, fields.model_copy(update={"nodes": nodes}), 0) == "hinge 5 (elbow, chain 2)"
+    assert name_of_place(model, fields._replace(nodes=nodes), 0) == "hinge 5 (elbow, chain 2)"
     for high in (0, 18, 36):
         stress = np.ones(len(fields.nodes))
         stress[[0, 18, 36]] = 5.0
         stress[high] += 1e-12
-        found = largest_stress(model, fields.model_copy(update={"stress": stress}))
+        found = largest_stress(model, fields._replace(stress=stress))
         assert found == (0, "pad of chain 1 and 2 more alike")
 
 

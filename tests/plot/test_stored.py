@@ -12,7 +12,7 @@ import pytest
 from flexfem.design.result import read_design
 from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
-from flexfem.verify.result import write_record
+from flexfem.results import write_sealed
 
 from ..design.recorded import recorded
 from .conftest import fields, result
@@ -33,7 +33,7 @@ def stored(tmp_path):
     """A file of every kind of answer that is read again."""
     return {
         "verification": written(tmp_path),
-        "design": write_record(recorded(), tmp_path / "design.json"),
+        "design": write_sealed(tmp_path / "design.json", recorded().model_dump(mode="json")),
     }
 
 
@@ -85,7 +85,7 @@ def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
     beside, answer = path.with_suffix(".npz"), Verification.read(path)
     assert {*answer.read_fields(path)} == {"one", "two"}
     (tmp_path / "other").mkdir()
-    moved = fields().model_copy(update={"stress": fields().stress + 1.0})
+    moved = fields()._replace(stress=fields().stress + 1.0)
     other = written(tmp_path / "other", two=moved).with_suffix(".npz")
     with np.load(beside) as arrays:
         held = dict(arrays)

@@ -7,7 +7,7 @@ import pytest
 
 from flexfem.plot.hinge import thickness_figure
 from flexfem.plot.text import SPACE
-from flexfem.verify.hinges import ThicknessReview
+from flexfem.questions.hinges import ThicknessReview
 
 X = np.geomspace(0.5, 50.0, 30)
 NU = 0.29

@@ -18,8 +18,8 @@ from flexfem.commands import cli
 from flexfem.hinges.strength import equivalent
 from flexfem.plot.life import life_figure, plot_life
 from flexfem.questions.setup import solved
+from flexfem.questions.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 from flexfem.results import ANALYTIC, ELEMENTS
-from flexfem.verify.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 STRESS, CYCLES = [948, 834, 703, 631, 579, 524], [222, 992, 6004, 14130, 43860, 132150]

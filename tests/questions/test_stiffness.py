@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.questions import stiffness as solid
 from flexfem.questions.bands import solve_solid
 from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
-from flexfem.verify import solid
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FORCE = (1.5, -2.0, 30.0)

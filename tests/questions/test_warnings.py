@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import flexfem
 from flexfem.analytic.model import analyse
-from flexfem.fem.fields import LoadCase
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions import warnings as warning
-from flexfem.verify.answers import report_load
-from flexfem.verify.protocol import solve_stage
-from flexfem.verify.summary import element_limits, summary
+from flexfem.questions.setup import solved as solve_stage
 
 ROOT = Path(__file__).parents[2]
 SIX = ROOT / "geometry/mobility6.toml"
@@ -69,7 +65,7 @@ def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project)
     stage = bent(project, 2.0)
     model = analyse(stage, 3, "calibrated")
     (said,) = warning.of_model(stage, model)
-    elements = solve_stage(stage, 3).response.compliance
+    elements = solve_stage(stage, 3).compliance
     softer = float(re.search(r"([\d.]+) % softer in (x|y|theta)", said)[1])
     axis = ("x", "y", "theta").index(re.search(r"softer in (\w+)", said)[1])
     assert softer > 50
@@ -104,7 +100,7 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
     )
     for path in (ROOT / "geometry/mobility3.toml", other):
         stage = load_stage(path)
-        elements = element_limits(stage, solve_stage(stage, 5)).stress.max(axis=(0, 1))
+        elements = flexfem.solve(stage, 5).neck_stress(np.eye(3)).max(axis=(1, 2))
         for formula in ("paros-weisbord", "smith-chetwynd", "koster", "schotborgh", "calibrated"):
             low, high = warning.STRESS_ABOVE[formula]
             if warning.of_formula(stage, formula) == []:
@@ -168,25 +164,6 @@ def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(
     ("stress", "moved", "said"), [(503.7, 0.1, 1), (1.0, 2.5, 1), (503.7, 2.5, 2), (502.0, 2.3, 0)]
 )
 def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress, moved, said):
-    stage, necks = load_stage(SIX), np.full((3, 3), 1.0)
-    necks[1, 2] = stress
-    response = SimpleNamespace(compliance=np.eye(3), unknowns=1)
-    solved = SimpleNamespace(mesh=None, triangles=1, response=response)
-    case = LoadCase(
-        force=np.zeros(3), pose=np.array([0.0, moved, 0.0]), reaction=np.zeros(3), energy=0.0, field=np.zeros((1, 2)),
-        stress=np.zeros(1), neck_stress=necks,
-    )  # fmt: skip
-    assert len(report_load(stage, solved, case, 2).warnings) == said + 1  # and the thickness
-
-
-def test_the_force_at_the_end_of_the_safe_range_moves_the_platform_there_and_nowhere_else(project):
-    """A stage of unlike chains, whose directions are coupled: the force has three components."""
-    worn = '[[override]]\nchain = 2\nhinge = "elbow"\nneck_mm = 0.8\n\n[provenance]'
-    stage = load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", worn)))
-    side = summary(stage, "schotborgh").analytic
-    for axis, direction in enumerate(("x", "y", "theta")):
-        limit = side.limits[direction]
-        force = [getattr(limit.force, name) for name in ("x", "y", "theta")]
-        assert np.abs(force[(axis + 1) % 3]) > 1e-3 * np.abs(force[axis])
-        moved = np.linalg.solve(np.array(side.stiffness), force)
-        np.testing.assert_allclose(moved, limit.range_at_yield * np.eye(3)[axis], atol=1e-12)
+    stage = load_stage(SIX)
+    found = warning.of_yield(stress, stage.material.yield_strength, "here")
+    assert len([*found, *warning.of_motion(stage, np.array([0.0, moved, 0.0]), "here")]) == said

@@ -12,10 +12,10 @@ from flexfem.fem.fields import base_rotations
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.questions.bands import solve_solid
+from flexfem.questions.stiffness import neck_stress_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
-from flexfem.verify.solid import neck_stress_of
 
 ROOT = Path(__file__).parents[2]
 STUDY = f"""

@@ -17,11 +17,11 @@ from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import mesh_faces
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
+from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.columns import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
 from flexfem.study.loaded import LoadedStudy
-from flexfem.verify.protocol import solve_stage
 
 MESHES = 2e-3  # two meshes of resolution 4, each within 0.1 % of no mesh
 STRESS = 1e-2  # averaged nodal stress at a notch on two coarse meshes
@@ -47,7 +47,7 @@ def stage(request: pytest.FixtureRequest, studies: Any) -> Stage:
 def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage, studies: Any) -> None:
     found = columns(studies.of(*ONE, head='model = "fe"'), stage)
     slow = solve_stage(stage, 4)
-    K = np.linalg.inv(slow.response.compliance)
+    K = np.linalg.inv(slow.compliance)
     assert tuple(found) == (*STIFFNESSES, *COUPLINGS, *STRESSES, *RANGES, "envelope_mm")
     size = np.sqrt(np.diag(K))
     np.testing.assert_allclose(of(found, STIFFNESSES[:3]), np.diag(K), rtol=MESHES)
@@ -55,7 +55,7 @@ def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage,
     np.testing.assert_allclose(of(found, COUPLINGS), coupling, rtol=0, atol=MESHES / 10)
     unit = size[[0, 0, 1]] * size[[1, 2, 2]]
     np.testing.assert_allclose(of(found, STIFFNESSES[3:]) / unit, coupling, rtol=0, atol=MESHES / 10)
-    stress = np.array([load_case(stage, slow.mesh, slow.response, K[:, axis]).neck_stress.max() for axis in range(3)])
+    stress = np.array([load_case(stage, slow.mesh, slow, K[:, axis]).neck_stress.max() for axis in range(3)])
     np.testing.assert_allclose(of(found, STRESSES), 1e-3 * stress, rtol=STRESS)
     np.testing.assert_allclose(of(found, RANGES) * of(found, STRESSES), stage.material.yield_strength, rtol=1e-12)
     assert found["envelope_mm"] == pytest.approx(2 * np.hypot(*slow.mesh.nodes.T).max(), rel=1e-6)
@@ -75,7 +75,7 @@ def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stag
 def test_errors_are_those_of_the_protocol(stage: Stage, studies: Any) -> None:
     head = 'model = "verify"\nmobility = 6\nformula = "paros-weisbord"\nbands = false'
     found = columns(studies.of(*ONE, head=head), stage)
-    K, C = analyse(stage, 6, "paros-weisbord").stiffness, solve_stage(stage, 4).response.compliance
+    K, C = analyse(stage, 6, "paros-weisbord").stiffness, solve_stage(stage, 4).compliance
     for k in range(3):
         percent = error_matrix(K, C, stage.chain.link_lengths[2])[:, k]
         assert found[ERRORS[k]] == pytest.approx(percent[k], abs=100 * MESHES)

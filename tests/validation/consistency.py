@@ -21,25 +21,13 @@ from flexfem.fem.elements import (
     nodal_stress,
     stiffness_matrix,
 )
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.mesher import Cone
-from flexfem.fem.problem import (
-    FieldErrors,
-    Function,
-    Solution,
-    clamp,
-    edge_force,
-    mapped,
-    meshed,
-    nodes_on,
-    on_chords,
-    size_of,
-    solve,
-    uniform,
-)
+from flexfem.fem.problem import Solution, edge_force, nodes_on, solve
 from flexfem.fem.structure import Structure, mass_of, structure, tie
 from flexfem.mechanism.bodies import Face, Segment
 
+from .fields import FieldErrors, Function, clamp, meshed, on_chords, size_of, uniform
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)

@@ -21,12 +21,12 @@ from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, cone, notch_sizes
 from flexfem.fem.mesher import Cone
-from flexfem.fem.problem import meshed
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.bodies import Face, Segment
 
+from .fields import meshed
 from .problem import Finding, problem
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)

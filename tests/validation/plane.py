@@ -8,22 +8,12 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.mesher import Cone
-from flexfem.fem.problem import (
-    clamp,
-    edge_force,
-    mapped,
-    meshed,
-    nearest_node,
-    nodes_on,
-    on_chords,
-    pressure,
-    solve,
-    uniform,
-)
+from flexfem.fem.problem import edge_force, nodes_on, solve
 from flexfem.mechanism.bodies import Face, Segment
 
+from .fields import clamp, meshed, nearest_node, on_chords, pressure, uniform
 from .problem import Exact, Finding, extrapolated, on_axes, orders, polar, problem, quarter_ring, rectangle, symmetric
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)

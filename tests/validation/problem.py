@@ -11,21 +11,10 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import (
-    FieldErrors,
-    Function,
-    Solution,
-    Support,
-    body_force,
-    edge_force,
-    errors,
-    mapped,
-    nodes_on,
-    size_of,
-    solve,
-    traction_of,
-)
+from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.problem import Solution, Support, edge_force, nodes_on, solve
+
+from .fields import FieldErrors, Function, body_force, errors, size_of, traction_of
 
 ROUND_OFF = 5e-12  # relative; the worst of some thousand sums of terms that cancel
 ORDER_ALLOWED = 0.1

@@ -8,23 +8,12 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import integration
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import (
-    body_force,
-    clamp,
-    edge_force,
-    errors,
-    mapped,
-    nodes_on,
-    on_chords,
-    pressure,
-    shape_values,
-    solve,
-    uniform,
-)
+from flexfem.fem.elements import integration, shape_values
+from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.problem import edge_force, nodes_on, solve
 
 from . import consistency, plane
+from .fields import body_force, clamp, errors, on_chords, pressure, uniform
 from .problem import Exact, hooke
 
 PLATE = consistency.PLATE

@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flexfem.fem.problem import on_chords
-
 from . import consistency, hinge, large, manual, solvers
+from .fields import on_chords
 from .problem import PROBLEMS, Finding, MissingSolverError, extrapolated, order
 
 REGISTERED = (manual.REGISTERED, solvers)

@@ -11,15 +11,17 @@ from flexfem.fem.elements import (
     Plate,
     add_nodal_forces,
     integration,
+    shape_values,
     slopes_of,
     stress_tensor,
 )
 from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import Support, nodes_on, on_chords, shape_values, solve
+from flexfem.fem.problem import Support, nodes_on, solve
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
+from .fields import on_chords
 from .problem import Finding, on_axes, polar, problem, quarter_ring
 
 PLATE = Plate(youngs_modulus=100e3, poissons_ratio=0.3, thickness=1.0)

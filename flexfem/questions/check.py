@@ -1,4 +1,4 @@
-"""What is read of a stage: hinges, drive, where its numbers come from. See `answers`."""
+"""What is read of a stage: hinges, drive, where its numbers come from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
 from flexfem.questions import warnings as warning
@@ -77,8 +78,27 @@ class StageReport(NamedTuple):
     drive: DriveReport | None = None
 
 
-def report_stage(stage: Stage) -> StageReport:
-    """What a file says of a stage, and where its numbers come from."""
+def check(stage: Stage) -> StageReport:
+    """Validate a stage file; show hinges, drive, mobility and where the numbers come from.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.check(flexfem.load("geometry/mobility6.toml"))
+    >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
+    (6, True, 4.0, 17)
+    """
+    check_feasible(stage)
     return StageReport(
         **of_stage(stage),
         mobility=stage.mobility,

@@ -14,7 +14,7 @@ from flexfem.fem.elements import layered
 from flexfem.fem.export import write_solid_vtu
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import bands, warnings
-from flexfem.verify import solid
+from flexfem.questions import stiffness as solid
 
 from ..validation.vibration import third
 

@@ -21,9 +21,9 @@ from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.driven import DriveRanges, drive_ranges, driven
+from flexfem.questions.strained import Lives, Repeated, by_elements, by_wrenches, lives
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY
-from flexfem.verify.strained import Lives, Repeated, by_elements, by_wrenches, lives
 
 if TYPE_CHECKING:
     from flexfem.fem.response import Response

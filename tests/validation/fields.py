@@ -1,0 +1,121 @@
+"""Loads, supports and error norms of plane problems with exact fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.elements import Plate, integration, shape_values, stress_tensor
+from flexfem.fem.gmsh_process import run_mesher
+from flexfem.fem.mesh import StageMesh, curved, ordered
+from flexfem.fem.mesher import Cone, Job
+from flexfem.fem.problem import Support, Traction, gathered_forces
+from flexfem.mechanism.bodies import Face
+
+DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
+TIME_LIMIT = 60.0  # s, for gmsh
+
+Function: TypeAlias = Callable[[Array], Array]
+"""Points (..., 2), mm, to vectors (..., 2) or tensors (..., 2, 2)."""
+
+
+def meshed(face: Face, cones: Sequence[Cone]) -> StageMesh:
+    """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as `run_mesher` does."""
+    return ordered(curved(run_mesher(Job([face], {}, tuple(cones)), TIME_LIMIT)))[0]
+
+
+def size_of(mesh: StageMesh) -> float:
+    """Typical size of a triangle over that of the whole: one over the root of their number."""
+    return float(len(mesh.triangles) ** -0.5)
+
+
+def on_chords(mesh: StageMesh) -> StageMesh:
+    """The mesh with every middle node moved to the middle of its chord: straight triangles."""
+    nodes = mesh.nodes.copy()
+    t = mesh.triangles
+    nodes[t[:, 3:]] = (nodes[t[:, :3]] + nodes[t[:, [1, 2, 0]]]) / 2
+    return mesh._replace(nodes=nodes)
+
+
+def clamp(nodes: Index, displacement: Array | None = None) -> list[Support]:
+    """Both components held on the nodes (k,): at the displacement (k, 2), mm, or at zero."""
+    values = np.zeros((len(nodes), 2)) if displacement is None else displacement
+    return [Support(nodes, axis, values[:, axis]) for axis in (0, 1)]
+
+
+def traction_of(stress: Function) -> Traction:
+    """The traction `sigma n` of a stress field (..., 2, 2), MPa."""
+    return lambda points, normals: np.asarray((stress(points) @ normals[..., None])[..., 0])
+
+
+def uniform(*traction: float) -> Traction:
+    """The same traction everywhere, MPa, whatever the normal."""
+    return lambda points, _: np.broadcast_to(np.array(traction), points.shape)
+
+
+def pressure(value: float) -> Traction:
+    """A uniform traction along the outward normal, MPa."""
+    return lambda _, normals: value * normals
+
+
+def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
+    """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
+    N, total = shape_values(degree), np.zeros_like(mesh.nodes)
+    for triangles, _, weights in integration(mesh, degree):
+        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
+        nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
+        total += gathered_forces(mesh, triangles, nodal)
+    return total
+
+
+class FieldErrors(NamedTuple):
+    """Errors relative to the exact solution: displacement in L2, its gradient in L2 (H1 seminorm), stress in L2."""
+
+    displacement: float
+    gradient: float
+    stress: float
+
+
+def errors(
+    mesh: StageMesh,
+    plate: Plate,
+    field: Array,
+    exact: Function,
+    gradient: Function | None,
+    stress: Function,
+    degree: int = DEGREE,
+) -> FieldErrors:
+    """Errors of a displacement field (n, 2) against the exact displacement, gradient `d_b u_a` and stress.
+
+    `gradient` None leaves its error nan.
+    """
+    N = shape_values(degree)
+    found, scale = np.zeros(3), np.zeros(3)
+    for triangles, gradients, weights in integration(mesh, degree):
+        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
+        slopes = np.einsum("eia,eibq->eabq", field[triangles], gradients, optimize=True)
+        ours = [np.einsum("eia,iq->eqa", field[triangles], N), slopes, stress_tensor(plate, slopes)]
+        ours[1:] = [np.moveaxis(tensor, -1, 1) for tensor in ours[1:]]
+        for k, (value, function) in enumerate(zip(ours, (exact, gradient, stress), strict=True)):
+            if function is not None:
+                wanted = function(points)
+                found[k] += np.sum((value - wanted) ** 2 * _like(weights, wanted))
+                scale[k] += np.sum(wanted**2 * _like(weights, wanted))
+    with np.errstate(invalid="ignore"):
+        return FieldErrors(*map(float, np.sqrt(found / scale)))
+
+
+def nearest_node(mesh: StageMesh, x: float, y: float) -> int:
+    """The node at a point, mm; an error when there is none."""
+    distance = np.hypot(*(mesh.nodes - [x, y]).T)
+    node = int(np.argmin(distance))
+    if distance[node] > 1e-9 * np.ptp(mesh.nodes):
+        raise ValueError(f"no node at ({x:g}, {y:g})")
+    return node
+
+
+def _like(weights: Array, values: Array) -> Array:
+    return weights.reshape(weights.shape + (1,) * (values.ndim - weights.ndim))
