@@ -20,7 +20,7 @@ from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.mechanism.stage_file import counted, doubts_said
-from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table
+from flexfem.page.section import Page, PageSection, facts, html_of, notes, shown_figure, table, tables_of
 from flexfem.plot.text import SYMBOLS, doubt_rows, percent, significant
 from flexfem.questions.life import checked_amplitude
 from flexfem.refused import BadInput
@@ -239,7 +239,7 @@ def _curves(result: Verification, number: int) -> PageSection:
     data = table([*columns], [*zip(*shown, strict=True)], numbers=len(columns))
     said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
     figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
-    return _section(f"case-{number}", result.name, figure, Markup(result.to_html()))
+    return _section(f"case-{number}", result.name, figure, tables_of(result))
 
 
 def _sources(rows: Sequence[Sequence[str]], head: Sequence[str]) -> PageSection:
@@ -337,7 +337,7 @@ def _actuators(found: StageReport) -> Markup:
 
 def _answered(name: str, title: str, found: Any, *figures: Markup) -> PageSection:
     """A section of the tables of a result, and its figures."""
-    return _section(name, title, Markup(found.to_html()), *figures)
+    return _section(name, title, tables_of(found), *figures)
 
 
 def _analytic(stage: Stage) -> PageSection:
@@ -393,7 +393,7 @@ def _budget(stage: Stage) -> PageSection:
 
     found = budget(stage, plane=True)
     said = "Bars of the shares of the error in the commanded direction, a panel for each direction."
-    figure = shown_figure("budget-figure", partial(budget_figure, found), said, Markup(found.to_html()))
+    figure = shown_figure("budget-figure", partial(budget_figure, found), said, tables_of(found))
     return _section("budget", "Error budget", figure)
 
 
@@ -425,7 +425,7 @@ def _modes(stage: Stage) -> PageSection:
 
     found = modes(stage)
     figure = shown_figure("modes-figure", partial(modes_figure, found), "Shapes of the modes listed in the table.")
-    return _section("modes", "Natural modes", Markup(found.to_html()), figure)
+    return _section("modes", "Natural modes", tables_of(found), figure)
 
 
 def _drift(stage: Stage) -> PageSection:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from flexfem.results import Result
+
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 FONTS = "'DejaVu Sans', Verdana, sans-serif"  # Verdana's letters are as wide
 POINTS = 72.0  # per inch
@@ -133,6 +135,12 @@ def table(
     return markup("table.html", headers=headers, rows=made, sortable=sortable, caption=caption, first=first)
 
 
+def tables_of(found: Result) -> Markup:
+    """All tables and sentences of a result; a table that is wider than the screen scrolls."""
+    html = found.to_html().replace("<table>", '<div class="scroll" tabindex="0"><table>')
+    return Markup(html.replace("</table>", "</table></div>"))
+
+
 def facts(pairs: Iterable[tuple[str, str | Markup]]) -> Markup:
     """A list of names with their values."""
     return markup("facts.html", pairs=list(pairs))
@@ -187,6 +195,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     text = NOT_XML.sub("\ufffd", rendered(figure, "svg").decode())
     text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
     text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
+    text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)  # hundredths of a point
     text = text.replace("'DejaVu Sans'", FONTS)
     width = figure.get_figwidth() * 96.0  # px an inch
     opening = f'<svg class="drawn" style="max-width: {width:.0f}px" '

@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
@@ -162,8 +162,8 @@ def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
     assert "full command Y = 50.0 µm, displacements × 100; grey: undeformed" in " ".join(made.texts(figure))
     *shown, bar = figure.axes
     for axes, fields, value in zip(shown, (one, other), ("31.7", "44.4"), strict=True):
-        lines = [each for each in axes.collections if isinstance(each, LineCollection)]
-        rest, moved = (np.concatenate(each.get_segments()) for each in lines)
+        lines = [each for each in axes.collections if isinstance(each, PathCollection)]
+        rest, moved = (each.get_paths()[0].vertices for each in lines)
         corners = [np.argmin(np.linalg.norm(rest - node, axis=1)) for node in fields.nodes]
         np.testing.assert_allclose(moved[corners] - rest[corners], 100 * fields.displacement, atol=1e-9)
         colours = axes.collections[0]

@@ -175,7 +175,7 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
     fields, ground = found.fields.cases["gradient in y"], found.fields.ground
     moved = fields.nodes + exaggeration(fields) * fields.displacement
     (bars,) = [each for each in ax.collections if each.get_linewidth()[0] == 3.0]
-    np.testing.assert_allclose([line[0] for line in bars.get_segments()], moved[ground[:, 0]])
+    np.testing.assert_allclose(bars.get_paths()[0].vertices[::3], moved[ground[:, 0]])
     with pytest.raises(flexfem.BadInput, match="expected one of: uniform"):
         plot_drift(None, found, "warm")
 
