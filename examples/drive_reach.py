@@ -13,14 +13,13 @@ import flexfem
 
 stage = flexfem.load("../geometry/mobility6.toml")
 figure, ax = pyplot.subplots(figsize=(6.5, 5.5), layout="constrained")
-flexfem.plot.plot_section(ax, flexfem.reach(stage, resolution=None))
+flexfem.plot.plot_section(ax, flexfem.reach(stage, models="analytic"))
 
 # %%
 # A longer arm turns the hinge less for the same stroke:
 
 for arm in (9.0, 10.0, 12.0):
     overrides = {(chain, "actuator", "base"): {"arm": arm} for chain in (1, 2, 3)}
-    x = flexfem.reach(stage.replace(override=overrides), resolution=None).ranges["x"]
-    print(
-        f"arm {arm:4.1f} mm: X to {1e3 * x.held.high:.1f} um, others at zero; {1e3 * x.free.high:.1f} um, others free"
-    )
+    found = flexfem.reach(stage.replace(override=overrides), models="analytic")
+    zero, free = (1e3 * found.at("ends", others=others, end="high", direction="x")[0] for others in ("zero", "free"))
+    print(f"arm {arm:4.1f} mm: X to {zero:.1f} um, others at zero; {free:.1f} um, others free")

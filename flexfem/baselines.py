@@ -34,11 +34,15 @@ from flexfem.questions.bands import levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.convergence import converge
+from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
+from flexfem.questions.gravity import gravity
 from flexfem.questions.heat import drift
 from flexfem.questions.hinges import hinge_review, thickness_review
+from flexfem.questions.large import large
 from flexfem.questions.life import life
 from flexfem.questions.modes import modes
+from flexfem.questions.reach import reach
 from flexfem.questions.setup import Analytic, about
 from flexfem.questions.stiffness import COMPLIANCES, stiffness
 from flexfem.questions.summary import summary
@@ -48,6 +52,7 @@ from flexfem.units import unit_of
 
 COARSE = 2  # triangles across the necks of a kept mesh
 FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike
+POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad: of the drive
 DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
 KINDS = {"curve": "case", "sampling": "study", "chain": "stage"}  # by a key that the file has
 STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # of columns, else `COARSER_TABLE`
@@ -67,6 +72,10 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
     ("drift", drift),
     ("modes", modes),
     ("life", lambda stage: life(stage, amplitude=AMPLITUDE)),
+    ("drive", lambda stage: drive(stage, pose=POSE)),
+    ("reach", reach),
+    ("large", lambda stage: large(stage, resolution=COARSE)),
+    ("gravity", gravity),
     ("budget", lambda stage: budget(stage, plane=True)),
     ("convergence", lambda stage: converge(stage, resolutions=[*levels(RESOLUTION)])),
 )

@@ -168,8 +168,9 @@ class ElementModel(PlatformModel):
 class Errors(NamedTuple):
     """Error percentages of the protocol: finite-element displacement minus commanded, under the force of (18).
 
-    percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the lever
-        l3, as CONVENTIONS says.
+    percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the
+    lever l3, as CONVENTIONS says.
+
     band : (3, 3), percentage points, half-width of the numerical uncertainty by grid convergence.
     """
 

@@ -356,11 +356,11 @@ def _stress(stage: Stage) -> PageSection:
     """The stage by finite elements at 50 um in X and at 1 mrad, with its von Mises stress."""
     import numpy as np
 
-    from flexfem import api
+    from flexfem.models import solve
     from flexfem.plot.fields import CommandedStage, commanded_figure
     from flexfem.results import Fields
 
-    model, shown, necks = api.solve(stage), [], []
+    model, shown, necks = solve(stage), [], []
     for axis in (0, 2):
         pose, unit = np.array(AT) * np.eye(3)[axis], COMMANDS[axis]
         load = model.force(pose)

@@ -59,10 +59,6 @@ def scaled(compliance: Array) -> Array:
     return np.asarray(compliance / np.outer(size, size))
 
 
-def test_one_third_stands_for_three_alike_chains(pair: dict[str, Both]) -> None:
-    assert [len(pair[name].response.sectors) for name in ("alike", "unlike")] == [1, 3]
-
-
 def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
     size = np.sqrt(np.diag(both.whole.compliance))
     difference = (both.response.compliance - both.whole.compliance) / np.outer(size, size)

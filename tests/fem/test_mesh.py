@@ -15,7 +15,6 @@ import pytest
 from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
-from flexfem.clock import Limit
 from flexfem.fem import gmsh_process
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import (
@@ -27,8 +26,6 @@ from flexfem.fem.mesh import (
     estimate_triangles,
     jacobians,
     least_scaled_jacobian,
-    local_thickness,
-    sector_drawing,
 )
 from flexfem.fem.mesher import Job
 from flexfem.mechanism.bodies import BODIES, area, draw_sector
@@ -87,24 +84,11 @@ def test_mesh_has_exactly_an_outer_and_a_hub_boundary(each) -> None:
     assert loops == 2
 
 
-def test_no_two_nodes_in_one_place(each) -> None:
-    nearest = KDTree(each.mesh.nodes).query(each.mesh.nodes, k=2)[0][:, 1]
-    assert nearest.min() > 1e-3  # mm; halves of the shortest drawn curves are ten times longer, welding is to 1e-9
-
-
 def test_area_of_every_body_is_the_drawn_one(each) -> None:
     found = np.bincount(each.mesh.bodies, jacobians(each.mesh)[:, -1] / 2, minlength=12)
     faces = [draw_sector(each.stage, chain)[body] for chain in (1, 2, 3) for body in BODIES]
     ARCS = 1e-4  # parabolas instead of arcs of 40 degrees
     np.testing.assert_allclose(found, [area(face.loop) for face in faces], rtol=ARCS)
-
-
-def test_bodies_lie_where_their_chain_is(each) -> None:
-    centres, middle = stage_frames(each.stage).centres, each.mesh.nodes[each.mesh.triangles[:, :3]].mean(axis=1)
-    for chain in range(3):
-        pad = middle[each.mesh.bodies == 4 * chain].mean(axis=0)
-        distances = np.linalg.norm(centres[:, 0] - pad, axis=-1)
-        assert np.argmin(distances) == chain
 
 
 def test_triangles_are_counter_clockwise_and_far_from_folded(each) -> None:
@@ -146,23 +130,6 @@ def test_hub_is_a_full_circle_with_middle_nodes_on_it(each) -> None:
     }
 
 
-def test_middle_nodes_of_a_notch_lie_on_its_arcs(each) -> None:
-    """Straight sides would make hinges 0.3 % too soft at this size."""
-    on_arcs = 0
-    middles = each.mesh.nodes[rims(each.mesh)[:, 2]]
-    placed = stage_frames(each.stage)
-    for chain, k in np.ndindex(3, 3):
-        hinge = each.stage.hinge(chain + 1, HINGE_NAMES[k])
-        for side in (np.pi / 2, -np.pi / 2):
-            angle = placed.axes[chain, k] + side
-            up = np.array([np.cos(angle), np.sin(angle)])
-            from_centre = middles - placed.centres[chain, k] - (hinge.neck / 2 + hinge.radius) * up
-            bottom = (np.hypot(*from_centre.T) < 1.05 * hinge.radius) & (from_centre @ up < -0.2 * hinge.radius)
-            np.testing.assert_allclose(np.hypot(*from_centre[bottom].T), hinge.radius, atol=ON_ARC)
-            on_arcs += int(bottom.sum())
-    assert on_arcs >= 18 * 4
-
-
 def test_ground_is_the_straight_back_of_three_pads(each) -> None:
     edges = each.mesh.edges["ground"]
     assert length(each.mesh, edges) == pytest.approx(3 * each.stage.chain.link_width, rel=1e-9)
@@ -174,25 +141,10 @@ def test_ground_is_the_straight_back_of_three_pads(each) -> None:
         assert np.min(np.abs(behind)) < ON_ARC
 
 
-def test_only_ground_hub_and_necks_are_named(each) -> None:
-    necks = {f"neck {chain} {name}" for chain in (1, 2, 3) for name in HINGE_NAMES}
-    assert set(each.mesh.edges) == {"ground", "hub", *necks}
-
-
-def test_the_same_stage_gives_the_same_mesh_again(alike) -> None:
-    again = build_mesh(alike.stage, COARSE)
-    np.testing.assert_array_equal(again.nodes, alike.mesh.nodes)
-    np.testing.assert_array_equal(again.triangles, alike.mesh.triangles)
-
-
 def test_chains_of_unlike_hinges_are_meshed_each_on_its_own(unlike) -> None:
     """An override must reach the mesh, not the mesh of chain 1 be turned."""
     necks = [length(unlike.mesh, unlike.mesh.edges[f"neck {chain} elbow"]) for chain in (1, 2, 3)]
     np.testing.assert_allclose(necks, [0.47, 0.83, 0.47], rtol=1e-9)
-
-
-def estimated(stage: Stage, resolution: int) -> float:
-    return estimate_triangles(stage, drawn_area(stage), resolution)
 
 
 @pytest.mark.parametrize("resolution", [3, 5])
@@ -201,16 +153,6 @@ def test_estimate_is_within_a_factor_of_two(resolution: int, unlike) -> None:
         unlike.stage, drawn_area(unlike.stage), resolution
     )
     assert 0.5 < ratio < 2.0
-
-
-def test_estimate_is_within_a_factor_of_two_for_slender_and_stout_necks(make_stage: Callable[..., Stage]) -> None:
-    for neck, radius in ((0.05, 1.1), (1.7, 2.6)):
-        changes = {
-            f"hinges.{name}.{key}": v for name in HINGE_NAMES for key, v in (("neck_mm", neck), ("radius_mm", radius))
-        }
-        stage = make_stage(changes)
-        ratio = len(build_mesh(stage, COARSE).triangles) / estimated(stage, COARSE)
-        assert 0.5 < ratio < 2.0, neck
 
 
 @pytest.mark.parametrize("bend", [1e-10, 1e-7, 1e-5], ids=lambda bend: f"{bend:g} degrees")
@@ -224,19 +166,6 @@ def test_links_bent_by_next_to_nothing_are_meshed_as_straight_ones(
     )  # other parabolas
 
 
-def test_estimate_grows_with_the_square_of_the_resolution(alike) -> None:
-    assert estimated(alike.stage, 7) == pytest.approx(49 / 9 * estimated(alike.stage, 3))
-
-
-def test_local_thickness_is_the_neck_grown_by_the_notch(alike) -> None:
-    hinge = alike.stage.hinge(1, "base")
-    d = np.array([0.0, 0.01, 0.05, 30.0, 31.0])
-    found = local_thickness(d, hinge)
-    assert found[0] == hinge.neck
-    np.testing.assert_allclose(found[1:3] - hinge.neck, d[1:3] ** 2 / hinge.radius, rtol=1e-2)  # next term d^4
-    assert found[4] - found[3] == pytest.approx(1.4, rel=1e-2)  # a hyperbola near its asymptote
-
-
 def test_too_large_a_mesh_is_refused_before_gmsh_starts(
     make_stage: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,22 +175,6 @@ def test_too_large_a_mesh_is_refused_before_gmsh_starts(
     monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", started)
     with pytest.raises(ComputationFailed, match=r"^mesh of about .* triangles, expected at most [^\n]*$"):
         build_mesh(make_stage(), 300)
-
-
-def test_eight_triangles_cross_a_neck_unless_told_otherwise(
-    make_stage: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
-
-    def started(jobs: list[Job], limit: Limit) -> None:
-        asked.append((jobs[0].divisions, limit.left))
-        raise ComputationFailed("enough seen")
-
-    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", started)
-    with pytest.raises(ComputationFailed, match="enough seen"):
-        build_mesh(make_stage())
-    ((divisions, limit),) = asked
-    assert [divisions[f"neck {name}"] for name in HINGE_NAMES] == [8, 8, 8] and limit == 60.0
 
 
 def test_meshing_stops_at_its_time_limit(alike) -> None:
@@ -306,15 +219,6 @@ def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch
     assert all(each.poll() is not None for each in started)
 
 
-def test_an_error_of_gmsh_is_one_line(alike) -> None:
-    job = sector_drawing(alike.stage, 1, COARSE)
-    face = job.faces[0]
-    open_loop = face._replace(loop=face.loop[:-1], labels=face.labels[:-1])
-    with pytest.raises(ComputationFailed) as failure:
-        run_mesher(job._replace(faces=[open_loop]), 20.0)
-    assert str(failure.value).startswith("gmsh: ") and "\n" not in str(failure.value)
-
-
 def severed(mesh: StageMesh, label: str, bodies: list[int]) -> StageMesh:
     """The mesh with the given bodies on nodes of their own along an edge."""
     edge = np.unique(mesh.edges[label])
@@ -344,13 +248,6 @@ def test_an_orphan_node_is_refused(alike) -> None:
         check_mesh(orphaned, alike.stage)
 
 
-def test_a_mesh_of_another_size_is_refused(alike) -> None:
-    check_mesh(alike.mesh._replace(nodes=alike.mesh.nodes * 1.00045), alike.stage)  # area off by 0.9e-3
-    swollen = alike.mesh._replace(nodes=alike.mesh.nodes * 1.00055)  # by 1.1e-3
-    with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
-        check_mesh(swollen, alike.stage)
-
-
 def test_the_mesh_of_another_stage_is_refused(alike, make_stage: Callable[..., Stage]) -> None:
     with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
         check_mesh(alike.mesh, make_stage({"platform.hub_radius_mm": 7.9}))
@@ -374,17 +271,6 @@ def test_a_middle_node_close_to_its_corner_is_refused(place: float, sound: bool)
     else:
         with pytest.raises(ComputationFailed, match=r"scaled Jacobian of 0\.09, expected > 0\.1"):
             check_triangles(single, 3.0)
-
-
-def test_jacobians_against_a_triangle_by_hand(alike) -> None:
-    """A parabola on the hypotenuse adds 2/3 of chord times sagitta."""
-    nodes = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [1.0, 0.0], [1.0 + 0.3, 1.5 + 0.2], [0.0, 1.5]])
-    single = alike.mesh._replace(nodes=nodes, triangles=np.arange(6)[None, :])
-    sagitta = (0.3 * 3.0 + 0.2 * 2.0) / np.hypot(2.0, 3.0)
-    found = jacobians(single)[0]
-    assert found[-1] / 2 == pytest.approx(3.0 + 2 / 3 * np.hypot(2.0, 3.0) * sagitta, rel=1e-12)
-    assert found[0] == pytest.approx(6.0 - 0.0, rel=1e-12)  # the bulge does not reach the opposite corner
-    assert least_scaled_jacobian(jacobians(single)) == pytest.approx(np.min(found[:6]) / found[6])
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from flexfem.fem.modes import _aligned, lowest, modes, vibrating_structure
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import driven_response
 from flexfem.fem.structure import mass_of, plate_of, rigid_motion, structure, tie, tie_hub
-from flexfem.mechanism.bodies import Payload, carried, drawn_inertia, payload_matrix
+from flexfem.mechanism.bodies import carried, drawn_inertia, payload_matrix
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating
@@ -98,11 +98,6 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
     for batch in integration(mesh, 12):
         fine += float(np.sum(batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2))
     assert energy == pytest.approx(fine, rel=1e-12)
-
-
-def test_a_meshed_stage_with_its_hub_has_the_drawn_mass(unlike):
-    found = vibrating(unlike.stage, build_mesh(unlike.stage, 4), Payload(), "disengaged")
-    np.testing.assert_allclose(modes(found, 1).total, drawn_inertia(unlike.stage).matrix, rtol=2e-5, atol=1e-9)
 
 
 def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
