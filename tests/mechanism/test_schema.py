@@ -154,7 +154,7 @@ HOSTILE = [
     Hostile(
         "array over lines",
         edited("[31.0, 33.5, 23.0]", "[\n  31.0, # l1\n\n  -33.5,\n  23.0,\n]"),
-        "-33.5",
+        "link_lengths",
         ("chain.link_lengths_mm[1] = -33.5",),
     ),
     # overrides
@@ -394,9 +394,9 @@ def documents(draw: st.DrawFn) -> tuple[str, dict[KeyPath, int]]:
         elif form == "dotted":
             text, truth[*table, f"k{n}", "x.y"] = text + f'k{n} . "x.y" = "k{n} = 1"\n', here
         elif form == "inline":
-            text, truth[*table, f"k{n}", "z"] = text + f"k{n} = {{ y = [\n1,\n2], z = 3 }}\n", here + 2
+            text, truth[*table, f"k{n}", "z"] = text + f"k{n} = {{ y = [\n1,\n2], z = 3 }}\n", here
         elif form == "array":
-            text, truth[*table, f"k{n}", 1, "x"] = text + f"k{n} = [ {{ x = 0 }},\n\n{{ x = 1 }} ]\n", here + 2
+            text, truth[*table, f"k{n}", 1, "x"] = text + f"k{n} = [ {{ x = 0 }},\n\n{{ x = 1 }} ]\n", here
         elif form == "header":
             text, table = text + f'[ "k{n}" .sub]\n', (f"k{n}", "sub")
             truth[table] = here
