@@ -98,22 +98,3 @@ def test_a_condition_turns_at_its_limit(
     for value, is_broken in ((outside, True), (inside, False)):
         found = broken(conditions(together([make_stage({key: value})])))
         assert any(reason in each.reason and each.where[0] for each in found) is is_broken
-
-
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"hinges.elbow.neck_mm": 8.9}, "hinges.elbow.neck_mm: neck as wide as the link"),
-        ({"hinges.base.radius_mm": 4.4}, "hinges.base.radius_mm: notch deeper than the link"),
-        ({"platform.hub_radius_mm": 16.3}, "platform.hub_radius_mm: hub larger than the platform"),
-        ({"platform.radius_mm": 23.9}, "platform.radius_mm: the platform swallows the platform hinge"),
-        ({"chain.link_lengths_mm": [5.3, 33.5, 25.0]}, "chain.link_lengths_mm: base and elbow hinges closer"),
-        ({"chain.link_lengths_mm": [31.0, 2.7, 25.0]}, "chain.link_lengths_mm: elbow and platform hinges closer"),
-    ],
-)
-def test_a_broken_condition_is_named_with_its_hinge(
-    changes: dict[str, object], reason: str, make_stage: Callable[..., Stage]
-) -> None:
-    found = broken(conditions(together([make_stage(changes)])))
-    named = [each.reason for each in found if each.where[0]]
-    assert named and named[0].startswith(reason)
