@@ -7,7 +7,6 @@ refuses nesting and dotted keys so deep that `tomllib` would overflow the stack 
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import re
@@ -26,7 +25,6 @@ from flexfem.files.quantities import keywords
 from flexfem.files.refusals import (
     SHOWN,
     KeyPath,
-    Problem,
     checked_path,
     merged,
     missing_sentence,
@@ -235,59 +233,24 @@ def validate(
         As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
         first such value in the file is named, the others are counted; missing keys are named all.
     """
-    return validate_partly(model_class, path, {}, completed)[0]
-
-
-def validate_partly(
-    model_class: type[Model],
-    path: Path,
-    spare: Mapping[str, Any],
-    completed: Callable[[dict[str, Any], Lines], dict[str, Any]] | None = None,
-) -> tuple[Model, list[str]]:
-    """As `validate`, what is missing taken from `spare`, values by key path; returns the keys that are missing, too.
-
-    A key that is missing and not among the spare ones is refused as ever.
-    """
     data, lines = read_toml(path)
     require_plain_stem(path)
-    data = data if completed is None else completed(data, lines)
-    try:
-        return model_class.model_validate(data), []
-    except ValidationError as error:
-        problems = _problems(error, data)
     expected = getattr(model_class, "kind", None)
     found = kind_of(data, expected)
+    data = data if completed is None else completed(data, lines)
+    try:
+        return model_class.model_validate(data)
+    except ValidationError as error:
+        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
-    missing = _missing(model_class, data, problems)
-    if spare:
-        data = copy.deepcopy(data)
-        for key in spare.keys() & set(missing):
-            *tables, name = key.split(".")
-            table = data
-            for each in tables:
-                table = table.setdefault(each, {})
-            table[name] = spare[key]
-        try:
-            return model_class.model_validate(data), missing
-        except ValidationError as error:
-            problems = _problems(error, data)
     wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.place(problem.path))
-    keys = _missing(model_class, data, problems)
+    keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     said = [sentence(wrong[0], model_class, data) + more] if wrong else []
     said += [missing_sentence(keys)] if keys else []
     first = wrong[0] if wrong else min(problems, key=lambda problem: lines.place(problem.path))
     raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
-
-
-def _problems(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
-    return merged([problem_of(details, data) for details in error.errors(include_url=False)])
-
-
-def _missing(model_class: type[BaseModel], data: dict[str, Any], problems: list[Problem]) -> list[str]:
-    """Key paths that are missing."""
-    return [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
 
 
 def _is_json(text: str) -> bool:

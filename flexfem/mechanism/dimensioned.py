@@ -25,7 +25,7 @@ from pydantic import (
 
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
-from flexfem.files.refusals import KeyPath, key_path, merged, one_line, problem_of, shown, suggestion
+from flexfem.files.refusals import merged, one_line, problem_of, sentence
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
 
@@ -141,29 +141,8 @@ def plain(value: Any) -> Any:
 def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationError) -> str:
     """The first thing wrong, and how many more there are."""
     problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
-    first = problems[0]
-    key, more = key_path(first.path, given), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    fields = _fields(model, first.path[:-1])
-    if first.kind == "missing":
-        return f"{key} is missing{more}"
-    if first.kind == "extra_forbidden":
-        close = suggestion(str(first.path[-1]), fields)
-        return one_line(f"{key} is an unknown name{close or ', expected one of ' + ', '.join(fields)}{more}")
-    value: Any = given
-    for part in first.path:
-        value = value[part]
-    unit = fields.get(str(next((part for part in reversed(first.path) if isinstance(part, str)), "")), "")
-    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg", "_um")) else first.expected
-    return one_line(f"{key} = {shown(value)}, expected {expected}{more}" if key else f"expected {expected}{more}")
-
-
-def _fields(model: type[BaseModel], path: KeyPath) -> dict[str, str]:
-    """Names of the table at a path and the keys that files have for them."""
-    for part in path:
-        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
-        inner = (annotation, *getattr(annotation, "__args__", ()))
-        model = next((each for each in inner if isinstance(each, type) and issubclass(each, BaseModel)), model)
-    return {name: field.alias or name for name, field in model.model_fields.items() if name != "provenance"}
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return one_line(sentence(problems[0], model, given, by_name=True) + more)
 
 
 Of = TypeVar("Of")  # a stage
