@@ -68,18 +68,6 @@ def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_ele
     assert stiffness.value - stiffness.band >= 60.0
 
 
-@pytest.mark.slow
-def test_a_cluster_writes_the_same_files_as_one_process(load, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    path = load(NECK + "step = 0.05\n", *WANTED, RANGE).path
-    flexfem.run_design(path, tmp_path / "one")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        flexfem.run_design(path, tmp_path / "cluster", scheduler=cluster.scheduler_address)
-    assert written(tmp_path / "one") == written(tmp_path / "cluster")
-
-
 @pytest.mark.parametrize(
     "goal",
     [

@@ -10,7 +10,7 @@ import flexfem
 from flexfem.design.result import Step
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 
-from ..design.recorded import OTHER, REQUIREMENTS, STAGE, recorded
+from ..design.recorded import OTHER, STAGE, recorded
 
 PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}\N{MICRO SIGN}", " -u")
 BLUE, ORANGE, BLACK = "#0072B2", "#D55E00", "#1A1A1A"
@@ -108,11 +108,6 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
     assert {ax.get_xlabel() for ax in figure.axes} == {"change (%) for 1 %"}
     assert {ax.get_xlim() for ax in figure.axes} == {(-1.55 * 2.43, 1.55 * 2.43)}
     assert [words(text) for text in figure.texts if "assumed" in text.get_text()] == ["assumed dimensions"]
-
-
-def test_five_quantities_take_two_rows_of_panels_and_no_empty_one():
-    active = [each.model_copy(update={"active": True}) for each in REQUIREMENTS]
-    assert len(sensitivity_figure(recorded(requirements=active)).axes) == 5
 
 
 def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_numbers_to_one_scale():
