@@ -55,7 +55,7 @@ from flexfem.questions.driven import (
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Quantity, Result
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 from flexfem.units import MICROMETRE
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
@@ -109,7 +109,13 @@ class Drive(Result):
         prefixed=True,
     )  # fmt: skip
     stiffness = Quantity("stiffness", STIFFNESS, ("state", "direction"), SOLVED)
-    change = Quantity("change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), SOLVED, "all")
+    change = Quantity(
+        "change of the engaged stiffness by the pushes (%)",
+        "",
+        ("state", "direction"),
+        Gate(1e-9, absolute=1e-8),
+        "all",
+    )
     push_spread = Quantity("spread of the engaged stiffness (±)", STIFFNESS, ("direction",), SOLVED)
     error = Quantity(
         "error of finite elements with strokes by", MOTION, ("commanding model", "direction"), COARSER, "all",
