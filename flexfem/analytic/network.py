@@ -108,7 +108,7 @@ def with_springs(motions: Array, rates: Array) -> Array:
 
 def _together(A: Array) -> Array:
     """Compliance (..., 9, 9) of all chains together, of those (..., 3, 3, 3) of each."""
-    return np.einsum("pq,...pab->...paqb", np.eye(3), A).reshape(*A.shape[:-3], 9, 9)
+    return np.asarray(np.einsum("pq,...pab->...paqb", np.eye(3), A).reshape(*A.shape[:-3], 9, 9))
 
 
 def _column(parts: Array) -> Array:

@@ -110,12 +110,9 @@ class Drive(Result):
     )  # fmt: skip
     stiffness = Quantity("stiffness", STIFFNESS, ("state", "direction"), SOLVED)
     change = Quantity(
-        "change of the engaged stiffness by the pushes (%)",
-        "",
-        ("state", "direction"),
-        Gate(1e-9, absolute=1e-8),
+        "change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
         "all",
-    )
+    )  # fmt: skip
     push_spread = Quantity("spread of the engaged stiffness (±)", STIFFNESS, ("direction",), SOLVED)
     error = Quantity(
         "error of finite elements with strokes by", MOTION, ("commanding model", "direction"), COARSER, "all",
