@@ -275,13 +275,6 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     return Influence(at.pose[..., 0, :], gap, A_inverse, G_p, G_a, G_u, H_p, H_u)
 
 
-def open_loops(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> tuple[Array, Array]:
-    """Only `A_inverse` (..., 6, 6) and `gap` (..., 6) of `influence`: what Newton's method closes the loops by."""
-    at = chain_poses(frames, joints, displacement)
-    L, gap = _loops(at.pose, first_order(joints, at))
-    return inverse(columns(L, choice.dependent)), gap
-
-
 def _both_sides(H: Array, G: Array) -> Array:
     G = G[..., None, :, :]
     return np.swapaxes(G, -1, -2) @ H @ G

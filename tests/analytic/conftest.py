@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, influence
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance, formula
 from flexfem.mechanism.designs import Frames, frames
@@ -55,6 +55,15 @@ def scaled_error(K: Array, reference: Array) -> float:
     """Largest entry of K - reference over the diagonal of the reference: free of mm against rad."""
     size = np.sqrt(np.abs(np.diagonal(reference, axis1=-2, axis2=-1)))
     return float(np.max(np.abs(K - reference) / (size[..., :, None] * size[..., None, :])))
+
+
+def close_loops(of: PaperModel, displacement: Array) -> Array:
+    """Joint displacements (..., N) with the independent ones as given; Newton's method on the gaps of the loops."""
+    phi = np.array(displacement)
+    for _ in range(12):
+        at = influence(of.frames, of.joints, of.choice, phi)
+        phi[..., of.choice.dependent] -= (at.A_inverse @ at.gap[..., None])[..., 0]
+    return phi
 
 
 @pytest.fixture(scope="session")

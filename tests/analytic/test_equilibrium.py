@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from flexfem.analytic.large import at_pose, close_loops, under_load
+from flexfem.analytic.large import at_pose, under_load
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, chain_poses, mechanism, stiffness
 from flexfem.refused import ComputationFailed
+
+from .conftest import close_loops
 
 TANGENT = 1e-6  # truncation of the central difference is below 1e-7 for a step of 1e-4 of the load
 COMMAND = np.array([0.31, -0.24, 0.012])  # mm, mm, rad: ten times the strokes of the paper

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.large import close_loops
 from flexfem.analytic.paper import (
     FREEDOMS_BY_MOBILITY,
     chain_poses,
@@ -18,6 +17,8 @@ from flexfem.analytic.paper import (
     stiffness,
 )
 from flexfem.mechanism.designs import Frames
+
+from .conftest import close_loops
 
 H = 1e-4  # step of the five-point differences, rad and mm
 DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3

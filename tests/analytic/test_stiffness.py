@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexfem.analytic.large import close_loops
 from flexfem.analytic.paper import (
     FREEDOMS_BY_MOBILITY,
     chain_poses,
@@ -22,10 +21,14 @@ from flexfem.analytic.paper import (
 )
 from flexfem.mechanism.designs import Frames, turned
 
+from .conftest import close_loops
+
 SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while G_p stays below LEVER
 LEVER = (
     1e3  # mm/rad; the paper's choice at mobility six amplifies rounding where its prismatic joints act by long levers
 )
+
+
 seeds = st.integers(0, 10**6)
 
 
