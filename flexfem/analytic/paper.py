@@ -355,7 +355,7 @@ def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | N
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
-    displacements must close the loops (`large.close_loops`); at equilibrium K_uu is the tangent stiffness.
+    displacements must close the loops; at equilibrium K_uu is the tangent stiffness.
     """
     at = np.zeros(len(of.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load

@@ -37,12 +37,12 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
+    NUMBERS,
     ROUND_OFF,
     Criterion,
     Driven,
     DriveRanges,
     Motion,
-    NeckSections,
     Unreachable,
     commands_for,
     drive_ranges,
@@ -292,8 +292,7 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     """
     of, plate = drive_of(stage), plate_of(stage)
     C, fields = driven_response(mesh, plate, of.stacks)
-    numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
-    one = of._replace(**{name: getattr(of, name)[None] for name in numbers})
+    one = of._replace(**{name: getattr(of, name)[None] for name in NUMBERS})
     return drive_ranges(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
 
 
@@ -315,9 +314,8 @@ def push_spread(of: Commanding) -> Array:
 
 def neck_stresses(of: Commanding, loads: Array) -> Array:
     """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (3 + n,)."""
-    sections = NeckSections(*(each[0] for each in sections_of(lower(of.stage))))
-    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])
-    return np.asarray(np.max(stress_along(sections, type(carried)(*(each[..., 0] for each in carried))), axis=-1))
+    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])[..., 0]
+    return np.asarray(np.max(stress_along(sections_of(lower(of.stage))[:, 0], carried), axis=-1))
 
 
 def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Array:
@@ -330,9 +328,8 @@ def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Ar
 def rotations(of: Commanding, motion: Motion, load: Array) -> Array:
     """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
     wrenches = of.model.necks @ np.concatenate([load, motion.force])
-    return np.asarray(
-        of.result.hinges.rotation * neck_forces(stage_frames(of.stage), wrenches[..., None]).moment[..., 0]
-    )
+    moment, _, _ = neck_forces(stage_frames(of.stage), wrenches[..., None])[..., 0]
+    return np.asarray(of.result.hinges.rotation * moment)
 
 
 def _with_friction(of: StageDrive) -> tuple[Stack, ...]:

@@ -18,8 +18,6 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.drive import calibration, commanding, driven_elements, neck_stresses, rotations
 from flexfem.questions.driven import (
     CRITERIA,
-    NeckForces,
-    NeckSections,
     commands_for,
     driven,
     limits_of,
@@ -243,9 +241,9 @@ def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):
         override={(2, "elbow"): {"neck": 0.41}, (3, "platform"): {"radius": 1.9}}, model="plane_strain"
     )
     drive, one, frames = drive_of(stage), model(stage), stage_frames(stage)
-    sections = NeckSections(*(each[0] for each in sections_of(lower(stage))))
+    sections = sections_of(lower(stage))[:, 0]
     rest = np.concatenate([LOAD, moved(one.of, drive, np.zeros(6), LOAD).force])
-    at_rest = NeckForces(*(each[..., 0] for each in neck_forces(frames, (one.model.necks @ rest)[..., None])))
+    at_rest = neck_forces(frames, (one.model.necks @ rest)[..., None])[..., 0]
     limits = limits_of_necks(sections, per_command(one.of, frames, one.model.necks), at_rest, 503.0)
     assert limits.rows.shape == (9 * 141 * 4, 6)
     for command in 1e-3 * np.random.default_rng(3).normal(size=(5, 6)):
