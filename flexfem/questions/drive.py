@@ -37,7 +37,6 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
-    NUMBERS,
     ROUND_OFF,
     Criterion,
     Driven,
@@ -292,7 +291,7 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     """
     of, plate = drive_of(stage), plate_of(stage)
     C, fields = driven_response(mesh, plate, of.stacks)
-    one = of._replace(**{name: getattr(of, name)[None] for name in NUMBERS})
+    one = of.at(None)
     return drive_ranges(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
 
 

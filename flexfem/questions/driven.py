@@ -53,7 +53,6 @@ TOGETHER = 256  # designs at a time: their programs stay in the cache of a proce
 FAR = 1e7  # of rows of unit norm and ends of at most one: beyond every solution of a bounded program
 FLAT, KEPT = 1e-11, 1e-12  # of such rows: pivots that are round-off; by how much of the point one may be broken
 STEPS, PATIENCE = 300, 100  # of the simplex method; the first that is broken is taken after so many: no circles
-NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # of a drive, with an axis of designs
 
 
 class Unreachable(ComputationFailed):
@@ -333,8 +332,7 @@ def drive_ranges(designs: Designs, of: Driven, necks: Array, drive: StageDrive) 
     rest = neck_forces(designs.frames, necks[..., 3:] @ drive.preload[:, None, None, :, None]).reshape(3, n, 9)
     for begin in range(0, len(moving), TOGETHER):
         here = moving[begin : begin + TOGETHER]
-        own = drive._replace(**{name: getattr(drive, name)[here] for name in NUMBERS})
-        Z, rows, ends = _along_axes(Driven(of.C[here], of.Y[here], of.T), own)
+        Z, rows, ends = _along_axes(Driven(of.C[here], of.Y[here], of.T), drive.at(here))
         design = np.repeat(here, 6)
         cut = _Yield(designs, design, carried[:, design] @ Z, rest[:, design])
         known = np.flatnonzero(~cut(np.arange(len(Z)), np.zeros_like(Z[:, 0]))[0])

@@ -256,8 +256,7 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
     weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
     for each in (own, weak):
         one, drive = modelled(each)
-        numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
-        many = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
+        many = drive.at(None)
         of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
         studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
         found, stops = pose_set(each, one, drive).ranges()
