@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import shown
@@ -280,6 +281,10 @@ def reach_figure(found: Reach) -> Figure:
     ]
     title = f"{found.about.name}: the poses that the drive reaches within all its limits"
     figure, every = panels((WIDTH, 7.6), title, lines, 2, 2, doubts, height_ratios=(3.2, 1.0))
+    place = every[1].get_subplotspec()
+    every[1].remove()
+    eye: Any = {"elev": np.rad2deg(RAISED), "azim": np.rad2deg(TURNED), "proj_type": "ortho"}
+    every[1] = figure.add_subplot(place, projection="3d", computed_zorder=False, **eye)
     titled(plot_section(every[0], found), "a", "at θ = 0")
     titled(plot_solid(every[1], found), "b", "all poses, rotations drawn as l₃ θ")
     edges = listed(found)
@@ -342,59 +347,31 @@ def _in_order(found: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return sorted(found, key=lambda each: [KINDS.index(kind) for kind in reversed(each)])
 
 
-def plot_solid(ax: Axes, found: Reach) -> Axes:
-    """Draw all poses as a solid seen from outside, each face by the kinds of its limits; returns `ax`."""
-    ax.set(aspect="equal", xticks=[], yticks=[])
-    ax.spines[:].set_visible(False)
-    solid, V = found.fields.solid, MICROMETRE.factor * np.array([1.0, 1.0, found.about.lever]) * found.vertices
+def plot_solid(ax: Any, found: Reach) -> Any:
+    """Draw all poses as a solid in axes of three dimensions, each face by the kinds of its limits; returns `ax`."""
+    solid, units = found.fields.solid, np.array([unit.factor for unit in COMMANDS])
     if not solid.faces:
-        ax.text(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
+        ax.text2D(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
+        ax.set_axis_off()
         return ax
-    _box_of_poses(ax, found, V)
+    V = units * found.vertices
     towards = np.array([np.cos(TURNED) * np.cos(RAISED), np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED)])
-    for face, normal, by in zip(solid.faces, solid.normals, solid.by, strict=True):
-        corners, kind, visible = _seen(V[list(face)]).T, by.kinds, bool(normal @ towards > 0)
-        hidden: dict[str, Any] = {"fill": False, "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
-        look = {**_look(kind), "alpha": 0.93, "zorder": 3} if visible else {**hidden, "zorder": 2}
-        ax.add_patch(Polygon(list(corners), **look))
-    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({by.kinds for by in solid.by})]
+    faces = list(zip(solid.faces, solid.normals @ towards > 0, solid.by, strict=True))
+    behind = [V[list(face)] for face, visible, _ in faces if not visible]
+    hidden: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
+    ax.add_collection3d(Poly3DCollection(behind, zorder=2, **hidden))
+    handles = []
+    for kinds in _in_order({by.kinds for by in solid.by}):
+        fill, hatch = FILLS[kinds[-1]] if kinds else "white", "".join(LIMIT_HATCHES[kind] for kind in kinds)
+        look: dict[str, Any] = {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
+        ahead = [V[list(face)] for face, visible, by in faces if visible and by.kinds == kinds]
+        ax.add_collection3d(Poly3DCollection(ahead, alpha=0.93, zorder=3, **look))
+        handles.append(Patch(label=" and ".join(kinds), **look))
+    for axis, name, unit, values in zip("xyz", NAMES.values(), COMMANDS, V.T, strict=True):
+        ax.set(**{f"{axis}label": f"{name} ({unit})", f"{axis}lim": (values.min(), values.max())})
+    ax.set_box_aspect(np.ptp(V, axis=0) / units * np.array([1.0, 1.0, found.about.lever]))
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
-
-
-def _look(of: Sequence[str]) -> dict[str, Any]:
-    fill, hatch = FILLS[of[-1]] if of else "white", "".join(LIMIT_HATCHES[kind] for kind in of)
-    return {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
-
-
-def _seen(points: Array) -> Array:
-    """Points (n, 3) as they are seen, (2, n): to the right and up."""
-    c, s = np.cos(TURNED), np.sin(TURNED)
-    up = np.array([-c * np.sin(RAISED), -s * np.sin(RAISED), np.cos(RAISED)])
-    return np.asarray(np.stack([points @ np.array([-s, c, 0.0]), points @ up]))
-
-
-def _box_of_poses(ax: Axes, found: Reach, V: Array) -> None:
-    """The box that holds the poses, with the ends of its sides; the side of each axis that faces the eye, below."""
-    exact = np.array([V.min(axis=0), V.max(axis=0)])
-    size = float(np.ptp(exact, axis=0).max()) or 1.0
-    low, high = exact[0] - 0.04 * size, exact[1] + 0.04 * size
-    corners = np.array(list(product(*zip(low, high, strict=True))))
-    for a, b in product(range(8), repeat=2):
-        if a < b and np.sum(corners[a] != corners[b]) == 1:
-            ax.plot(*_seen(corners[[a, b]]), color=GREY, linewidth=0.4, zorder=1)
-    sides = ((np.nan, low[1], low[2]), (high[0], np.nan, low[2]), (low[0], low[1], np.nan))
-    aligned, shifts = (("center", "top"), ("left", "top"), ("right", "center")), ((-0.3, -1), (0.6, -0.8), (-1, 0))
-    for axis, (side, unit) in enumerate(zip(sides, COMMANDS, strict=True)):
-        scale = unit.factor / (MICROMETRE.factor * (found.about.lever if axis == 2 else 1.0))
-        ends = [(value, minus(f"{scale * value:z.3g}"), 0.03) for value in exact[:, axis]]
-        for value, text, pad in [*ends, (exact[:, axis].mean(), f"{list(NAMES.values())[axis]} ({unit})", 0.1)]:
-            at = _seen(np.where(np.isnan(side), value, side)[None])[:, 0] + pad * size * np.array(shifts[axis])
-            style: dict[str, Any] = {"ha": aligned[axis][0], "va": aligned[axis][1], "size": 7.5 if pad < 0.1 else 8.5}
-            ax.text(at[0], at[1], text, color=INK, **style)
-    seen = _seen(corners)
-    ax.set(xlim=(seen[0].min() - 0.25 * size, seen[0].max() + 0.15 * size))
-    ax.set(ylim=(seen[1].min() - 0.2 * size, seen[1].max() + 0.3 * size))
 
 
 MODELS: dict[int, tuple[str, dict[str, Any]]] = {
@@ -407,6 +384,7 @@ ELEMENTS: dict[int, tuple[str, dict[str, Any]]] = {
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
 }
+COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
 HONEST = 1e-4  # per cent: half the axis of a panel that has nothing but round-off to show
 
 
@@ -432,14 +410,8 @@ def large_figure(found: Large) -> Figure:
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
     figure, every = panels((WIDTH, 8.5), title, lines, 3, 3, doubts)
-    columns = {
-        "tangent stiffness": plot_tangents,
-        "error of linear theory along": plot_along,
-        "error of linear theory across": plot_across,
-    }
-    for index, (direction, (name, draw)) in enumerate(product(DIRECTIONS, columns.items())):
-        draw(every[index], found, direction)
-        titled(every[index], "abcdefghi"[index], f"{NAMES[direction]}: {name}")
+    for index, (direction, column) in enumerate(product(DIRECTIONS, COLUMNS)):
+        titled(plot_large(every[index], found, direction, column), "abcdefghi"[index], f"{NAMES[direction]}: {column}")
     legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
 
@@ -450,56 +422,36 @@ def _both_sides(found: Large, axis: Direction, share: float) -> str:
     return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
-def plot_tangents(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
-    curves = found.at("tangent", direction=direction)
-    _draw_models(ax, _frame(ax, found, direction, "change from rest (%)"), curves)
-    _write_terms(ax, curves)
-    return ax
-
-
-def plot_along(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the error of linear theory along the command, by every model; returns `ax`."""
-    curves = found.at("errors", direction=direction, component=direction)
-    _draw_models(ax, _frame(ax, found, direction, "error (% of the command)"), curves)
-    _write_terms(ax, curves)
-    return ax
-
-
-def plot_across(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the errors of linear theory across the command, by every model; returns `ax`."""
-    commanded, largest = _frame(ax, found, direction, "error (% of the command)"), 0.0
-    for other in (each for each in DIRECTIONS if each != direction):
-        curves = found.at("errors", direction=direction, component=other)
-        largest = max(largest, float(np.max(np.abs(curves[:, EXACT]))))
-        _draw_models(ax, commanded, curves[:, :LOADED])
-        if largest > ROUND_OFF:
-            place = (float(commanded[-1]), float(curves[-1, EXACT]))
-            beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-            ax.annotate(f"in {NAMES[other]}", place, (7, 0), **beside)
-            ax.set_xlim(right=1.4 * place[0])
-    if largest < ROUND_OFF:
-        ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
-        boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
-    return ax
-
-
-def _frame(ax: Axes, found: Large, direction: Direction, label: str) -> Array:
-    """Labels, grid and the line of linear theory; returns the commands in the unit of the axis."""
+def plot_large(ax: Axes, found: Large, direction: Direction, column: str) -> Axes:
+    """Draw one of `COLUMNS` along the way in one direction, by every model; returns `ax`."""
     far = float(found.at("amplitude", direction=direction))
     unit = unit_for(direction, far)
-    ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})", ylabel=label)
+    commanded, aside = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS, column == COLUMNS[2]
+    ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})")
+    ax.set_ylabel("change from rest (%)" if column == COLUMNS[0] else "error (% of the command)")
     ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
     ax.grid()
-    return unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
-
-
-def _draw_models(ax: Axes, commanded: Array, curves: Array) -> None:
-    """Draw curves (shares, theories), those of finite elements as marks where they were solved."""
-    for theory, (label, style) in (MODELS | ELEMENTS).items():
-        known = np.isfinite(curves[:, theory]) if theory < curves.shape[1] else np.zeros(len(curves), dtype=bool)
-        if known.any():
-            ax.plot(commanded[known], curves[known, theory], label=label, **style)
+    components = [each for each in DIRECTIONS if (each != direction) == aside]
+    every = [found.at("errors", direction=direction, component=each) for each in components]
+    if column == COLUMNS[0]:
+        every = [found.at("tangent", direction=direction)]
+    for curves in every:
+        for theory, (label, style) in (MODELS | ELEMENTS).items():
+            known = np.isfinite(curves[:, theory])
+            if known.any() and not (aside and theory == LOADED):
+                ax.plot(commanded[known], curves[known, theory], label=label, **style)
+    if not aside:
+        _write_terms(ax, every[0])
+        return ax
+    if max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
+        ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
+        boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
+        return ax
+    for other, curves in zip(components, every, strict=True):
+        beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
+        ax.annotate(f"in {NAMES[other]}", (float(commanded[-1]), float(curves[-1, EXACT])), (7, 0), **beside)
+    ax.set_xlim(right=1.4 * float(commanded[-1]))
+    return ax
 
 
 def _write_terms(ax: Axes, curves: Array) -> None:
