@@ -15,7 +15,7 @@ from flexfem.analytic.network import stiffness
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import inverse
 from flexfem.mechanism.bodies import Segment
-from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.setup import solved as solve_stage
@@ -78,14 +78,6 @@ def test_where_a_bend_is_slight_it_is_a_straight_beam_whichever_way_it_bends():
     for R in (1e4, -1e4):
         bent = _bar(of, of.elastic, Segment(1j * R * (1 - np.exp(-1j * length / R)), 0j, 1j * R))
         np.testing.assert_allclose(bent[1:, 1:], straight[1:, 1:], rtol=SLIGHT)
-
-
-def test_chains_add_the_same_compliance_turned():
-    added = body_compliance(stage())
-    first, second = added[:3, :3], added[3:6, 3:6]
-    c, s = np.cos(CHAIN_TURN), np.sin(CHAIN_TURN)
-    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    np.testing.assert_allclose(R @ first @ R.T, second, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", ["mobility3", "mobility6"])
