@@ -100,16 +100,6 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
     np.testing.assert_allclose(reached, POSE, rtol=1e-6)
 
 
-@pytest.mark.parametrize("mobility", [4, 5])
-def test_rotations_of_models_with_fewer_freedoms_than_rotations(unlike, mobility):
-    """The rigid loops allow four or five of the six rotations: those under the force that holds the pose."""
-    flags = {(chain, "base"): {"prismatic": chain <= mobility - 3} for chain in (1, 2, 3)}
-    stage = unlike.replace(override=flags)
-    found = analyse(stage)
-    assert found.mobility == mobility
-    wanted, _ = by_least_energy(stage, found.freedoms, [], POSE)
-    given = imposed(stage, found, "joints").given @ POSE
-    np.testing.assert_allclose(given, wanted[[0, 3, 6, 1, 4, 7]], rtol=1e-6, atol=1e-11)
 
 
 def test_a_rotation_is_read_between_the_two_ends_of_a_notch(unlike):
