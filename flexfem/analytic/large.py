@@ -165,10 +165,10 @@ def _of_paper(of: PaperModel, target: Array, hold: bool) -> Equilibrium:
         place = np.arange(own.start, own.stop)
         chains.append(ChainJoints(place, t[..., 0, :] + 1j * t[..., 1, :], t[..., 2, :], ()))
     serial = Serial(0, tuple(chains), np.eye(root.shape[-1]))
-    singular = np.isnan(stiffness(of).K_uu).any(axis=(-2, -1))
+    singular = np.asarray(np.isnan(stiffness(of).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
         found = _equilibrium(serial, np.zeros(0), target, hold, steps)
-        lost = np.isnan(found.displacement).any(axis=-1) & ~singular
+        lost = np.asarray(np.isnan(found.displacement).any(axis=-1) & ~singular)
         if not lost.any():
             pose, load = (np.where(singular[..., None], np.nan, part) for part in found[:2])
             return found._replace(pose=pose, load=load, displacement=found.displacement / root)

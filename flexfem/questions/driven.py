@@ -333,13 +333,11 @@ def drive_ranges(designs: Designs, of: Driven, necks: Array, drive: StageDrive) 
     for begin in range(0, len(moving), TOGETHER):
         here = moving[begin : begin + TOGETHER]
         Z, rows, ends = _along_axes(Driven(of.C[here], of.Y[here], of.T), drive.at(here))
-        design = np.repeat(here, 6)
-        cut = _Yield(designs, design, carried[:, design] @ Z, rest[:, design])
-        known = np.flatnonzero(~cut(np.arange(len(Z)), np.zeros_like(Z[:, 0]))[0])
-        far = np.full(len(Z), np.nan)
-        far[known] = farthest(rows[known], ends[known], lambda which, z, cut=cut, known=known: cut(known[which], z))[
-            :, 0
-        ]
+        design, far = np.repeat(here, 6), np.full(len(Z), np.nan)
+        at_rest, *_ = _Yield(designs, design, carried[:, design] @ Z, rest[:, design])(np.arange(len(Z)), 0 * Z[:, 0])
+        known, design = np.flatnonzero(~at_rest), design[~at_rest]
+        cut = _Yield(designs, design, carried[:, design] @ Z[known], rest[:, design])
+        far[known] = farthest(rows[known], ends[known], cut)[:, 0]
         reach[here] = far.reshape(-1, 2, 3)
     return DriveRanges(reach, inverse(of.engaged))
 

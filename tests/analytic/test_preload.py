@@ -159,8 +159,6 @@ def test_without_forces_it_is_the_stage_with_its_drive_engaged_and_disengaged(na
         np.testing.assert_allclose(found.stiffness(stiff) @ C, np.eye(3), atol=1e-8)
 
 
-
-
 def test_forces_beyond_buckling_are_refused_or_called_unstable(stage):
     of, drive = analyse(stage, 6), drive_of(stage)
     serially = serial(stage, of, drive.stacks, "carrier")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 from flexfem.analytic.paper import (
     FREEDOMS_BY_MOBILITY,
@@ -19,15 +18,7 @@ from flexfem.analytic.paper import (
 
 from .conftest import close_loops
 
-SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while G_p stays below LEVER
-LEVER = (
-    1e3  # mm/rad; the paper's choice at mobility six amplifies rounding where its prismatic joints act by long levers
-)
-
-
-seeds = st.integers(0, 10**6)
-
-
+SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper's while its G_p stays small
 
 
 @pytest.mark.parametrize("number", [3, 6, 12, 21])
@@ -43,8 +34,6 @@ def test_stiffness_does_not_depend_on_the_dependent_joints(generic, error, numbe
         if np.isfinite(K).all():
             assert error(K, reference) < 1e-7  # random choices may be badly conditioned
             tried += 1
-
-
 
 
 def test_joint_stiffness_is_the_slope_of_the_effective_load(generic, table, error) -> None:

@@ -100,8 +100,6 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
     np.testing.assert_allclose(reached, POSE, rtol=1e-6)
 
 
-
-
 def test_a_rotation_is_read_between_the_two_ends_of_a_notch(unlike):
     """Fields of finite elements, read from the nodes of the bodies beside each notch instead of with the couples."""
     couples, plate, mesh = hinge_couples(unlike, (0, 1, 2)), plate_of(unlike), build_mesh(unlike, 6)

@@ -124,8 +124,6 @@ def test_a_square_with_a_corner_cut_off_is_drawn_as_by_hand():
     assert set(held.farthest(np.array([1.0, 1.0])).by) & {"contact of 0", "stroke of 0"}
 
 
-
-
 def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
     one, drive = modelled(stage)
@@ -201,8 +199,6 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
         found, stops = pose_set(each, one, drive).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
     assert any("yield" in by.kinds for by in stops.values())
-
-
 
 
 def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
