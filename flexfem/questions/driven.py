@@ -21,6 +21,7 @@ The preloads of single stacks stress the necks at rest; those of a pair bear on 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -334,9 +335,10 @@ def drive_ranges(designs: Designs, of: Driven, necks: Array, drive: StageDrive) 
         here = moving[begin : begin + TOGETHER]
         Z, rows, ends = _along_axes(Driven(of.C[here], of.Y[here], of.T), drive.at(here))
         design, far = np.repeat(here, 6), np.full(len(Z), np.nan)
-        at_rest, *_ = _Yield(designs, design, carried[:, design] @ Z, rest[:, design])(np.arange(len(Z)), 0 * Z[:, 0])
+        own = designs, design, carried[:, design] @ Z, rest[:, design]
+        at_rest, *_ = _broken_yield(*own, np.arange(len(Z)), np.zeros_like(Z[:, 0]))
         known, design = np.flatnonzero(~at_rest), design[~at_rest]
-        cut = _Yield(designs, design, carried[:, design] @ Z[known], rest[:, design])
+        cut = partial(_broken_yield, designs, design, carried[:, design] @ Z[known], rest[:, design])
         far[known] = farthest(rows[known], ends[known], cut)[:, 0]
         reach[here] = far.reshape(-1, 2, 3)
     return DriveRanges(reach, inverse(of.engaged))
@@ -368,42 +370,37 @@ def _along_axes(of: Driven, drive: StageDrive) -> tuple[Array, Array, Array]:
     return Z, np.repeat(rows, 6, axis=0) @ Z, np.repeat(ends, 6, axis=0)
 
 
-class _Yield(NamedTuple):
-    """The half-spaces of yield of p programs: design (p,), forces (3, p, 9, d) and those at rest (3, p, 9) of necks."""
+def _broken_yield(
+    designs: Designs, design: Index, forces: Array, rest: Array, which: Index, z: Array
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Whether points z (q, d) of some programs break yield, and the half-space (q, d), (q,) of the worst place.
 
-    designs: Designs
-    design: Index
-    forces: Array
-    rest: Array
-
-    def __call__(self, which: Index, z: Array) -> tuple[NDArray[np.bool_], Array, Array]:
-        """Whether points (q, d) of some programs break yield, and the half-space (q, d), (q,) of the worst place.
-
-        Places are looked at where the narrowest section would break it with the lever of the farthest.
-        """
-        designs, design = self.designs, self.design[which]
-        broken, cut, ends = np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z))
-        carried = np.einsum("ipkd,pd->ipk", self.forces[:, which], z) + self.rest[:, which]
-        allowed = designs.yield_strength[design] * (1 - YIELD_MARGIN[designs.plane])  # the model's stress may be low
-        _, bending, tension = (each[design].reshape(-1, 9) for each in sections_of(designs, 1))
-        K = concentration(designs.neck[design] / designs.radius[design])
-        lever = (BESIDE * designs.radius[design] * K.shear / K.bending).reshape(-1, 9)
-        M, N, V = np.abs(carried)
-        near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
-        if not len(near):
-            return broken, cut, ends
-        at = sections_of(designs.chosen(design[near])).reshape(3, len(near), 9, -1)
-        stress = stress_along(at, carried[:, near]).reshape(len(near), -1)
-        worst, each = np.argmax(stress, axis=1), np.arange(len(near))
-        broken[near] = stress[each, worst] > allowed[near] * (1 + YIELDING)
-        neck = worst // at.shape[-1]
-        x, bending, tension = at.reshape(3, len(near), -1)[:, each, worst]
-        (M, N, V), rest = carried[:, near, neck], self.rest[:, which[near], neck]
-        bent, pulled = np.sign(M + V * x) * bending, np.sign(N) * tension
-        moment, normal, shear = self.forces[:, which[near], neck]
-        cut[near] = (bent * (moment + shear * x[:, None]).T + pulled * normal.T).T
-        ends[near] = allowed[near] - bent * (rest[0] + rest[2] * x) - pulled * rest[1]
+    Of p programs: their designs (p,), forces (3, p, 9, d) of the necks and those at rest (3, p, 9). Places are looked
+    at where the narrowest section would break yield with the lever of the farthest.
+    """
+    at_design = design[which]
+    broken, cut, ends = np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z))
+    carried = np.einsum("ipkd,pd->ipk", forces[:, which], z) + rest[:, which]
+    allowed = designs.yield_strength[at_design] * (1 - YIELD_MARGIN[designs.plane])  # the model's stress may be low
+    _, bending, tension = (each[at_design].reshape(-1, 9) for each in sections_of(designs, 1))
+    K = concentration(designs.neck[at_design] / designs.radius[at_design])
+    lever = (BESIDE * designs.radius[at_design] * K.shear / K.bending).reshape(-1, 9)
+    M, N, V = np.abs(carried)
+    near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
+    if not len(near):
         return broken, cut, ends
+    at = sections_of(designs.chosen(at_design[near])).reshape(3, len(near), 9, -1)
+    stress = stress_along(at, carried[:, near]).reshape(len(near), -1)
+    worst, each = np.argmax(stress, axis=1), np.arange(len(near))
+    broken[near] = stress[each, worst] > allowed[near] * (1 + YIELDING)
+    neck = worst // at.shape[-1]
+    x, bending, tension = at.reshape(3, len(near), -1)[:, each, worst]
+    (M, N, V), own = carried[:, near, neck], rest[:, which[near], neck]
+    bent, pulled = np.sign(M + V * x) * bending, np.sign(N) * tension
+    moment, normal, shear = forces[:, which[near], neck]
+    cut[near] = (bent * (moment + shear * x[:, None]).T + pulled * normal.T).T
+    ends[near] = allowed[near] - bent * (own[0] + own[2] * x) - pulled * own[1]
+    return broken, cut, ends
 
 
 Cut: TypeAlias = Callable[[Index, Array], tuple[NDArray[np.bool_], Array, Array]]
