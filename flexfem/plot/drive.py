@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import shown
@@ -281,10 +280,6 @@ def reach_figure(found: Reach) -> Figure:
     ]
     title = f"{found.about.name}: the poses that the drive reaches within all its limits"
     figure, every = panels((WIDTH, 7.6), title, lines, 2, 2, doubts, height_ratios=(3.2, 1.0))
-    place = every[1].get_subplotspec()
-    every[1].remove()
-    eye: Any = {"elev": np.rad2deg(RAISED), "azim": np.rad2deg(TURNED), "proj_type": "ortho"}
-    every[1] = figure.add_subplot(place, projection="3d", computed_zorder=False, **eye)
     titled(plot_section(every[0], found), "a", "at θ = 0")
     titled(plot_solid(every[1], found), "b", "all poses, rotations drawn as l₃ θ")
     edges = listed(found)
@@ -347,31 +342,59 @@ def _in_order(found: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return sorted(found, key=lambda each: [KINDS.index(kind) for kind in reversed(each)])
 
 
-def plot_solid(ax: Any, found: Reach) -> Any:
-    """Draw all poses as a solid in axes of three dimensions, each face by the kinds of its limits; returns `ax`."""
-    solid, units = found.fields.solid, np.array([unit.factor for unit in COMMANDS])
+def plot_solid(ax: Axes, found: Reach) -> Axes:
+    """Draw all poses as a solid seen from outside, each face by the kinds of its limits; returns `ax`."""
+    ax.set(aspect="equal", xticks=[], yticks=[])
+    ax.spines[:].set_visible(False)
+    solid, V = found.fields.solid, MICROMETRE.factor * np.array([1.0, 1.0, found.about.lever]) * found.vertices
     if not solid.faces:
-        ax.text2D(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
-        ax.set_axis_off()
+        ax.text(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
         return ax
-    V = units * found.vertices
+    _box_of_poses(ax, found, V)
     towards = np.array([np.cos(TURNED) * np.cos(RAISED), np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED)])
-    faces = list(zip(solid.faces, solid.normals @ towards > 0, solid.by, strict=True))
-    behind = [V[list(face)] for face, visible, _ in faces if not visible]
-    hidden: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
-    ax.add_collection3d(Poly3DCollection(behind, zorder=2, **hidden))
-    handles = []
-    for kinds in _in_order({by.kinds for by in solid.by}):
-        fill, hatch = FILLS[kinds[-1]] if kinds else "white", "".join(LIMIT_HATCHES[kind] for kind in kinds)
-        look: dict[str, Any] = {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
-        ahead = [V[list(face)] for face, visible, by in faces if visible and by.kinds == kinds]
-        ax.add_collection3d(Poly3DCollection(ahead, alpha=0.93, zorder=3, **look))
-        handles.append(Patch(label=" and ".join(kinds), **look))
-    for axis, name, unit, values in zip("xyz", NAMES.values(), COMMANDS, V.T, strict=True):
-        ax.set(**{f"{axis}label": f"{name} ({unit})", f"{axis}lim": (values.min(), values.max())})
-    ax.set_box_aspect(np.ptp(V, axis=0) / units * np.array([1.0, 1.0, found.about.lever]))
+    for face, normal, by in zip(solid.faces, solid.normals, solid.by, strict=True):
+        corners, kind, visible = _seen(V[list(face)]).T, by.kinds, bool(normal @ towards > 0)
+        hidden: dict[str, Any] = {"fill": False, "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
+        look = {**_look(kind), "alpha": 0.93, "zorder": 3} if visible else {**hidden, "zorder": 2}
+        ax.add_patch(Polygon(list(corners), **look))
+    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({by.kinds for by in solid.by})]
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
+
+
+def _look(of: Sequence[str]) -> dict[str, Any]:
+    fill, hatch = FILLS[of[-1]] if of else "white", "".join(LIMIT_HATCHES[kind] for kind in of)
+    return {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
+
+
+def _seen(points: Array) -> Array:
+    """Points (n, 3) as they are seen, (2, n): to the right and up."""
+    c, s = np.cos(TURNED), np.sin(TURNED)
+    up = np.array([-c * np.sin(RAISED), -s * np.sin(RAISED), np.cos(RAISED)])
+    return np.asarray(np.stack([points @ np.array([-s, c, 0.0]), points @ up]))
+
+
+def _box_of_poses(ax: Axes, found: Reach, V: Array) -> None:
+    """The box that holds the poses, with the ends of its sides; the side of each axis that faces the eye, below."""
+    exact = np.array([V.min(axis=0), V.max(axis=0)])
+    size = float(np.ptp(exact, axis=0).max()) or 1.0
+    low, high = exact[0] - 0.04 * size, exact[1] + 0.04 * size
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    for a, b in product(range(8), repeat=2):
+        if a < b and np.sum(corners[a] != corners[b]) == 1:
+            ax.plot(*_seen(corners[[a, b]]), color=GREY, linewidth=0.4, zorder=1)
+    sides = ((np.nan, low[1], low[2]), (high[0], np.nan, low[2]), (low[0], low[1], np.nan))
+    aligned, shifts = (("center", "top"), ("left", "top"), ("right", "center")), ((-0.3, -1), (0.6, -0.8), (-1, 0))
+    for axis, (side, unit) in enumerate(zip(sides, COMMANDS, strict=True)):
+        scale = unit.factor / (MICROMETRE.factor * (found.about.lever if axis == 2 else 1.0))
+        ends = [(value, minus(f"{scale * value:z.3g}"), 0.03) for value in exact[:, axis]]
+        for value, text, pad in [*ends, (exact[:, axis].mean(), f"{list(NAMES.values())[axis]} ({unit})", 0.1)]:
+            at = _seen(np.where(np.isnan(side), value, side)[None])[:, 0] + pad * size * np.array(shifts[axis])
+            style: dict[str, Any] = {"ha": aligned[axis][0], "va": aligned[axis][1], "size": 7.5 if pad < 0.1 else 8.5}
+            ax.text(at[0], at[1], text, color=INK, **style)
+    seen = _seen(corners)
+    ax.set(xlim=(seen[0].min() - 0.25 * size, seen[0].max() + 0.15 * size))
+    ax.set(ylim=(seen[1].min() - 0.2 * size, seen[1].max() + 0.3 * size))
 
 
 MODELS: dict[int, tuple[str, dict[str, Any]]] = {
@@ -411,7 +434,7 @@ def large_figure(found: Large) -> Figure:
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
     figure, every = panels((WIDTH, 8.5), title, lines, 3, 3, doubts)
     for index, (direction, column) in enumerate(product(DIRECTIONS, COLUMNS)):
-        titled(plot_large(every[index], found, direction, column), "abcdefghi"[index], f"{NAMES[direction]}: {column}")
+        titled(_plot_way(every[index], found, direction, column), "abcdefghi"[index], f"{NAMES[direction]}: {column}")
     legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
 
@@ -422,8 +445,22 @@ def _both_sides(found: Large, axis: Direction, share: float) -> str:
     return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
-def plot_large(ax: Axes, found: Large, direction: Direction, column: str) -> Axes:
-    """Draw one of `COLUMNS` along the way in one direction, by every model; returns `ax`."""
+def plot_tangents(ax: Axes, found: Large, direction: Direction) -> Axes:
+    """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
+    return _plot_way(ax, found, direction, COLUMNS[0])
+
+
+def plot_along(ax: Axes, found: Large, direction: Direction) -> Axes:
+    """Draw the error of linear theory along the command, by every model; returns `ax`."""
+    return _plot_way(ax, found, direction, COLUMNS[1])
+
+
+def plot_across(ax: Axes, found: Large, direction: Direction) -> Axes:
+    """Draw the errors of linear theory across the command, by every model; returns `ax`."""
+    return _plot_way(ax, found, direction, COLUMNS[2])
+
+
+def _plot_way(ax: Axes, found: Large, direction: Direction, column: str) -> Axes:
     far = float(found.at("amplitude", direction=direction))
     unit = unit_for(direction, far)
     commanded, aside = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS, column == COLUMNS[2]
