@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -100,13 +100,6 @@ class AsBuilt(Result):
     unanswered = Quantity("draws without an answer", shown=False)
 
 
-class _Rows(NamedTuple):
-    """What a table says, and on which lines."""
-
-    data: dict[str, Any]
-    lines: list[int]
-
-
 def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
     """Read the nine necks of a stage: CSV with columns chain, hinge, neck_um and, if known, sd_um; or TOML, [[neck]].
 
@@ -117,8 +110,7 @@ def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
         necks, found = validate(Necks, path), read_toml(path)
         lines = [found.lines.line(("neck", k)) or 1 for k in range(len(necks.neck))]
     else:
-        rows = _table(path)
-        necks, lines = _of_rows(path, rows), rows.lines
+        necks, lines = _of_table(path)
     for one, line in zip(necks.neck, lines, strict=True):
         drawn, um = stage.hinge(one.chain, one.hinge).neck, MICROMETRE.factor
         low, high = (share * drawn for share in PLAUSIBLE)
@@ -133,8 +125,8 @@ def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
     return necks
 
 
-def _table(path: Path) -> _Rows:
-    """Rows of a CSV file as TOML would give them."""
+def _of_table(path: Path) -> tuple[Necks, list[int]]:
+    """The necks of a CSV file, and their lines."""
     numbered = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
         raise BadInput(f"{place_of(path)}: empty, expected columns chain, hinge, neck_um and, if known, sd_um")
@@ -148,8 +140,16 @@ def _table(path: Path) -> _Rows:
     for (line, _), row in zip(numbered[1:], rows, strict=True):
         if len(row) != len(keys):
             raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(keys)}, as the first line has")
-    data = [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]
-    return _Rows({"neck": data}, [line for line, _ in numbered[1:]])
+    data = {"neck": [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]}
+    lines = [line for line, _ in numbered[1:]]
+    try:
+        return Necks.model_validate(data), lines
+    except ValidationError as error:
+        first = problem_of(error.errors(include_url=False)[0], data)
+        at = [part for part in first.path if isinstance(part, int)]
+        place = place_of(path, lines[at[0]] if at else None)
+        said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
+        raise BadInput(one_line(f"{place}: {said}")) from None
 
 
 def _value(cell: str) -> int | float | str:
@@ -159,17 +159,6 @@ def _value(cell: str) -> int | float | str:
         except ValueError:
             continue
     return cell
-
-
-def _of_rows(path: Path, rows: _Rows) -> Necks:
-    try:
-        return Necks.model_validate(rows.data)
-    except ValidationError as error:
-        first = problem_of(error.errors(include_url=False)[0], rows.data)
-        at = [part for part in first.path if isinstance(part, int)]
-        place = place_of(path, rows.lines[at[0]] if at else None)
-        said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, rows.data)
-        raise BadInput(one_line(f"{place}: {said}")) from None
 
 
 def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:

@@ -14,8 +14,9 @@ import numpy as np
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.analytic.network import ElasticBodies
 from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
+from flexfem.analytic.responses import WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.files.refusals import suggestion
@@ -90,13 +91,12 @@ def vibrating(
     """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
     n, links = len(reason), loaded.study.links
     moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
-    shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
-    elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
+    elastic = _no_parts(n, len(on_bodies())) if links else None
 
     def draw(index: int, stage: Stage) -> None:
         moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
         if elastic is not None:
-            _put(elastic, index, elastic_bodies(stage))
+            _put(elastic, index, link_parts(stage, on_bodies(stage)))
 
     _each(stages, reason, draw)
     return ask_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
@@ -108,13 +108,16 @@ def payload(loaded: LoadedStudy) -> Payload | None:
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
-def _link_parts(stages: Stages, reason: AnyArray, drive: StageDrive) -> LinkParts:
+def _link_parts(stages: Stages, reason: AnyArray, drive: StageDrive) -> ElasticBodies:
     """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
-    n, stacks = len(reason), len(drive.stacks)
-    shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
-    found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
+    found = _no_parts(len(reason), len(drive.stacks))
     _each(stages, reason, lambda index, stage: _put(found, index, link_parts(stage, drive_of(stage).stacks)))
     return found
+
+
+def _no_parts(n: int, stacks: int) -> ElasticBodies:
+    shapes = (9, 9), (3, 3, 3 + stacks), (3 + stacks, 3 + stacks)
+    return ElasticBodies(*(np.zeros((n, *shape)) for shape in shapes))
 
 
 def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
@@ -126,7 +129,7 @@ def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) 
             reason[index] = str(refusal)
 
 
-def _put(parts: LinkParts, index: int, own: LinkParts) -> None:
+def _put(parts: ElasticBodies, index: int, own: ElasticBodies) -> None:
     for all_of, one in zip(parts, own, strict=True):
         all_of[index] = one
 
