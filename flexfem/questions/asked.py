@@ -185,7 +185,10 @@ def ask_elements(
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = neck_stresses(stage, response, stiffness).max(axis=(1, 2))  # row j: the loads of a unit displacement j
+    # row j of the stiffness: the loads of a unit displacement j
+    stress = neck_stresses(stage, response, stiffness).highest.max(
+        axis=(1, 2)
+    )  # row j: the loads of a unit displacement j
     turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     found = Answers(stiffness[None], stress[None], turning[None], strength, size)
@@ -210,7 +213,7 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
 
     Raises as `ask_elements`; the time limit is that of gmsh.
     """
-    from flexfem.fem.fields import base_rotations, solid_neck_stresses
+    from flexfem.fem.fields import base_rotations, neck_stresses
     from flexfem.fem.fields import envelope as meshed
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
@@ -220,7 +223,7 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
     response = unit_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
     stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = solid_neck_stresses(stage, plate, response, stiffness).highest.max(axis=(1, 2))
+    stress = neck_stresses(stage, response, stiffness).highest.max(axis=(1, 2))
     turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     return Answers(stiffness[None], stress[None], turning[None], strength, size)
