@@ -54,7 +54,7 @@ from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array, inverse
 from flexfem.fem.elements import Plate, sheet
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, uneven_sectors, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, mesh_sectors, welded
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.writing import markdown_table
@@ -551,7 +551,7 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     for n in (1, 2, 4, 8):
         yield f"linear triangles, {n} across every neck", linear_compliance(solved(stage, n).mesh, plate)
     for across in ((1, 2, 2), (3, 4, 4)):  # of the three sectors; their cuts have the same nodes
-        sectors, said = uneven_sectors(stage, across), ", ".join(map(str, across))
+        sectors, said = mesh_sectors(stage, across), ", ".join(map(str, across))
         yield f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)
         yield f"asymmetric mesh, {said} quadratic triangles", unit_response(sectors, plate).compliance
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))

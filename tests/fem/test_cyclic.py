@@ -65,18 +65,6 @@ def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
     assert both.response.unknowns == both.whole.unknowns
 
 
-def test_fields_are_those_of_the_whole_stage(both: Both) -> None:
-    fields = under_loads(both.response.sector_fields)
-    sectors = both.response.sectors * (3 // len(both.response.sectors))
-    for chain, (sector, field) in enumerate(zip(sectors, fields, strict=True)):
-        places = turned(sector.mesh.nodes, chain * CHAIN_TURN)
-        there = turned(field, chain * CHAIN_TURN)
-        for place in np.linspace(0, len(places) - 1, 40).astype(int):
-            node = int(np.argmin(np.hypot(*(both.mesh.nodes - places[place]).T)))
-            size = np.abs(both.whole.fields).max(axis=(1, 2))[:, None]
-            assert np.abs((there[:, place] - both.whole.fields[:, node]) / size).max() < SAME
-
-
 def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both: Both) -> None:
     np.testing.assert_array_equal(both.response.mesh.nodes, both.mesh.nodes)
     size = np.abs(both.whole.fields).max(axis=(1, 2), keepdims=True)
@@ -94,19 +82,6 @@ def test_neck_stresses_are_those_of_the_whole_stage(both: Both) -> None:
 
 def test_envelope_holds_every_node_of_the_whole_stage(both: Both) -> None:
     assert envelope(both.response) == pytest.approx(2 * np.hypot(*both.mesh.nodes.T).max(), rel=1e-12)
-
-
-def test_alike_chains_solved_as_three_answer_the_same(pair: dict[str, Both]) -> None:
-    one = pair["alike"]
-    three = unit_response(one.response.sectors * 3, plate_of(one.stage))
-    assert np.abs(scaled(three.compliance) - scaled(one.response.compliance)).max() < SAME
-    np.testing.assert_allclose(
-        neck_stresses(one.stage, three, LOADS).highest, neck_stresses(one.stage, one.response, LOADS).highest, rtol=1e-7
-    )
-    size = np.abs(base_rotations(one.stage, three)).max(axis=1, keepdims=True)
-    np.testing.assert_allclose(
-        base_rotations(one.stage, three) / size, base_rotations(one.stage, one.response) / size, rtol=0, atol=1e-7
-    )
 
 
 def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair: dict[str, Both]) -> None:

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse as sp
 import scipy.sparse.linalg
 
 from flexfem.fem.elements import Plate, integration
@@ -16,7 +15,6 @@ from flexfem.fem.modes import _aligned, modes, vibrating_structure
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import driven_response
 from flexfem.fem.structure import NONE, mass_of, plate_of, structure
-from flexfem.mechanism.bodies import carried, drawn_inertia, payload_matrix
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating
@@ -49,12 +47,6 @@ def base_loads(of):
     if of.structure.poses:
         loads[-3:] += of.mass.carried
     return loads
-
-
-def matrix_of(of, mass):
-    """The mass matrix (m, m) of the unknowns, what the pose carries with it."""
-    pose = sp.block_diag([sp.csc_array((of.size - 3,) * 2), mass.carried])
-    return (of.T.T @ sp.kron(mass.line[0, 0] * mass.areal, sp.eye_array(2)) @ of.T + pose).tocsc()
 
 
 def test_frequencies_are_those_of_dense_matrices(membrane):
@@ -90,30 +82,6 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
     for batch in integration(mesh, 12):
         fine += float(np.sum(batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2))
     assert energy == pytest.approx(fine, rel=1e-12)
-
-
-def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
-    """Of all modes together by the mass matrix alone, `L' M^-1 L`; of nine modes less, in every direction."""
-    payload = payload_of(0.3, 55.0)
-    of = vibrating(unlike.stage, unlike.mesh, payload, "disengaged")
-    drawn = np.diag(drawn_inertia(unlike.stage).matrix + payload_matrix(payload))
-    every = (
-        np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(matrix_of(of.structure, of.mass), base_loads(of)))
-        / drawn
-    )
-    assert np.all(every < 1) and np.all(every > [0.999, 0.999, 0.99])
-    found = np.cumsum(modes(of, 9).participation ** 2, axis=0) / drawn
-    assert np.all(found < every) and np.all(found[2] > [0.92, 0.92, 0.48]), "the platform carries most of it"
-
-
-def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(unlike):
-    """A point mass of 500 kg and 4e5 kg mm^2 on the static stiffness: a 3 x 3 problem by hand."""
-    load = carried(unlike.stage, payload_of(500.0, 4e5))
-    on = structure(unlike.mesh, plate_of(unlike.stage))
-    of = vibrating_structure(on, unlike.stage.material.density * 1e-12, load)
-    K, M = np.linalg.inv(unlike.response.compliance), np.diag([0.5, 0.5, 400.0])
-    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
-    np.testing.assert_allclose(modes(of, 3).frequencies, expected, rtol=5e-4)
 
 
 def test_stacks_add_their_stiffness():

@@ -19,8 +19,6 @@ from flexfem.fem.structure import plate_of, structure
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
 
-from ..validation.large import PRINTED, tip
-
 BEAM = 3e-5  # a bar 400 times as long as high is a Bernoulli beam to (h/L)^2, and its mesh is as fine
 ROUND_OFF = 1e-9  # of the largest entry: Newton's last step, and differences of strains near rounding
 DIFFERENCE = 3e-7  # central differences with a step of 1e-5 of the length
@@ -35,12 +33,6 @@ OFFSET = np.array([-1.9, 0.8])  # mm, from the bar's end to the hub's centre, of
 LOAD = np.array([31.0, -17.0, 740.0])  # N and N mm: bends the short bar by about 0.4 rad
 
 Bar = Callable[[float, float, int, int], StageMesh]
-
-
-@pytest.fixture(scope="module")
-def slender(bar: Bar) -> StageMesh:
-    """The elastica: clamped on the left, its free end at the origin."""
-    return bar(SLENDER_LENGTH, SLENDER_HEIGHT, 200, 1)
 
 
 @pytest.fixture(scope="module")
@@ -65,15 +57,6 @@ def moved(model: LargeStructure, state: State, change: Array) -> State:
     return model.at(state.pose + change[-3:], field)
 
 
-def test_bisshopp_drucker_1945_elastica_under_a_dead_tip_load(slender: StageMesh) -> None:
-    loads = np.array([[0.0, alpha * EI / SLENDER_LENGTH**2, 0.0] for alpha in PRINTED])
-    found = equilibrium(slender, SLENDER, loads)
-    for alpha, (x, y, _) in zip(PRINTED, found.pose / SLENDER_LENGTH, strict=True):
-        assert (y, -x) == pytest.approx(tip(alpha), abs=BEAM)
-    assert np.all(found.stable)
-    assert found.iterations.sum() < 40  # 25; about twice as many when the tangent takes the stress of the displacements
-
-
 @pytest.mark.parametrize("turns", [0.25, 1.0, -1.0])
 def test_an_end_moment_bends_a_cantilever_into_an_arc_and_2_pi_EI_over_L_into_a_circle(bar: Bar, turns: float) -> None:
     """A bar of height h and St. Venant-Kirchhoff material bends by `(kappa h)^2 / 2` more than Bernoulli's beam.
@@ -90,17 +73,6 @@ def test_an_end_moment_bends_a_cantilever_into_an_arc_and_2_pi_EI_over_L_into_a_
     np.testing.assert_allclose(found.pose[0, :2] / SLENDER_LENGTH, [x, y], rtol=0, atol=BEAM)
     assert found.pose[0, 2] == pytest.approx(turn, rel=BEAM)
     assert found.energy[0] == pytest.approx((1 + 0.75 * excess) * angle**2 * EI / SLENDER_LENGTH / 2, rel=BEAM)
-
-
-def test_turning_a_strained_body_turns_its_forces_and_keeps_its_energy(eccentric: StageMesh) -> None:
-    model, state = bent(eccentric, np.array([0.3, -0.2, 0.4]))
-    field = turned(eccentric.nodes + state.field, 1.9) - eccentric.nodes
-    there = model.at(state.pose, field)
-    there = there._replace(field=field, stress=state.stress)
-    np.testing.assert_allclose(
-        model.nodal(there), turned(model.nodal(state), 1.9), rtol=0, atol=ROUND_OFF * np.abs(model.nodal(state)).max()
-    )
-    assert model.held(there).energy == pytest.approx(model.held(state).energy, rel=ROUND_OFF)
 
 
 @pytest.mark.parametrize("pose", [np.zeros(3), np.array([0.7, -1.1, 0.9]), np.array([-9.0, 4.0, -2.6])])
@@ -179,16 +151,6 @@ def test_thin_necks_leave_no_rounding_in_the_load_that_holds_a_pose(make_stage: 
     assert held.residual[0] < 1e-8
 
 
-def test_the_answer_does_not_depend_on_the_way_to_it(eccentric: StageMesh) -> None:
-    there_and_back = equilibrium(eccentric, PLATE, np.array([-LOAD, LOAD, np.zeros(3), np.zeros(3)]))
-    at_once = equilibrium(eccentric, PLATE, LOAD)
-    np.testing.assert_allclose(there_and_back.pose[1], at_once.pose[0], rtol=ROUND_OFF)
-    assert np.abs(there_and_back.fields[2:]).max() < ROUND_OFF
-    assert np.all(there_and_back.residual < 1e-10)
-    rested = equilibrium(eccentric, PLATE, np.zeros(3))
-    assert not np.any(rested.pose) and rested.energy[0] == 0.0 and rested.residual[0] == 0.0
-
-
 def test_the_tangent_compliance_is_the_change_of_the_equilibrium(eccentric: StageMesh) -> None:
     found = equilibrium(eccentric, PLATE, LOAD)
     C, steps = found.compliance[0], np.diag([1e-3, 1e-3, 1e-2])
@@ -217,18 +179,6 @@ def test_a_straight_column_is_unstable_beyond_eulers_load(bar: Bar) -> None:
     found = equilibrium(mesh, SLENDER, np.array([[-0.99 * euler, 0.0, 0.0], [-1.01 * euler, 0.0, 0.0]]))
     assert found.stable.tolist() == [True, False]
     np.testing.assert_allclose(found.pose[:, 1:], 0.0, atol=1e-8)
-
-
-@pytest.mark.parametrize("load", [LOAD, np.array([-1.01 * np.pi**2 / 4 * 78.0, 0.0, 0.0])], ids=["bent", "unstable"])
-def test_both_factorisations_find_the_same(
-    eccentric: StageMesh, bar: Bar, monkeypatch: pytest.MonkeyPatch, load: Array
-) -> None:
-    mesh = eccentric if load is LOAD else bar(LENGTH, HEIGHT, 8, 1)
-    one = equilibrium(mesh, PLATE, load)
-    monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
-    other = equilibrium(mesh, PLATE, load)
-    np.testing.assert_allclose(one.pose, other.pose, rtol=0, atol=ROUND_OFF * np.abs(one.pose).max())
-    assert one.stable == other.stable
 
 
 @pytest.mark.parametrize("installed", [True, False], ids=["the one installed", "superlu"])

@@ -12,7 +12,6 @@ from flexfem.fem.elements import Plate, layered, mirrored, nodal_stress
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import Sector, StageMesh, joined, mesh_sectors
 from flexfem.fem.response import platform_response, unit_response
-from flexfem.fem.structure import layers_of
 from flexfem.mechanism.stage import Stage
 
 from ..validation.consistency import curved_cells, unsupported
@@ -102,21 +101,6 @@ def test_one_third_answers_as_the_whole_ring(generic_mesh: Meshed) -> None:
     np.testing.assert_allclose(third.fields / size, ring.fields / size, atol=1e-8)
     np.testing.assert_allclose(third.reactions, -np.eye(3), atol=1e-6)
     assert third.unknowns == ring.unknowns
-
-
-@pytest.mark.slow
-def test_three_graded_layers_do_and_three_even_ones_do_not(generic_mesh: Meshed) -> None:
-    plate = Plate(E, NU, B)
-    few, even, many = (
-        unit_response(generic_mesh.sectors, plate, each).compliance[0, 0]
-        for each in (
-            layers_of(generic_mesh.stage, 3),
-            layered(np.linspace(0, 4.85, 4), (0,), 2),
-            layers_of(generic_mesh.stage, 6),
-        )
-    )
-    assert abs(few / many - 1) < 5e-4
-    assert abs(even / many - 1) > 1e-3
 
 
 @pytest.mark.parametrize("which", ["generic_mesh", "unlike_mesh"])
