@@ -52,33 +52,34 @@ def scikit_fem(mesh: Any, plate: Any) -> Any:
     """scikit-fem as its examples use it: its own vector form and scipy's SuperLU with default ordering."""
     import numpy as np
     from scipy.sparse.linalg import splu
-    from skfem import Basis, BilinearForm, ElementTriP2, ElementVector
+    from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, MeshTri2
     from skfem.helpers import ddot, eye, sym_grad, trace
 
-    from flexfem.fem.elements import skfem_mesh
-    from flexfem.fem.structure import tie_hub
+    from flexfem.fem.structure import structure
 
-    lame, mu = plate.lame
+    lame, mu = plate.lame(2)
 
     @BilinearForm
     def form(u: Any, v: Any, _: Any) -> Any:
         strain = sym_grad(u)
         return plate.thickness * ddot(lame * eye(trace(strain), 2) + 2 * mu * strain, sym_grad(v))
 
-    basis = Basis(skfem_mesh(mesh), ElementVector(ElementTriP2()), intorder=2)
+    theirs = MeshTri2(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.triangles[:, :3].T))
+    basis = Basis(theirs, ElementVector(ElementTriP2()), intorder=2)
     stiffness = form.assemble(basis)
-    tied = tie_hub(mesh)
+    of = structure(mesh, plate)
+    rigid = of.rigid_unknowns(of.hub)
     corners = int(mesh.triangles[:, :3].max()) + 1
     where = np.concatenate([basis.nodal_dofs.T, basis.facet_dofs.T])
     assert len(where) == len(mesh.nodes) and corners == basis.nodal_dofs.shape[1]
     import scipy.sparse as sp
 
-    free, hub = where[tied.free].ravel(), where[tied.hub].ravel()
+    free, hub = where[of.free].ravel(), where[of.hub].ravel()
     coupling = stiffness[hub][:, free]
     whole = sp.block_array(
         [
-            [stiffness[free][:, free], coupling.T @ tied.rigid],
-            [tied.rigid.T @ coupling, tied.rigid.T @ stiffness[hub][:, hub] @ tied.rigid],
+            [stiffness[free][:, free], coupling.T @ rigid],
+            [rigid.T @ coupling, rigid.T @ stiffness[hub][:, hub] @ rigid],
         ]
     ).tocsc()
     loads = np.zeros((whole.shape[0], 3))
@@ -155,8 +156,9 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
     from flexfem.baselines import write_mesh
+    from flexfem.fem.elements import Plate
     from flexfem.fem.mesh import mesh_sectors, welded
-    from flexfem.fem.structure import tie_hub
+    from flexfem.fem.structure import structure
     from flexfem.mechanism.stage import load_feasible
 
     path = folder / f"{resolution}.npz"
@@ -164,7 +166,7 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     path.with_suffix(".pickle").write_bytes(pickle.dumps(sectors))
     mesh, _ = welded(sectors)
     write_mesh(mesh, path)
-    print(f"\n{2 * len(tie_hub(mesh).free) + 3} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
+    print(f"\n{structure(mesh, Plate(*PLATE)).size} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
     runs: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
     for _ in range(repeats):
         for name in names:

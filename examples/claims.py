@@ -52,11 +52,11 @@ from flexfem.analytic.paper import (
 )
 from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array, inverse
-from flexfem.fem.elements import Plate
+from flexfem.fem.elements import Plate, sheet
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, uneven_sectors, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, mesh_sectors, welded
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import plate_of, tie_hub
+from flexfem.fem.structure import plate_of
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower
@@ -551,7 +551,7 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     for n in (1, 2, 4, 8):
         yield f"linear triangles, {n} across every neck", linear_compliance(solved(stage, n).mesh, plate)
     for across in ((1, 2, 2), (3, 4, 4)):  # of the three sectors; their cuts have the same nodes
-        sectors, said = uneven_sectors(stage, across), ", ".join(map(str, across))
+        sectors, said = mesh_sectors(stage, across), ", ".join(map(str, across))
         yield f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)
         yield f"asymmetric mesh, {said} quadratic triangles", unit_response(sectors, plate).compliance
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
@@ -572,18 +572,20 @@ def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
     B = np.zeros((len(at), 3, 6))
     B[:, 0, 0::2], B[:, 1, 1::2] = slope[..., 0], slope[..., 1]
     B[:, 2, 0::2], B[:, 2, 1::2] = slope[..., 1], slope[..., 0]
-    lame, mu = plate.lame
+    lame, mu = plate.lame(2)
     D = np.array([[lame + 2 * mu, lame, 0.0], [lame, lame + 2 * mu, 0.0], [0.0, 0.0, mu]])
     K_e = (plate.thickness * area)[:, None, None] * (B.transpose(0, 2, 1) @ D @ B)
     place = (2 * straight.triangles[..., None] + np.arange(2)).reshape(len(at), 6)
     where = (np.repeat(place, 6, axis=1).ravel(), np.tile(place, 6).ravel())
     K = sp.coo_array((K_e.ravel(), where), shape=(2 * corners, 2 * corners)).tocsr()
-    tied = tie_hub(straight)
-    T = sp.block_diag([sp.eye_array(2 * len(tied.free)), tied.rigid], format="csr")
-    kept = (2 * np.concatenate([tied.free, tied.hub])[:, None] + np.arange(2)).ravel()
-    loads = np.zeros((2 * len(tied.free) + 3, 3))
+    hub = np.unique(straight.edges["hub"])
+    free = np.setdiff1d(np.arange(corners), np.concatenate([hub, straight.edges["ground"].ravel()]))
+    rigid = sheet(plate.thickness).rigid(straight.nodes[hub]).reshape(-1, 3)
+    T = sp.block_diag([sp.eye_array(2 * len(free)), rigid], format="csr")
+    kept = (2 * np.concatenate([free, hub])[:, None] + np.arange(2)).ravel()
+    loads = np.zeros((2 * len(free) + 3, 3))
     loads[-3:] = np.eye(3)
-    return factorise(sp.tril(T.T @ K[kept][:, kept] @ T).tocoo())(loads)[-3:]
+    return factorise(sp.tril(T.T @ K[kept][:, kept] @ T).tocsr())(loads)[-3:]
 
 
 def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:

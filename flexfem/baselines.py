@@ -23,7 +23,7 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
-from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_mesh
+from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import checked_path, key_path
@@ -368,7 +368,7 @@ def kept(stage: Stage, path: Path, folder: Path) -> Kept:
         write_mesh(build_mesh(stage, COARSE), place)
     mesh = read_mesh(place)
     try:
-        check_mesh(mesh, stage)
+        check_triangles(mesh, drawn_area(stage))
     except (IndexError, ValueError, ComputationFailed) as error:
         raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
     return Kept(about(stage), {"compliance": platform_response(mesh, plate_of(stage)).compliance})

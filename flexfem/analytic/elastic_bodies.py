@@ -117,31 +117,25 @@ def displacements(
 def _displacements(
     start: bytes, end: bytes, tractions: bytes, held: bytes, poissons_ratio: float, copies: int
 ) -> AnyArray:
-    """As `displacements`, which gives arrays by their bytes; read-only."""
+    """As `displacements`, which gives arrays by their bytes."""
     boundary, fixed = Boundary(np.frombuffer(start, complex), np.frombuffer(end, complex)), np.frombuffer(held, bool)
-    moved = _solved(boundary, np.frombuffer(tractions, complex).reshape(len(fixed), -1), fixed, poissons_ratio, copies)
-    moved.setflags(write=False)
-    return moved
-
-
-def _solved(
-    boundary: Boundary, tractions: AnyArray, held: NDArray[np.bool_], poissons_ratio: float, copies: int
-) -> AnyArray:
     single, double = _system(boundary, poissons_ratio, copies)
-    clamped = np.concatenate([held, held])
-    load = np.where(clamped[:, None], 0.0, _split(tractions))
+    clamped = np.concatenate([fixed, fixed])
+    load = np.where(clamped[:, None], 0.0, _split(np.frombuffer(tractions, complex).reshape(len(fixed), -1)))
     moved = np.zeros((copies, *load.shape))
     for wave in range(copies // 2 + 1):  # the others are conjugates
         phase = np.exp(2j * np.pi * wave * np.arange(copies) / copies)
         phase = phase.real if 2 * wave in (0, copies) else phase  # real equations cost a quarter
         force, motion = (np.tensordot(phase, parts, axes=1) for parts in (single, double))
         matrix = np.where(clamped, force, motion)
-        if not held.any():
+        if not fixed.any():
             matrix = matrix + _pins(boundary)
         share = (1 if 2 * wave in (0, copies) else 2) / copies
         unknown = np.where(clamped[:, None], 0.0, np.linalg.solve(matrix, -force @ load))
         moved += share * np.real(phase[:, None, None] * unknown)
-    return np.asarray(moved[:, : len(held)] + 1j * moved[:, len(held) :])
+    found = np.asarray(moved[:, : len(fixed)] + 1j * moved[:, len(fixed) :])
+    found.setflags(write=False)
+    return found
 
 
 def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Array, Array]:
@@ -227,11 +221,11 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     hinges = [stage.hinge(chain, "platform") for chain in CHAINS]
     one_of_each = dict(zip(hinges, CHAINS, strict=True))
     found = {hinge: _added(stage, material, chain) for hinge, chain in one_of_each.items()}
-    alike = [_circulant(found[hinge]) for hinge in hinges]
-    added = np.array([[(alike[i][i, j] + alike[j][i, j]) / 2 for j in range(3)] for i in range(3)])
-    poses = [_neck(stage, chain) for chain in CHAINS]
-    at, along = np.array([pose.point for pose in poses]), np.exp(1j * np.array([pose.heading for pose in poses]))
-    J = motions(at, along)
+    alike = [found[hinge] for hinge in hinges]
+    added = np.array([[(alike[i][i - j] + alike[j][i - j]) / 2 for j in range(3)] for i in range(3)])
+    poses, turns = [necks(stage, chain)[2] for chain in CHAINS], np.exp(1j * CHAIN_TURN * np.arange(3))
+    along = np.exp(1j * np.array([pose.heading for pose in poses])) * turns
+    J = motions(np.array([pose.point for pose in poses]) * turns, along)
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, added, J).reshape(9, 9))
 
 
@@ -244,23 +238,12 @@ def motions(at: AnyArray, along: AnyArray) -> Array:
     return np.stack([rotation, axial, shear], axis=-1)
 
 
-def _neck(stage: Stage, chain: int) -> Pose:
-    """The platform hinge's neck in its place on the stage."""
-    angle, neck = (chain - 1) * CHAIN_TURN, necks(stage, chain)[2]
-    return Pose(neck.point * cmath.exp(1j * angle), neck.heading + angle)
-
-
 def _added(stage: Stage, material: Elastic, chain: int) -> Array:
     """Compliance (3, 3, 3) beyond the hinge's own, at its neck and at the next chains', of three lugs like this one."""
     E, nu = (float(value) for value in material)
     added = _body(stage, nu, chain) / (E / (2 * (1 + nu)) * stage.thickness)
     added[0] -= _half_hinge(stage, material, stage.hinge(chain, "platform"))
     return added
-
-
-def _circulant(added: Array) -> Array:
-    """Compliance (3, 3, 3, 3) of chain i under the load of chain j."""
-    return np.array([[added[(i - j) % 3] for j in range(3)] for i in range(3)])
 
 
 def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
@@ -370,15 +353,10 @@ def bars_compliance(stage: Stage, material: Elastic) -> Array:
     """What pads and links alone add, as `body_compliance`."""
     bodies = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
-        bars = [_bar(stage, material, segment) for line in centrelines(stage, chain) for segment in line]
-        R = chain_rotation(chain - 1)
-        bodies[chain - 1, :, chain - 1] = R @ np.sum(bars, axis=0) @ R.T
+        segments = [segment for line in centrelines(stage, chain) for segment in line]
+        bars, R = [bar_density(stage, material, segment)[0] for segment in segments], chain_rotation(chain - 1)
+        bodies[chain - 1, :, chain - 1] = R @ np.sum(bars, axis=(0, 1)) @ R.T
     return bodies.reshape(9, 9)
-
-
-def _bar(stage: Stage, material: Elastic, segment: Segment) -> Array:
-    """Compliance (3, 3) at the platform of one line or arc of a strip as wide as the link."""
-    return np.asarray(np.sum(bar_density(stage, material, segment)[0], axis=0))
 
 
 def bar_density(
@@ -392,7 +370,12 @@ def bar_density(
     share = first + (last - first) * (nodes + 1) / 2
     if segment.centre is None:
         at = segment.start + share * (segment.end - segment.start)
-        along, density = np.full(POINTS, (segment.end - segment.start) / segment.length), _straight(stage, material)
+        along, (E, nu), width = (
+            np.full(POINTS, (segment.end - segment.start) / segment.length),
+            material,
+            stage.chain.link_width,
+        )
+        density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (E * stage.thickness * width)
     else:
         side = float(np.sign(segment.turn))
         spoke = (segment.start - segment.centre) * np.exp(1j * segment.turn * share)
@@ -401,14 +384,6 @@ def bar_density(
     J = motions(at, along)
     pieces = weights / 2 * segment.length * (last - first)
     return np.asarray(np.einsum("q,qia,ab,qjb->qij", pieces, J, density, J)), share
-
-
-def _straight(stage: Stage, material: Elastic) -> Array:
-    """Compliance per length (3, 3) of Timoshenko's beam: rotation, axial, shear."""
-    E, nu = material
-    A = stage.thickness * stage.chain.link_width
-    axial = 1 / (E * A)
-    return np.diag([12 * axial / stage.chain.link_width**2, axial, SHEAR_CORRECTION * 2 * (1 + nu) * axial])
 
 
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:

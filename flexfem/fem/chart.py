@@ -16,7 +16,7 @@ from functools import partial
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,77 +37,8 @@ from flexfem.fem.hinge import (
 from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
-
-Progress = Callable[[int, int], None]
-Point = TypeVar("Point")
-Made = TypeVar("Made")
-
-
-class Make(Protocol):
-    """Computes a chart and writes it."""
-
-    def __call__(self, path: Path, *, workers: int, progress: Progress) -> None: ...
-
-
-def chebyshev_points(number: int, low: float, high: float) -> Array:
-    """Zeros (number,) of the Chebyshev polynomial of that degree on an interval, in ascending order."""
-    x = -np.cos((2 * np.arange(number) + 1) * np.pi / (2 * number))
-    return np.asarray(low + (high - low) * (x + 1) / 2)
-
-
-def sampled(compute: Callable[[Point], Made], points: Sequence[Point], workers: int, progress: Progress) -> list[Made]:
-    """Samples at points, in their order, by so many processes; progress is told the samples done and their number."""
-    samples: list[Made] = []
-
-    def take(found: Any) -> None:
-        for made in found:
-            samples.append(made)
-            progress(len(samples), len(points))
-
-    if workers == 1:
-        take(map(compute, points))
-    else:
-        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            take(pool.map(compute, points))
-    return samples
-
-
-def versions() -> dict[str, str]:
-    """Versions of the programs that a chart depends on."""
-    return {program: importlib.metadata.version(program) for program in PROGRAMS}
-
-
-def kept(values: Any, digits: int) -> Any:
-    """Nested lists of numbers rounded to so many significant digits."""
-    if np.ndim(values):
-        return [kept(value, digits) for value in values]
-    return float(f"{values:.{digits - 1}e}")
-
-
-def write_chart(path: Path, document: dict[str, Any]) -> None:
-    """Write JSON with one line a key and one a row of a table: short enough to read, and to compare.
-
-    Raises BadInput when the file cannot be written.
-    """
-    entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
-    text = "{\n" + ",\n".join(entries) + "\n}\n"
-    write_atomically(path, lambda file: file.write(text.encode()))
-
-
-def make_and_say(make: Make, usual: Path, every: int) -> None:
-    """Make a chart with two processes, in the folder of the command line or else the usual one; say how far it is."""
-
-    def say(done: int, number: int) -> None:
-        if done % every == 0 or done == number:
-            print(f"sample {done} of {number}", flush=True)
-
-    path = Path(sys.argv[1]) / usual.name if len(sys.argv) > 1 else usual
-    make(path, workers=2, progress=say)
-    print(path)
-
-
 RATIOS = (0.02, 1.2)  # t/R, of all charts
-DIGITS = 8  # kept of a number; a slender neck's last two, in rotation, depend on who solved the equations
+STRESSES = ("bending", "tension")
 ABOUT = (
     "Compliances of a circular hinge (radius R, neck t, notch height h = 2R + t) between elastic blocks of height H, "
     "about the neck's centre, plane stress, less the blocks' own as beams from x = R on (Euler-Bernoulli bending, "
@@ -117,83 +48,6 @@ ABOUT = (
 )
 
 
-class Grid(NamedTuple):
-    """Where one of the two charts is sampled.
-
-    name : of its file.   heights : smallest and largest H/h.   shape : samples in t/R and H/h.
-    measure, inverse : of H/h, the scale on which its points are Chebyshev's, and back.
-    """
-
-    name: str
-    heights: tuple[float, float]
-    shape: tuple[int, int]
-    measure: np.ufunc
-    inverse: np.ufunc
-
-
-LOW = Grid("hinge_chart.json", (1.0, 3.0), (10, 8), np.log, np.exp)
-HIGH = Grid("hinge_chart_high.json", (3.0, 60.0), (10, 5), np.reciprocal, np.reciprocal)
-
-
-def chart_points(grid: Grid) -> tuple[Array, Array]:
-    """Sampled t/R, at Chebyshev points in its root, and H/h, at those on the grid's scale; both ascend."""
-    ratios = chebyshev_points(grid.shape[0], *np.sqrt(RATIOS)) ** 2
-    return np.asarray(ratios), np.sort(grid.inverse(chebyshev_points(grid.shape[1], *grid.measure(grid.heights))))
-
-
-def make_chart(
-    path: Path,
-    grid: Grid = LOW,
-    workers: int = 1,
-    levels: tuple[int, ...] = LEVELS,
-    date: str | None = None,
-    progress: Progress = lambda done, number: None,
-) -> None:
-    """Compute the chart of a grid and write it as JSON.
-
-    Parameters
-    ----------
-    workers : processes.   levels : refinements of the meshes, three or more.
-    date : ISO date to state, today's when None.   progress : called with the samples done and their number.
-
-    Raises BadInput when the file cannot be written.
-    """
-    ratios, heights = chart_points(grid)
-    hinges = [PlaneHinge(float(ratio), float(height)) for ratio, height in product(ratios, heights)]
-    samples = sampled(partial(sample, levels=levels), hinges, workers, progress)
-    write_chart(path, _document(grid, samples, levels, date))
-
-
-def _document(grid: Grid, samples: list[Extrapolation], levels: tuple[int, ...], date: str | None) -> dict[str, Any]:
-    ratios, heights = chart_points(grid)
-    values = np.array([made.values for made in samples]).reshape(*grid.shape, 3)
-    bands = np.array([made.bands for made in samples]).reshape(*grid.shape, 3)
-    return {
-        "about": ABOUT,
-        "regenerate": "python -m flexfem.fem.chart",
-        "date": date or datetime.date.today().isoformat(),
-        "versions": versions(),
-        "meshes": f"mapped grids of curved quadratic triangles (no gmsh), refinements {list(levels)}, at most "
-        f"{max(made.unknowns for made in samples)} unknowns, Richardson extrapolation with order 4; blocks "
-        f"{LENGTH:g} H long",
-        "largest_band": {name: kept(np.max(bands[..., k]), 2) for k, name in enumerate(FREEDOMS)},
-        "range": {"t/R": list(RATIOS), "H/h": list(grid.heights)},
-        "t/R": kept(ratios, DIGITS),
-        "H/h": kept(heights, DIGITS),
-        **{name: kept(values[..., k], DIGITS) for k, name in enumerate(FREEDOMS)},
-        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(FREEDOMS)},
-    }
-
-
-def chart_path(grid: Grid) -> Path:
-    """Where the package keeps the chart of a grid."""
-    return Path(str(files("flexfem") / "data" / grid.name))
-
-
-WIDTHS, POISSONS = (0.5, 50.0), (0.1, 0.45)  # b/t, nu
-THICK_SHAPE = (7, 11, 3)  # samples in t/R, b/t and nu
-THICK_DIGITS = 5  # kept of a position: its uncertainty is some 1e-4
-STRESSES = ("bending", "tension")
 THICK_ABOUT = (
     "Circular hinge (radius R, neck t, thickness b) between elastic blocks as high as the notch, 2R + t, and at least "
     "2(2R + t) and b long, in three dimensions: position p between plane stress and plane strain, "
@@ -203,83 +57,133 @@ THICK_ABOUT = (
 )
 
 
-def thick_chart_points(shape: tuple[int, int, int] = THICK_SHAPE) -> tuple[Array, Array, Array]:
-    """Sampled t/R, at Chebyshev points in its root, b/t, at those in its logarithm, and nu, at those in itself."""
-    ratios = chebyshev_points(shape[0], *np.sqrt(RATIOS)) ** 2
-    widths = np.exp(chebyshev_points(shape[1], *np.log(WIDTHS)))
-    return np.asarray(ratios), np.asarray(widths), chebyshev_points(shape[2], *POISSONS)
+class Chart(NamedTuple):
+    """Where a chart is sampled, by name of its file.
 
-
-def make_thickness_chart(
-    path: Path,
-    workers: int = 1,
-    shape: tuple[int, int, int] = THICK_SHAPE,
-    levels: tuple[int, ...] = THICK_LEVELS,
-    date: str | None = None,
-    progress: Progress = lambda done, number: None,
-) -> None:
-    """Compute the chart and write it as JSON.
-
-    Parameters
-    ----------
-    workers : processes.   shape : samples in t/R, b/t and nu.   levels : refinements of the meshes, three or more.
-    date : ISO date to state, today's when None.   progress : called with the samples done and their number.
-
-    Raises BadInput when the file cannot be written.
+    ends : smallest and largest of every axis by name.   scales : of each the scale on which its points are Chebyshev's,
+    and back.   shape : samples along each.   digits : kept of the places of samples, and of their values; a slender
+    neck's last two, in rotation, depend on who solved the equations.
     """
-    points = thick_chart_points(shape)
-    hinges = [ThickHinge(*map(float, point)) for point in product(*points)]
-    made = sampled(partial(_both, levels=levels), hinges, workers, progress)
-    samples, stresses = ([pair[k] for pair in made] for k in (0, 1))
-    write_chart(path, _thick_document(points, samples, stresses, levels, date))
+
+    name: str
+    about: str
+    meshes: str
+    ends: dict[str, tuple[float, float]]
+    scales: tuple[tuple[np.ufunc, np.ufunc], ...]
+    shape: tuple[int, ...]
+    digits: tuple[int, int]
+    levels: tuple[int, ...]
+    freedoms: tuple[str, ...]
+    compute: Callable[..., tuple[Extrapolation, ...]]
+
+    @property
+    def path(self) -> Path:
+        """Where the package keeps it."""
+        return Path(str(files("flexfem") / "data" / f"{self.name}.json"))
+
+    def points(self) -> list[Array]:
+        """Sampled places along every axis, ascending."""
+        found = []
+        for ends, (measure, back), number in zip(self.ends.values(), self.scales, self.shape, strict=True):
+            low, high = measure(ends)
+            x = -np.cos((2 * np.arange(number) + 1) * np.pi / (2 * number))
+            found.append(np.sort(back(low + (high - low) * (x + 1) / 2)))
+        return found
 
 
-def _both(hinge: ThickHinge, levels: tuple[int, ...]) -> tuple[Extrapolation, Extrapolation]:
+def _plane(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapolation, ...]:
+    return (sample(PlaneHinge(*point), levels),)
+
+
+def _thick(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapolation, ...]:
+    hinge = ThickHinge(*point)
     return thick_sample(hinge, levels), stress_factors(hinge, levels[-2:])
 
 
-def _thick_document(
-    points: tuple[Array, Array, Array],
-    samples: list[Extrapolation],
-    stresses: list[Extrapolation],
-    levels: tuple[int, ...],
-    date: str | None,
+ROOT = (np.sqrt, np.square)
+PLANE_MESHES = f"mapped grids of curved quadratic triangles (no gmsh){{}}; blocks {LENGTH:g} H long"
+LOW = Chart(
+    "hinge_chart", ABOUT, PLANE_MESHES, {"t/R": RATIOS, "H/h": (1.0, 3.0)}, (ROOT, (np.log, np.exp)),
+    (10, 8), (8, 8), LEVELS, FREEDOMS, _plane,
+)  # fmt: skip
+HIGH = LOW._replace(
+    name="hinge_chart_high", ends={"t/R": RATIOS, "H/h": (3.0, 60.0)}, scales=(ROOT, (np.reciprocal, np.reciprocal)),
+    shape=(10, 5),
+)  # fmt: skip
+THICK = Chart(
+    "thickness_chart", THICK_ABOUT, "curved quadratic triangles times quadratic segments (no gmsh){}",
+    {"t/R": RATIOS, "b/t": (0.5, 50.0), "nu": (0.1, 0.45)}, (ROOT, (np.log, np.exp), (np.positive, np.positive)),
+    (7, 11, 3), (10, 5), THICK_LEVELS, THICK_FREEDOMS, _thick,
+)  # fmt: skip
+
+
+def kept(values: Any, digits: int) -> Any:
+    """Nested lists of numbers rounded to so many significant digits."""
+    if np.ndim(values):
+        return [kept(value, digits) for value in values]
+    return float(f"{values:.{digits - 1}e}")
+
+
+def make(chart: Chart, path: Path, workers: int = 2, date: str | None = None, every: int = 10) -> None:
+    """Compute a chart and write it as JSON, one line a key and one a row of a table; say how far it is.
+
+    date : ISO date to state, today's when None. Raises BadInput when the file cannot be written.
+    """
+    points = chart.points()
+    places = [tuple(map(float, point)) for point in product(*points)]
+    compute, samples = partial(chart.compute, levels=chart.levels), []
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        for done, found in enumerate(pool.map(compute, places), start=1):
+            samples.append(found)
+            if done % every == 0 or done == len(places):
+                print(f"sample {done} of {len(places)}", flush=True)
+    document = _document(chart, points, list(zip(*samples, strict=True)), date)
+    entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
+    text = "{\n" + ",\n".join(entries) + "\n}\n"
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _document(
+    chart: Chart, points: list[Array], samples: Sequence[Sequence[Extrapolation]], date: str | None
 ) -> dict[str, Any]:
-    shape = tuple(map(len, points))
-    values, stress = (np.array([each.values for each in made]).reshape(*shape, 2) for made in (samples, stresses))
-    bands = np.array([made.bands for made in samples]).reshape(*shape, 2)
-    moved = np.max([made.bands / made.values for made in stresses], axis=0)
-    worth = bands * points[2][:, None] ** 2
+    (place_digits, digits), of = chart.digits, samples[0]
+    values, bands = (
+        np.array([getattr(each, name) for each in of]).reshape(*chart.shape, -1) for name in ("values", "bands")
+    )
+    worth, extra = bands, dict[str, Any]()
+    if "nu" in chart.ends:
+        worth = bands * points[2][:, None] ** 2
+        stress = np.array([each.values for each in samples[1]]).reshape(*chart.shape, -1)
+        moved = np.max([each.bands / each.values for each in samples[1]], axis=0)
+        extra["stress"] = {name: kept(stress[..., k], digits) for k, name in enumerate(STRESSES)}
+        extra["largest_band_of_stress"] = {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)}
+    names = list(enumerate(chart.freedoms))
+    solved = (
+        f", refinements {list(chart.levels)}, at most {max(each.unknowns for each in of)} unknowns, Richardson "
+        "extrapolation with order 4"
+    )
     return {
-        "about": THICK_ABOUT,
+        "about": chart.about,
         "regenerate": "python -m flexfem.fem.chart",
         "date": date or datetime.date.today().isoformat(),
-        "versions": versions(),
-        "meshes": f"curved quadratic triangles times quadratic segments (no gmsh), refinements {list(levels)}, at most "
-        f"{max(made.unknowns for made in samples)} unknowns, Richardson extrapolation with order 4",
-        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in enumerate(THICK_FREEDOMS)},
-        "largest_band_is": "of the compliance, relative: nu^2 times the band of p",
-        "range": {"t/R": list(RATIOS), "b/t": list(WIDTHS), "nu": list(POISSONS)},
-        "t/R": kept(points[0], 10),
-        "b/t": kept(points[1], 10),
-        "nu": kept(points[2], 10),
-        **{name: kept(values[..., k], THICK_DIGITS) for k, name in enumerate(THICK_FREEDOMS)},
-        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(THICK_FREEDOMS)},
-        "stress": {name: kept(stress[..., k], THICK_DIGITS) for k, name in enumerate(STRESSES)},
-        "largest_band_of_stress": {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)},
+        "versions": {program: importlib.metadata.version(program) for program in PROGRAMS},
+        "meshes": chart.meshes.format(solved),
+        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in names},
+        **({"largest_band_is": "of the compliance, relative: nu^2 times the band of p"} if extra else {}),
+        "range": {axis: list(ends) for axis, ends in chart.ends.items()},
+        **{axis: kept(at, place_digits) for axis, at in zip(chart.ends, points, strict=True)},
+        **{name: kept(values[..., k], digits) for k, name in names},
+        "bands": {name: kept(bands[..., k], 2) for k, name in names},
+        **extra,
     }
 
 
-def thickness_chart_path() -> Path:
-    """Where the package keeps its chart."""
-    return Path(str(files("flexfem") / "data" / "thickness_chart.json"))
-
-
 def main() -> None:
-    """Make all charts with two processes and say how far they are."""
-    for grid in (LOW, HIGH):
-        make_and_say(partial(make_chart, grid=grid), chart_path(grid), 10)
-    make_and_say(make_thickness_chart, thickness_chart_path(), 20)
+    """Make all charts in the folder of the command line or else in the package."""
+    for chart in (LOW, HIGH, THICK):
+        path = Path(sys.argv[1]) / chart.path.name if len(sys.argv) > 1 else chart.path
+        make(chart, path)
+        print(path)
 
 
 if __name__ == "__main__":

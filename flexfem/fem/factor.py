@@ -1,7 +1,7 @@
 """Sparse Cholesky and static condensation: by CHOLMOD from the cvxopt wheel when it is there, else by SuperLU.
 
-Condensation of a symmetric positive definite matrix onto its last unknowns, the boundary: one factorisation
-`P K P' = L L'` with the boundary last in the elimination order holds everything: its trailing block gives the Schur
+Matrices are symmetric and given by their lower triangles. One is condensed onto its last unknowns, the boundary, by one
+factorisation `P K P' = L L'` with the boundary last in the elimination order: its trailing block gives the Schur
 complement `S = L_bb L_bb'`, so that no right-hand side is solved for each unknown of the boundary.
 """
 
@@ -16,49 +16,44 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 
-from flexfem.arrays import AnyArray, Array, Index
+from flexfem.arrays import Array, Index
 from flexfem.refused import ComputationFailed
 
 SINGULAR = "finite-element equations singular to working precision: a part is not held, or a neck too thin"
-
+UNSTABLE = "tangent stiffness singular to working precision: a limit or bifurcation load"
 TAKEN_APART = 12_000  # unknowns from which on a factor is made twice sooner than solved for every boundary unknown
 WHOLE, FORWARD, BACKWARD, PERMUTE, RESTORE = 0, 4, 5, 7, 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b
 
 Solve: TypeAlias = Callable[[Array], Array]
+"""Right-hand sides b (m, k) to solutions x (m, k)."""
 
 
-def factorise(lower: sp.coo_array | sp.csc_array) -> Solve:
-    """Factorise a symmetric positive definite matrix given by its lower triangle (m, m); returns b (m, k) -> x (m, k).
-
-    Raises ComputationFailed when the matrix is singular.
-    """
+def factorise(lower: sp.csr_array) -> Solve:
+    """Factorise a positive definite matrix. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
         return superlu(lower)
-    K = to_cvxopt(lower)
+    K = _to_cvxopt(lower)
     del lower  # its memory is free for the factor, unless the caller keeps it
-    return partial(_system, cholmod_factor(K), kind=WHOLE)
+    return partial(_system, _cholmod(K), kind=WHOLE)
 
 
-def to_cvxopt(lower: sp.coo_array | sp.csc_array) -> Any:
-    """The matrix as cvxopt has it, entries in one place added up."""
-    from cvxopt import matrix, spmatrix
-
-    entries = lower.tocoo()
-    values, rows, columns = (matrix(part) for part in (entries.data, *(c.astype(np.int64) for c in entries.coords)))
-    return spmatrix(values, rows, columns, lower.shape)
-
-
-def cholmod_factor(K: Any, order: Index | None = None) -> Any:
-    """CHOLMOD's factor of a lower triangle, in its own order or one given. Raises ComputationFailed when singular."""
-    from cvxopt import cholmod, matrix
+def _to_cvxopt(lower: sp.csr_array) -> Any:
+    from cvxopt import cholmod, matrix, spmatrix
 
     cholmod.options["supernodal"] = 2
-    if order is None:
-        factor = cholmod.symbolic(K)
-    else:
+    rows, columns = (matrix(part.astype(np.int64)) for part in lower.tocoo().coords)
+    return spmatrix(matrix(lower.data), rows, columns, lower.shape)
+
+
+def _cholmod(K: Any, order: Index | None = None, symbolic: Any = None) -> Any:
+    """CHOLMOD's factor, in its own order or one given, or with a symbolic factor. Raises ComputationFailed."""
+    from cvxopt import cholmod, matrix
+
+    if order is not None:
         cholmod.options["nmethods"] = 1  # else an order of CHOLMOD's own is tried as well, and kept
-        factor = cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
+        symbolic = cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
         del cholmod.options["nmethods"]  # with it, no order of CHOLMOD's own is found
+    factor = symbolic or cholmod.symbolic(K)
     try:
         cholmod.numeric(K, factor)
     except ArithmeticError:
@@ -66,26 +61,33 @@ def cholmod_factor(K: Any, order: Index | None = None) -> Any:
     return factor
 
 
-def superlu(lower: sp.coo_array | sp.csc_array) -> Solve:
+def _system(factor: Any, b: Array, kind: int) -> Array:
+    """One of CHOLMOD's systems, of right-hand sides (m, k)."""
+    from cvxopt import cholmod, matrix
+
+    x = matrix(np.asfortranarray(b))
+    cholmod.solve(factor, x, kind)
+    return np.array(x)
+
+
+def _whole(lower: sp.csr_array) -> sp.csc_array:
+    return (lower + sp.tril(lower, -1).T).tocsc()
+
+
+def superlu(lower: sp.csr_array) -> Solve:
     """As `factorise`, by SuperLU without pivoting, which the symmetric ordering needs."""
-    try:
-        factor = _symmetric_lu(lower)
-    except RuntimeError:
-        raise ComputationFailed(SINGULAR) from None
-    return lambda b: np.asarray(factor.solve(b))
+    return _unpivoted(lower, {})[0]
 
 
-def _symmetric_lu(lower: sp.coo_array | sp.csc_array, **options: bool) -> Any:
+def _unpivoted(lower: sp.csr_array, options: dict[str, bool]) -> tuple[Solve, Any]:
     from scipy.sparse.linalg import splu
 
-    options["SymmetricMode"] = True
-    return splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-
-
-def _whole(lower: sp.coo_array | sp.csc_array) -> sp.csc_array:
-    """A symmetric matrix by its lower triangle."""
-    half = lower.tocsc()
-    return (half + sp.tril(half, -1).T).tocsc()
+    given = {"SymmetricMode": True, **options}
+    try:
+        factor = splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=given)
+    except RuntimeError:
+        raise ComputationFailed(SINGULAR) from None
+    return lambda b: np.asarray(factor.solve(b)), factor
 
 
 def dense(A: Array) -> Solve:
@@ -110,34 +112,30 @@ class Condensed(NamedTuple):
     expanded: Callable[[Array, Array], Array]
 
 
-def condense(lower: sp.coo_array | sp.csc_array, boundary: int) -> Condensed:
-    """Condense a matrix given by its lower triangle (m, m) onto its last unknowns.
-
-    By CHOLMOD from the cvxopt wheel when it is there, else by SuperLU. Raises ComputationFailed when it is singular.
-    """
+def condense(lower: sp.csr_array, boundary: int) -> Condensed:
+    """Condense a positive definite matrix onto its last unknowns. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
-        return by_superlu(lower.tocsc(), boundary)
-    K = to_cvxopt(lower)
-    del lower  # its memory is free for the factor, unless the caller keeps it
-    return by_cholmod(K, boundary)
+        return _by_superlu(lower, boundary)
+    K = _to_cvxopt(lower)
+    del lower
+    return _by_cholmod(K, boundary)
 
 
-def by_cholmod(K: Any, boundary: int) -> Condensed:
-    """As `condense`, of what `to_cvxopt` made."""
-    from cvxopt import amd
+def _by_cholmod(K: Any, boundary: int) -> Condensed:
+    from cvxopt import amd, cholmod, matrix
 
     size: int = K.size[0]
     inner, order = size - boundary, np.array(amd.order(K, "L")).ravel()
     order = np.concatenate([order[order < inner], np.arange(inner, size)])
-    factor = cholmod_factor(K, order)
+    factor = _cholmod(K, order)
     last = _system(factor, np.arange(size, dtype=float)[:, None], PERMUTE)[inner:, 0]
     if not np.array_equal(last, np.arange(inner, size)):
         raise ComputationFailed(SINGULAR)  # inner unknowns that the boundary does not reach are not held
     if size < TAKEN_APART:
         L = np.linalg.inv(_system(factor, np.eye(size, boundary, -inner), FORWARD)[inner:])
     else:
-        L = _trailing(factor, boundary)
-        factor = cholmod_factor(K, order)  # again: taking it apart has spent it
+        L = np.tril(np.array(matrix(cholmod.getfactor(factor)[inner:, inner:])))
+        factor = _cholmod(K, order)  # again: taking it apart has spent it
 
     def reduced(loads: Array) -> tuple[Array, Array]:
         y = _system(factor, _system(factor, loads, PERMUTE), FORWARD)
@@ -151,26 +149,8 @@ def by_cholmod(K: Any, boundary: int) -> Condensed:
     return Condensed(L @ L.T, reduced, expanded)
 
 
-def _system(factor: Any, b: Array, kind: int) -> Array:
-    """One of CHOLMOD's systems, of right-hand sides (m, k)."""
-    from cvxopt import cholmod, matrix
-
-    x = matrix(np.asfortranarray(b))
-    cholmod.solve(factor, x, kind)
-    return np.array(x)
-
-
-def _trailing(factor: Any, boundary: int) -> Array:
-    """The last block (b, b) of the triangle L; spends the factor."""
-    from cvxopt import cholmod, matrix
-
-    L = cholmod.getfactor(factor)
-    inner = L.size[0] - boundary
-    return np.tril(np.array(matrix(L[inner:, inner:])))
-
-
-def by_superlu(lower: sp.csc_array, boundary: int) -> Condensed:
-    """As `condense`: the inner unknowns alone are factorised."""
+def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
+    """The inner unknowns alone are factorised."""
     inner = lower.shape[0] - boundary
     across, below = lower[inner:, :inner], lower[inner:, inner:].toarray()
     solve = superlu(lower[:inner, :inner])
@@ -193,65 +173,43 @@ class Factorization(NamedTuple):
     definite: bool
 
 
-Factorise: TypeAlias = Callable[[sp.coo_array], Factorization]
+class Factoriser:
+    """Factorises matrices, definite or not; those with the pattern of the one before share its order (CHOLMOD)."""
 
+    _pattern: tuple[Index, Index] | None = None
+    _matrix: Any
+    _symbolic: Any
 
-def factoriser() -> Factorise:
-    """A function that factorises symmetric matrices given by their lower triangles, definite or not.
-
-    Matrices with the pattern of the one before share its ordering and symbolic factorisation (CHOLMOD). A matrix that
-    is not positive definite is factorised by SuperLU with pivoting. Raises ComputationFailed for a singular one.
-    A factor is good until the next one is made.
-    """
-    if find_spec("cvxopt") is None:
-        return _definite_or_not
-    from cvxopt import cholmod, matrix
-
-    cholmod.options["supernodal"] = 2
-    known: list[tuple[tuple[AnyArray, ...], Any, object]] = []
-    places: list[Index] = []
-
-    def factorise(lower: sp.coo_array) -> Factorization:
-        if known and all(np.array_equal(old, new) for old, new in zip(known[0][0], lower.coords, strict=True)):
-            places[:] = places or [_places(lower)]
-            known[0][1].V = matrix(np.bincount(places[0], lower.data))
-        else:
-            matrix_in, places[:] = to_cvxopt(lower), []
-            known[:] = [(lower.coords, matrix_in, cholmod.symbolic(matrix_in))]
-        _, matrix_in, symbolic = known[0]
+    def __call__(self, lower: sp.csr_array) -> Factorization:
+        """A factor, good until the next one is made. Raises ComputationFailed for a singular matrix."""
         try:
-            cholmod.numeric(matrix_in, symbolic)
-        except ArithmeticError:
-            return _pivoted(lower)
-        return Factorization(partial(_system, symbolic, kind=WHOLE), True)
+            return Factorization(self._definite(lower), True)
+        except ComputationFailed:
+            return Factorization(_pivoted(lower), False)
 
-    return factorise
+    def _definite(self, lower: sp.csr_array) -> Solve:
+        if find_spec("cvxopt") is None:
+            solve, factor = _unpivoted(lower, {"Equil": False})  # U's diagonal is positive if the matrix is definite
+            if np.array_equal(factor.perm_r, factor.perm_c) and np.all(factor.U.diagonal() > 0):
+                return solve
+            raise ComputationFailed(SINGULAR)
+        from cvxopt import cholmod, matrix
 
-
-def _places(lower: sp.coo_array) -> Index:
-    """Of each entry its place among all that differ, column by column, as cvxopt keeps them."""
-    rows, columns = lower.coords
-    return np.unique(columns.astype(np.int64) * lower.shape[0] + rows, return_inverse=True)[1]
-
-
-def _definite_or_not(lower: sp.coo_array) -> Factorization:
-    """By SuperLU: LU without pivoting has a positive diagonal of U if and only if the matrix is definite."""
-    try:
-        factor = _symmetric_lu(lower, Equil=False)
-    except RuntimeError:
-        return _pivoted(lower)
-    if not (np.array_equal(factor.perm_r, factor.perm_c) and np.all(factor.U.diagonal() > 0)):
-        return _pivoted(lower)
-    return Factorization(lambda b: np.asarray(factor.solve(b)), True)
+        ordered = lower.tocsc()  # as cvxopt has its entries
+        pattern = ordered.indptr, ordered.indices
+        if self._pattern and all(map(np.array_equal, self._pattern, pattern)):
+            self._matrix.V = matrix(ordered.data)
+        else:
+            self._pattern, self._matrix = pattern, _to_cvxopt(lower)
+            self._symbolic = cholmod.symbolic(self._matrix)
+        return partial(_system, _cholmod(self._matrix, symbolic=self._symbolic), kind=WHOLE)
 
 
-def _pivoted(lower: sp.coo_array) -> Factorization:
+def _pivoted(lower: sp.csr_array) -> Solve:
     from scipy.sparse.linalg import splu
 
     try:
         factor = splu(_whole(lower))
     except RuntimeError:
-        raise ComputationFailed(
-            "tangent stiffness singular to working precision: a limit or bifurcation load"
-        ) from None
-    return Factorization(lambda b: np.asarray(factor.solve(b)), False)
+        raise ComputationFailed(UNSTABLE) from None
+    return lambda b: np.asarray(factor.solve(b))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexfem.arrays import AnyArray, Array
-from flexfem.fem.elements import Layers, Plate, nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.arrays import Array
+from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.mesh import Sector, StageMesh
 from flexfem.fem.response import Response, StaticSolution, clamped_nodes
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.fem.symmetry import under_loads
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import BODIES, necks
@@ -60,22 +61,6 @@ def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     return found
 
 
-class OnSectors(Protocol):
-    """An answer whose cases chains turn as they turn x, y, theta: `Response`, `heat.WarmHalf`."""
-
-    @property
-    def sectors(self) -> tuple[Sector, ...]:
-        """One sector, or three."""
-
-    @property
-    def sector_fields(self) -> tuple[Array, ...]:
-        """Displacements (3 cases, n, ...) of their nodes."""
-
-    @property
-    def extrusion(self) -> Layers | None:
-        """Layers of half the thickness; None in the plane."""
-
-
 class NeckStress(NamedTuple):
     """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane, mm."""
 
@@ -83,46 +68,35 @@ class NeckStress(NamedTuple):
     height: Array
 
 
-def neck_stresses(stage: Stage, response: Response, loads: Array) -> Array:
-    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, in each notch in the plane under loads (k, 3), N, N, N mm.
+def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
+    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; of an extruded stage over the thickness.
 
     Notes
     -----
-    As `load_case`: averaged over the triangles around a node, the largest within a notch radius of the neck.
+    As `load_case`: averaged over the elements around a node, the largest within a notch radius of the neck.
     """
-    found, pull = np.empty((len(loads), 3, 3)), out_of_plane_ratio_of(stage)
-    for (chain, hinge), stress in notch_fields(stage, plate_of(stage), response, loads):
-        found[:, chain, hinge] = np.max(von_mises(stress, pull), axis=1)
-    return found
-
-
-def solid_neck_stresses(stage: Stage, plate: Plate, response: OnSectors, loads: Array) -> NeckStress:
-    """As `neck_stresses`, of an extruded stage, over the whole thickness."""
-    highest, height = np.empty((2, len(loads), 3, 3))
-    assert response.extrusion is not None
-    for (chain, hinge), stress in notch_fields(stage, plate, response, loads):
-        found = solid_von_mises(stress).max(axis=1)
-        highest[:, chain, hinge] = found.max(axis=1)
-        height[:, chain, hinge] = response.extrusion.heights[found.argmax(axis=1)]
+    highest, height = np.zeros((2, len(loads), 3, 3))
+    pull, layers = out_of_plane_ratio_of(stage), response.extrusion
+    for (chain, hinge), stress in notch_fields(stage, response, loads):
+        found = von_mises(stress, pull).max(axis=1)
+        if layers is not None:
+            height[:, chain, hinge] = layers.heights[found.argmax(axis=1)]
+            found = found.max(axis=1)
+        highest[:, chain, hinge] = found
     return NeckStress(highest, height)
 
 
-def notch_fields(
-    stage: Stage, plate: Plate, response: OnSectors, loads: Array
-) -> Iterator[tuple[tuple[int, int], Array]]:
+def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[tuple[int, int], Array]]:
     """Chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
 
-    The stress is (k, c, 3), xx, yy, xy; with layers (k, c, m, 3, 3). The axes are those of the first chain that the
-    notch's sector stands for.
+    The stress is (k, c, 2, 2); with layers (k, c, m, 3, 3). The axes are those of the first chain that the notch's
+    sector stands for.
     """
+    plate = plate_of(stage) if response.extrusion is None else sheet_of(stage)
     for sector, fields, chains in _solved_sectors(response):
         near = _near_necks(stage, sector, chains[0])
         chosen = np.flatnonzero(np.any(near, axis=0))
-        if response.extrusion is None:
-            units = nodal_stress(sector.mesh, plate, fields, chosen)
-        else:
-            each = [solid_nodal_stress(sector.mesh, plate, response.extrusion, field, chosen) for field in fields]
-            units = np.array(each)
+        units = nodal_stress(sector.mesh, plate, fields, chosen, response.extrusion)
         for chain in chains:
             turned_back = loads @ chain_rotation(chain - chains[0])
             for hinge, close in enumerate(near[:, chosen]):
@@ -163,13 +137,13 @@ def envelope(response: Response) -> float:
     return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
 
 
-def _solved_sectors(response: OnSectors) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
+def _solved_sectors(response: Response) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
     """Every sector with its fields and the chains, from 0, that it stands for."""
     chains = [(0, 1, 2)] if len(response.sectors) == 1 else [(0,), (1,), (2,)]
     yield from zip(response.sectors, response.sector_fields, chains, strict=True)
 
 
-def _near_necks(stage: Stage, sector: Sector, chain: int) -> AnyArray:
+def _near_necks(stage: Stage, sector: Sector, chain: int) -> NDArray[np.bool_]:
     """Which nodes are within a notch radius of each neck's centre, bool (3 hinges, n)."""
     x, y = sector.mesh.nodes.T
     places = zip(necks(stage, chain + 1), HINGE_NAMES, strict=True)

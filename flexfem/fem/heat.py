@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, nodal_stress
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import Sector, StageMesh, joined
-from flexfem.fem.response import StaticSolution, settle
+from flexfem.fem.mesh import Sector, StageMesh
+from flexfem.fem.response import Response, StaticSolution, settle, unit_response
 from flexfem.fem.structure import Structure, structure
-from flexfem.fem.symmetry import cyclic, turned_fields, under_loads, whole_fields
 
 
 class HeatResponse(NamedTuple):
@@ -52,44 +51,10 @@ def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_e
     return HeatResponse(beyond * found.compliance[:, order], fields, stress, beyond * found.pads[order])
 
 
-class WarmHalf(NamedTuple):
-    """Answer to cases of temperature per unit of the frame's expansion beyond the material's, of one mirror half.
-
-    The cases are a gradient along x and along y, then an even change, or antisymmetric: none, none, a gradient along z.
-    Chains turn them as they turn x, y, theta.
-
-    pose : (3, 3 cases), mm and rad per K or K/mm; x, y, theta, or antisymmetric z and the rotations about x and y.
-    work : (3 cases,), N mm, twice the strain energy.
-    sector_fields : (3 cases, n, m, 3), mm, of one or three sectors, displacements beyond those of the free material.
-    places : where the nodes of each chain's sector are in `mesh`, the whole stage.
-    unknowns : number of equations that the whole stage has.
-    """
-
-    pose: Array
-    work: Array
-    sectors: tuple[Sector, ...]
-    sector_fields: tuple[Array, ...]
-    extrusion: Layers | None
-    mesh: StageMesh
-    places: list[Index]
-    unknowns: int
-
-    @property
-    def layers(self) -> Layers:
-        """Of an extruded stage."""
-        assert self.extrusion is not None
-        return self.extrusion
-
-    @property
-    def fields(self) -> Array:
-        """As `sector_fields`, of all nodes of `mesh`."""
-        return whole_fields(len(self.mesh.nodes), self.places, under_loads(self.sector_fields))
-
-
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:
     """Displacements (3 cases, n, 2), or (3, n, m, 3), mm, per expansion, of free material at points (n, 2), mm.
 
-    Cases as of `WarmHalf`.
+    Cases as of `warm_half`.
     """
     r = points if layers is None else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
     axes = r.shape[-1]
@@ -97,22 +62,15 @@ def free_displacement(points: Array, layers: Layers | None = None) -> Array:
     return np.stack([0 * r, 0 * r, along[2]] if layers and layers.fixed else [along[0], along[1], r])
 
 
-def warm_half(sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None) -> WarmHalf:
-    """Solve for the cases of one half: of the antisymmetric one where the layers are.
+def warm_half(sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None) -> Response:
+    """Solve for the cases of one mirror half per unit of the frame's expansion beyond the material's.
+
+    The cases are a gradient along x and along y, then an even change; with antisymmetric layers none, none, a gradient
+    along z, the pose being z and the rotations about x and y. Displacements are those beyond free material's.
 
     Raises ComputationFailed as `response.settle` and `Structure.lower`.
     """
-    mesh, places = joined(sectors)
-    if len(sectors) == 1:
-        one = cyclic(sectors[0], plate, layers)
-        found = settle(one.sector, one.solve, np.zeros((one.sector.size, 3)), _imposed(one.sector), alike=True)
-        fields: tuple[Array, ...] = (found.fields,)
-        unknowns = one.unknowns
-    else:
-        found = warm_whole(mesh, plate, layers)
-        fields = tuple(turned_fields(found.fields[:, place], -chain) for chain, place in enumerate(places))
-        unknowns = found.unknowns
-    return WarmHalf(found.compliance, np.diag(found.energy), sectors, fields, layers, mesh, places, unknowns)
+    return unit_response(sectors, plate, layers, imposed=_imposed)
 
 
 def warm_whole(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> StaticSolution:

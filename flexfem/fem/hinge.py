@@ -35,25 +35,17 @@ solution on the same section under the same moment or force. In a wide neck it l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexfem.arrays import AnyArray, Array
-from flexfem.fem.elements import (
-    SOLID_QUADRATURE,
-    Layers,
-    Plate,
-    layered,
-    nodal_stress,
-    solid_nodal_stress,
-    solid_von_mises,
-    von_mises,
-)
+from flexfem.arrays import Array
+from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, layered, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.problem import Support, Traction, edge_force, nodes_on, settled, solve_with
-from flexfem.fem.structure import structure, tie
+from flexfem.fem.problem import edge_force, nodes_on, settled
+from flexfem.fem.structure import NONE, structure
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
@@ -63,6 +55,13 @@ ROWS, EDGE = 2, 5  # rows of the base grid, and its columns along the edge of a 
 LEAST_ARC = 8  # columns of the base grid along an arc
 FLUSH = 1e-6  # relative; a wall shorter than this is no wall
 SHEAR_FACTOR = 1.2  # 6/5: exact for the parabolic shear stress in the blocks
+THICK_FREEDOMS = ("rotation", "axial")
+THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
+THICK_LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
+LEAST_THICK_ARC = 3  # columns of the base grid along an arc
+THICK_EDGE = 2  # its columns along a block two heights long
+LAYERS = 0.5  # its layers for every e-fold of their thickness
+SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surface the stress changes over about t
 
 
 class PlaneHinge(NamedTuple):
@@ -88,140 +87,6 @@ class PlaneHinge(NamedTuple):
         return high, self.length * high
 
 
-class Extrapolation(NamedTuple):
-    """What a single hinge is meshed for, at vanishing element size, in the order of `FREEDOMS` (k,).
-
-    values : (k,).   bands : (k,), half-widths of their uncertainty.   levels : (l, k), on the meshes.
-    unknowns : on the finest mesh.
-    """
-
-    values: Array
-    bands: Array
-    levels: Array
-    unknowns: int
-
-
-def hinge_mesh(hinge: PlaneHinge, refinement: int) -> StageMesh:
-    """Mesh the quarter of a hinge: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
-
-    Notes
-    -----
-    Columns stand on the axis and lean more and more towards the arc's far end, where they keep 45 degrees with it.
-    Along the arc they widen as the stress does, angle = sqrt(t/R) sinh(w). The meshes of all refinements cut the
-    columns of one base grid evenly, and every corner of the outline is a corner of it.
-    """
-    tau, wall, (high, length) = hinge.ratio, hinge.wall, hinge.block
-    spread = float(np.sqrt(tau))
-    end = float(np.arcsinh(np.pi / 2 / spread))
-    columns = np.array([_arc_columns(tau), int(np.ceil(3 * wall / (2 + tau))), EDGE])
-    first = np.concatenate([[0], np.cumsum(columns)])
-
-    def place(u: Array, v: Array) -> Array:
-        column = u * first[-1]
-        on_arc, on_wall, on_edge = (
-            np.clip((column - start) / max(number, 1), 0.0, 1.0) for start, number in zip(first, columns, strict=False)
-        )
-        angle = spread * np.sinh(end * on_arc)
-        y = tau / 2 + 1 - np.cos(angle)
-        foot = np.sin(angle) + y * np.tan(angle / 2) + wall * on_wall + (length - high / 2) * on_edge
-        x, y = np.sin(angle) + length * on_edge, y + wall * on_wall
-        return np.stack([foot + (x - foot) * v, y * v], axis=-1)
-
-    return mapped(refinement * int(first[-1]), refinement * ROWS, place)
-
-
-def _arc_columns(tau: float) -> int:
-    """Columns of the base grid along the arc: long ones are good enough in a slender neck, whose stress is a beam's."""
-    return max(LEAST_ARC, int(np.ceil(2 * np.arcsinh(np.pi / 2 / np.sqrt(tau)) / tau**0.25)))
-
-
-def compliance(hinge: PlaneHinge, refinement: int, poissons_ratio: float = 0.0) -> Array:
-    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
-    return compliance_on(hinge_mesh(hinge, refinement), hinge, poissons_ratio)
-
-
-def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> Array:
-    """As `compliance`, on any mesh of the quarter with the edges that `hinge_mesh` names.
-
-    Notes
-    -----
-    A unit load's work on the quarter is a quarter of its work on the hinge, which is the compliance with the blocks'.
-    The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
-    strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
-    """
-    of = structure(mesh, Plate(1.0, poissons_ratio, 1.0), tied=tie(mesh))
-    lower, whole = of.lower().tocsr(), list[float]()
-    for traction, supports in zip(_tractions(hinge), _supports(mesh), strict=True):
-        force = edge_force(mesh, of.plate, mesh.edges["right"], traction)
-        field = solve_with(of, lower, force, supports).field
-        held = of.forces(field[None])[0]
-        whole.append(4 * float(np.sum((2 * force - held) * field)))
-    return np.array(whole) - block_compliance(hinge, poissons_ratio)
-
-
-def block_compliance(hinge: PlaneHinge, poissons_ratio: float) -> Array:
-    """Compliances (3,) of the two blocks as beams from the ends of the notch, x = R, to their own, about the centre."""
-    high, length = hinge.block
-    bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
-    shear = SHEAR_FACTOR * 2 * (1 + poissons_ratio) * 2 * length / high
-    return np.array([24 * length / high**3, 2 * length / high, bending + shear])
-
-
-def _tractions(hinge: PlaneHinge) -> tuple[Traction, ...]:
-    """Stresses on the end of the block under a unit moment, pull and sideways force through the neck's centre."""
-    high, length = hinge.block
-    lever = 1 + length
-
-    def bent(points: Array, moment: float) -> Array:
-        return 12 * moment * points[..., 1] / high**3
-
-    def moment(points: Array, _: Array) -> Array:
-        return np.stack([bent(points, 1.0), np.zeros(points.shape[:-1])], axis=-1)
-
-    def pull(points: Array, _: Array) -> Array:
-        return np.broadcast_to([1 / high, 0.0], points.shape)
-
-    def force(points: Array, _: Array) -> Array:
-        parabola = 1.5 / high * (1 - (2 * points[..., 1] / high) ** 2)
-        return np.stack([bent(points, lever), parabola], axis=-1)
-
-    return moment, pull, force
-
-
-def _supports(mesh: StageMesh) -> tuple[list[Support], ...]:
-    """What symmetry holds on the neck and on the axis, and a node against the rigid motion that it leaves."""
-    neck, axis, end = (nodes_on(mesh, label) for label in ("left", "bottom", "right"))
-    return (
-        [Support(neck, 0), Support(axis, 0), Support(neck[:1], 1)],
-        [Support(neck, 0), Support(axis, 1)],
-        [Support(neck, 1), Support(axis, 0), Support(end[:1], 1)],
-    )
-
-
-def sample(hinge: PlaneHinge, levels: Sequence[int] = LEVELS, poissons_ratio: float = 0.0) -> Extrapolation:
-    """Compliances of a hinge as of `compliance`, over three or more refinements, coarse to fine; relative bands."""
-    found = np.array([compliance(hinge, refinement, poissons_ratio) for refinement in levels])
-    limits = richardson(levels, found)
-    unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
-    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
-
-
-def richardson(levels: Sequence[int], values: Array) -> Array:
-    """Limits (k - 1, ...) of values (k, ...) from each pair of neighbouring refinements, with the order `ORDER`."""
-    n = np.asarray(levels, dtype=float)
-    growth = ((n[1:] / n[:-1]) ** ORDER).reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
-
-
-THICK_FREEDOMS = ("rotation", "axial")
-THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
-THICK_LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
-LEAST_THICK_ARC = 3  # columns of the base grid along an arc
-THICK_EDGE = 2  # its columns along a block two heights long
-LAYERS = 0.5  # its layers for every e-fold of their thickness
-SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surface the stress changes over about t
-
-
 class ThickHinge(NamedTuple):
     """A hinge of radius one and modulus one.
 
@@ -241,31 +106,76 @@ class ThickHinge(NamedTuple):
         return high, self.length or max(THICK_LENGTH * high, self.width * self.ratio)
 
 
-def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
-    """Mesh the quarter of the section: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
+class Extrapolation(NamedTuple):
+    """What a single hinge is meshed for, at vanishing element size, in the order of `FREEDOMS` (k,).
+
+    values : (k,).   bands : (k,), half-widths of their uncertainty.   levels : (l, k), on the meshes.
+    unknowns : on the finest mesh.
+    """
+
+    values: Array
+    bands: Array
+    levels: Array
+    unknowns: int
+
+
+def _mesh(
+    tau: float,
+    block: tuple[float, float],
+    wall: float,
+    columns: tuple[int, int, int],
+    rows: int,
+    along: Callable[[Array], Array],
+) -> StageMesh:
+    """Mesh a quarter: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
+
+    Parameters
+    ----------
+    columns : along the arc, the wall, the block.   along : shares of these of the block to places on it.
 
     Notes
     -----
-    Columns and their spacing along the arc are those of `hinge_mesh`; along the block they widen with the
-    distance from the notch. The block's triangles are straight, so that a beam's displacement is exact there.
+    Columns stand on the axis and lean more and more towards the arc's far end, where they keep 45 degrees with it.
+    Along the arc they widen as the stress does, angle = sqrt(t/R) sinh(w). The meshes of all refinements cut the
+    columns of one base grid evenly, and every corner of the outline is a corner of it.
     """
-    tau, (high, length) = hinge.ratio, hinge.block
-    spread = float(np.sqrt(tau))
-    end = float(np.arcsinh(np.pi / 2 / spread))
-    arc = max(LEAST_THICK_ARC, int(np.ceil(end / tau**0.25)))
-    rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
-    edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
+    (high, length), spread, total = block, float(np.sqrt(tau)), sum(columns)
+    end, first = float(np.arcsinh(np.pi / 2 / spread)), np.cumsum([0, *columns])
 
     def place(u: Array, v: Array) -> Array:
-        column = u * (arc + edge)
-        angle = spread * np.sinh(end * np.clip(column / arc, 0.0, 1.0))
-        along = _widening(np.clip((column - arc) / edge, 0.0, 1.0), high / 2, length)
+        on_arc, on_wall, on_edge = (
+            np.clip((u * total - start) / max(number, 1), 0.0, 1.0)
+            for start, number in zip(first, columns, strict=False)
+        )
+        angle, beyond = spread * np.sinh(end * on_arc), along(on_edge)
         y = tau / 2 + 1 - np.cos(angle)
-        x = np.sin(angle) + along
-        foot = x + y * np.tan(angle / 2) - along * high / 2 / length
+        foot = np.sin(angle) + y * np.tan(angle / 2) + wall * on_wall + beyond * (1 - high / 2 / length)
+        x, y = np.sin(angle) + beyond, y + wall * on_wall
         return np.stack([foot + (x - foot) * v, y * v], axis=-1)
 
-    mesh = mapped(refinement * (arc + edge), refinement * rows, place)
+    return mapped(total, rows, place)
+
+
+def hinge_mesh(hinge: PlaneHinge, refinement: int) -> StageMesh:
+    """Mesh the quarter of a hinge, as `_mesh`: long columns are enough in a slender neck, whose stress is a beam's."""
+    tau = hinge.ratio
+    arc = max(LEAST_ARC, int(np.ceil(2 * np.arcsinh(np.pi / 2 / np.sqrt(tau)) / tau**0.25)))
+    columns = arc * refinement, int(np.ceil(3 * hinge.wall / (2 + tau))) * refinement, EDGE * refinement
+    length = hinge.block[1]
+    return _mesh(tau, hinge.block, hinge.wall, columns, refinement * ROWS, lambda share: length * share)
+
+
+def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
+    """Mesh the quarter of the section, as `_mesh`; along the block columns widen with the distance from the notch.
+
+    The block's triangles are straight, so that a beam's displacement is exact there.
+    """
+    tau, (high, length) = hinge.ratio, hinge.block
+    arc = max(LEAST_THICK_ARC, int(np.ceil(float(np.arcsinh(np.pi / 2 / np.sqrt(tau))) / tau**0.25)))
+    rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
+    edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
+    columns = arc * refinement, 0, edge * refinement
+    mesh = _mesh(tau, hinge.block, 0.0, columns, refinement * rows, lambda share: _widening(share, high / 2, length))
     in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # beyond the column at the end of the arc
     block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
     nodes = mesh.nodes.copy()
@@ -285,15 +195,115 @@ def _widening(s: Array, scale: float, total: float) -> Array:
     return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
 
 
-def factor(hinge: ThickHinge, refinement: int) -> Array:
-    """Compliance (2,) in three dimensions over that in plane stress, on one mesh, in the order of `THICK_FREEDOMS`."""
-    plane, excess, _ = _compliances(hinge, refinement)
-    return 1 + excess / plane
+def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
+    """Forces (3, n, 2) on the block's end by the stresses of a unit moment, pull and sideways force at the neck."""
+    high, length = block
+
+    def bent(points: Array) -> Array:
+        return 12 * points[..., 1] / high**3
+
+    stresses = (
+        lambda at, _: np.stack([bent(at), 0 * at[..., 0]], axis=-1),
+        lambda at, _: np.broadcast_to([1 / high, 0.0], at.shape),
+        lambda at, _: np.stack([(1 + length) * bent(at), 1.5 / high * (1 - (2 * at[..., 1] / high) ** 2)], axis=-1),
+    )
+    return np.array([edge_force(mesh, Plate(1.0, 0.0, 1.0), mesh.edges["right"], stress) for stress in stresses])
+
+
+def _held(mesh: StageMesh) -> NDArray[np.bool_]:
+    """What symmetry holds under these loads (3, n, 2) on neck and axis, and a node against the motion left."""
+    neck, axis, end = (nodes_on(mesh, label) for label in ("left", "bottom", "right"))
+    held = np.zeros((3, *mesh.nodes.shape), dtype=bool)
+    held[:2, neck, 0] = held[2, neck, 1] = True
+    held[[[0], [2]], axis, 0] = held[1, axis, 1] = True
+    held[0, neck[0], 1] = held[2, end[0], 1] = True
+    return held
+
+
+def compliance(hinge: PlaneHinge, refinement: int, poissons_ratio: float = 0.0) -> Array:
+    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
+    return compliance_on(hinge_mesh(hinge, refinement), hinge, poissons_ratio)
+
+
+def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> Array:
+    """As `compliance`, on any mesh of the quarter with the edges that `hinge_mesh` names.
+
+    Notes
+    -----
+    A unit load's work on the quarter is a quarter of its work on the hinge, which is the compliance with the blocks'.
+    The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
+    strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
+    """
+    of, whole = structure(mesh, Plate(1.0, poissons_ratio, 1.0), held=NONE), list[float]()
+    lower = of.lower()
+    for force, held in zip(_loads(mesh, hinge.block), _held(mesh), strict=True):
+        field = settled(of, lower, force, held)
+        whole.append(4 * float(np.sum((2 * force - of.forces(field[None])[0]) * field)))
+    return np.array(whole) - block_compliance(hinge, poissons_ratio)
+
+
+def block_compliance(hinge: PlaneHinge | ThickHinge, poissons_ratio: float) -> Array:
+    """Compliances (3,) of the two blocks as beams from the ends of the notch, x = R, to their own, about the centre."""
+    high, length = hinge.block
+    bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
+    shear = SHEAR_FACTOR * 2 * (1 + poissons_ratio) * 2 * length / high
+    return np.array([24 * length / high**3, 2 * length / high, bending + shear])
+
+
+def sample(hinge: PlaneHinge, levels: Sequence[int] = LEVELS, poissons_ratio: float = 0.0) -> Extrapolation:
+    """Compliances of a hinge as of `compliance`, over three or more refinements, coarse to fine; relative bands."""
+    found = np.array([compliance(hinge, refinement, poissons_ratio) for refinement in levels])
+    limits = richardson(levels, found)
+    unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
+
+
+def richardson(levels: Sequence[int], values: Array) -> Array:
+    """Limits (k - 1, ...) of values (k, ...) from each pair of neighbouring refinements, with the order `ORDER`."""
+    n = np.asarray(levels, dtype=float)
+    growth = ((n[1:] / n[:-1]) ** ORDER).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
+
+
+class _Solved(NamedTuple):
+    """Displacements on one mesh in plane stress (2, n, 2), and in three dimensions (2, n, m, 3), and their loads."""
+
+    mesh: StageMesh
+    line: Layers
+    flat: Array
+    load: Array
+    plane: Array
+    solid: Array
+
+
+def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
+    mesh, line = section_mesh(hinge, refinement), layered(layers(hinge, refinement))
+    plate = Plate(1.0, hinge.poissons_ratio, 1.0)
+    flat, held = _loads(mesh, hinge.block)[:2], _held(mesh)[:2]
+    through = np.pad(flat[:, :, None] * (line.values @ line.weights)[:, None], [*[(0, 0)] * 3, (0, 1)])
+    fixed = np.pad(np.repeat(held[:, :, None], len(line.heights), axis=2), [*[(0, 0)] * 3, (0, 1)])
+    fixed[:, :, 0, 2] = fixed[0, nodes_on(mesh, "bottom"), :, 2] = True
+    fixed[0, nodes_on(mesh, "left")[0], 1:, 1] = False  # the motion along y that bending leaves is held at one point
+    found = []
+    for layered_by, loads, supports in ((None, flat, held), (line, through, fixed)):
+        of = structure(mesh, plate, layered_by, SOLID_QUADRATURE, NONE)
+        lower = of.lower()
+        found.append(np.array([settled(of, lower, *each) for each in zip(loads, supports, strict=True)]))
+    return _Solved(mesh, line, flat, through, *found)
+
+
+def compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
+    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
+    of = _solved(hinge, refinement)
+    thin = np.sum(of.flat * of.plane, axis=(1, 2))
+    thick = np.sum(of.load * of.solid, axis=(1, 2, 3)) / of.line.weights.sum()
+    blocks = block_compliance(hinge, hinge.poissons_ratio)[:2]
+    return 4 * thin - blocks, 4 * (thick - thin), of.solid[0].size  # a quarter of the work is done on the quarter
 
 
 def position(hinge: ThickHinge, refinement: int) -> Array:
     """Position p (2,) between plane stress, 0, and plane strain, 1, on one mesh; Poisson's ratio must not be zero."""
-    plane, excess, _ = _compliances(hinge, refinement)
+    plane, excess, _ = compliances(hinge, refinement)
     return -excess / plane / hinge.poissons_ratio**2
 
 
@@ -304,7 +314,7 @@ def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Ext
     -----
     The band is what the finest mesh moves the extrapolated value by, far more than what is left after it.
     """
-    made = [_compliances(hinge, refinement) for refinement in levels]
+    made = [compliances(hinge, refinement) for refinement in levels]
     found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
     limits = richardson(levels, found)
     return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
@@ -317,78 +327,12 @@ def stress_factors(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS[1:]) 
     -----
     The value is that of the finest mesh, the band what the finest mesh moves it by.
     """
-    found, unknowns = [], 0
+    found, unknowns, plate = [], 0, Plate(1.0, hinge.poissons_ratio, 1.0)
     for refinement in levels:
-        of, plate = _solved(hinge, refinement), Plate(1.0, hinge.poissons_ratio, 1.0)
+        of = _solved(hinge, refinement)
         near = np.flatnonzero(np.hypot(*of.mesh.nodes.T) <= 1.0)
-        thin = von_mises(nodal_stress(of.mesh, plate, np.array(of.plane), near)).max(axis=1)
-        thick = [solid_von_mises(solid_nodal_stress(of.mesh, plate, of.line, u, near)).max() for u in of.solid]
-        found.append(np.divide(thick, thin))
+        thin = von_mises(nodal_stress(of.mesh, plate, of.plane, near)).max(axis=1)
+        thick = von_mises(nodal_stress(of.mesh, plate, of.solid, near, of.line)).max(axis=(1, 2))
+        found.append(thick / thin)
         unknowns = of.solid[0].size
     return Extrapolation(found[-1], np.abs(found[-1] - found[-2]), np.array(found), unknowns)
-
-
-def _compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
-    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
-    of, (high, length) = _solved(hinge, refinement), hinge.block
-    blocks, half = np.array([24 * length / high**3, 2 * length / high]), np.sum(_along(of.line))
-    thin = np.array([np.sum(flat * u) for flat, u in zip(of.loads, of.plane, strict=True)])
-    thick = [np.sum(_extruded(flat, of.line) * u) / half for flat, u in zip(of.loads, of.solid, strict=True)]
-    return 4 * thin - blocks, 4 * (thick - thin), of.solid[0].size  # a quarter of the work is done on the quarter
-
-
-class _Solved(NamedTuple):
-    """Displacements on one mesh in plane stress (n, 2), and in three dimensions (n, m, 3), under loads (n, 2)."""
-
-    mesh: StageMesh
-    line: Layers
-    loads: list[Array]
-    plane: list[Array]
-    solid: list[Array]
-
-
-def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
-    mesh, line = section_mesh(hinge, refinement), layered(layers(hinge, refinement))
-    plate = Plate(1.0, hinge.poissons_ratio, 1.0)
-    flat, solid = (structure(mesh, plate, each, tie(mesh), SOLID_QUADRATURE) for each in (None, line))
-    found = _Solved(mesh, line, _loads(mesh, hinge.block[0]), [], [])
-    lowers = [of.lower().tocsr() for of in (flat, solid)]
-    for load, held in zip(found.loads, _held(mesh, line), strict=True):
-        thin = held[:, 0, :2].copy()
-        found.plane.append(settled(flat, lowers[0], load, thin))
-        found.solid.append(settled(solid, lowers[1], _extruded(load, line), held))
-    return found
-
-
-def _along(line: Layers) -> Array:
-    """Integrals (m,) of the shape functions of the line."""
-    return np.asarray(line.values @ line.weights)
-
-
-def _extruded(flat: Array, line: Layers) -> Array:
-    """Nodal forces (n, m, 3) of those in the plane (n, 2), per thickness."""
-    return np.pad(flat[:, None] * _along(line)[:, None], [(0, 0), (0, 0), (0, 1)])
-
-
-def _loads(mesh: StageMesh, high: float) -> list[Array]:
-    """Forces (n, 2) of the stresses of a unit moment and a unit pull, per thickness, on the end of the block."""
-
-    def bent(points: Array, _: Array) -> Array:
-        return 12 / high**3 * points[..., ::-1] * [1.0, 0.0]
-
-    def even(points: Array, _: Array) -> Array:
-        return np.broadcast_to([1 / high, 0.0], points.shape)
-
-    plate, end = Plate(1.0, 0.0, 1.0), mesh.edges["right"]
-    return [edge_force(mesh, plate, end, stress) for stress in (bent, even)]
-
-
-def _held(mesh: StageMesh, line: Layers) -> tuple[AnyArray, AnyArray]:
-    """What symmetry holds under a moment and a pull (n, m, 3); bending leaves a motion along y, held at one point."""
-    neck, axis = nodes_on(mesh, "left"), nodes_on(mesh, "bottom")
-    pulled = np.zeros((len(mesh.nodes), len(line.heights), 3), dtype=bool)
-    pulled[:, 0, 2] = pulled[neck, :, 0] = True
-    bent = pulled.copy()
-    bent[axis, :, 0] = bent[axis, :, 2] = bent[neck[0], 0, 1] = True
-    pulled[axis, :, 1] = True
-    return bent, pulled

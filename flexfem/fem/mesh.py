@@ -56,12 +56,6 @@ def shape_functions(points: Array) -> tuple[Array, Array]:
     return np.array([value for value, _ in found]), np.array([slope for _, slope in found])
 
 
-def determinants(at: Array, points: Array) -> Array:
-    """Jacobian determinants (e, q), mm^2, of triangles with nodes (e, 6, 2), mm, at points (q, 2)."""
-    (xa, xb), (ya, yb) = _jacobian(at, shape_functions(points)[1])
-    return np.asarray(xa * yb - xb * ya)
-
-
 def gradients(at: Array, points: Array) -> tuple[Array, Array]:
     """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q), mm^2.
 
@@ -78,8 +72,8 @@ def gradients(at: Array, points: Array) -> tuple[Array, Array]:
 
 def _jacobian(at: Array, slope: Array) -> Array:
     """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map."""
-    q, relative = slope.shape[-1], at - at[:, :1]  # exact, so that a small triangle far from the origin is as good
-    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, q)
+    relative = at - at[:, :1]  # exact, so that a small triangle far from the origin is as good
+    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, slope.shape[-1])
     return J.transpose(1, 2, 0, 3)
 
 
@@ -108,15 +102,6 @@ class StageMesh(NamedTuple):
     triangles: Index
     bodies: Index
     edges: dict[str, Index]
-
-
-def refuse_size(estimate: float) -> None:
-    """Raise ComputationFailed for more triangles than `MOST_TRIANGLES`."""
-    if estimate > MOST_TRIANGLES:
-        raise ComputationFailed(
-            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
-            "a coarser resolution or thicker necks are needed"
-        )
 
 
 def local_thickness(distance: Array, hinge: Hinge) -> Array:
@@ -175,18 +160,13 @@ def outwards(nodes: Array, edges: Index) -> Index:
     return np.asarray(found[np.argsort(np.hypot(*nodes[found].T))])
 
 
-def check_mesh(mesh: StageMesh, stage: Stage) -> None:
-    """Refuse a mesh that is not the stage. Raises ComputationFailed and says what is wrong."""
-    check_triangles(mesh, drawn_area(stage))
-
-
 def drawn_area(stage: Stage) -> float:
     """Area of the stage as drawn, mm^2."""
     return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
 
 
 def check_triangles(mesh: StageMesh, drawn: float) -> None:
-    """Refuse triangles that are not in one piece, of the drawn area, mm^2, and well shaped; as `check_mesh`."""
+    """Refuse triangles that are not in one piece, of the drawn area, mm^2, and well shaped; ComputationFailed."""
     n = len(mesh.nodes)
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
@@ -206,7 +186,8 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
 
 def jacobians(mesh: StageMesh) -> Array:
     """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, and their mean over it."""
-    found = determinants(mesh.nodes[mesh.triangles], NODES)
+    (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
+    found = xa * yb - xb * ya
     mean = found[:, 3:].mean(axis=1)  # exact: the determinant is quadratic, and so is this rule
     return np.column_stack([found, mean])
 
@@ -266,13 +247,16 @@ class Sector(NamedTuple):
 
 
 def mesh_sectors(
-    stage: Stage, resolution: int, time_limit: float | Limit = TIME_LIMIT, inside: bool = False
+    stage: Stage,
+    resolution: int | tuple[int, int, int],
+    time_limit: float | Limit = TIME_LIMIT,
+    inside: bool = False,
 ) -> tuple[Sector, ...]:
     """Mesh a feasible stage: three sectors, or the one that three alike chains share.
 
     Parameters
     ----------
-    resolution : quadratic triangles across every neck, or more.
+    resolution : quadratic triangles across every neck, or more; of every chain, common cuts then being the finest.
     time_limit : s, for gmsh on all sectors; not watched over inside.
     inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
 
@@ -281,27 +265,26 @@ def mesh_sectors(
     """
     check_feasible(stage)
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
-    chains = (1,) if stage.chains_alike else (1, 2, 3)
-    jobs = [sector_drawing(stage, chain, resolution) for chain in chains]
+    even = isinstance(resolution, int)
+    across = (resolution,) * 3 if isinstance(resolution, int) else resolution
+    chains = (1,) if stage.chains_alike and even else (1, 2, 3)
+    jobs = [sector_drawing(stage, chain, across[chain - 1]) for chain in chains]
+    if not even:
+        cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
+        jobs = [job._replace(divisions=job.divisions | cuts) for job in jobs]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
-    refuse_size(estimate_triangles(stage, sum(areas) * 3 / len(chains), resolution))
-    kinds = [tuple(stage.hinge(chain, name) for name in HINGE_NAMES) for chain in chains]
+    estimate = estimate_triangles(stage, sum(areas) * 3 / len(chains), max(across))
+    if estimate > MOST_TRIANGLES:
+        raise ComputationFailed(
+            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
+            "a coarser resolution or thicker necks are needed"
+        )
+    kinds = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
     unlike = [kinds.index(kind) for kind in dict.fromkeys(kinds)]
     wanted = [jobs[place] for place in unlike]
     made = [_meshed_inside(job) for job in wanted] if inside else run_jobs(wanted, limit)
     sectors = {kinds[place]: _sector(each, areas[place]) for place, each in zip(unlike, made, strict=True)}
     return _fitting(tuple(sectors[kind] for kind in kinds))
-
-
-def uneven_sectors(stage: Stage, resolutions: tuple[int, int, int]) -> tuple[Sector, ...]:
-    """Three sectors of different resolutions, whose common cuts have the nodes of the finest; as `mesh_sectors`."""
-    chains = (1, 1, 1) if stage.chains_alike else (1, 2, 3)
-    jobs = [sector_drawing(stage, chain, n) for chain, n in zip(chains, resolutions, strict=True)]
-    cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
-    jobs = [job._replace(divisions={**job.divisions, **cuts}) for job in jobs]
-    areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
-    made = run_jobs(jobs, TIME_LIMIT)
-    return _fitting(tuple(_sector(each, drawn) for each, drawn in zip(made, areas, strict=True)))
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float | Limit = TIME_LIMIT) -> StageMesh:

@@ -14,11 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.elements import Layers, Plate
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import Sector, StageMesh, joined
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
-from flexfem.fem.symmetry import Space, cyclic, every_motion, whole_fields
+from flexfem.fem.symmetry import Space, by_sectors, every_motion, whole_fields
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.refused import ComputationFailed
 
@@ -36,11 +36,15 @@ class VibratingStructure(NamedTuple):
     space : all motions, its solve by the stiffness with the stacks.
     """
 
-    structure: Structure
     mass: Mass
+    space: Space
     pushes: Array
     rates: Array
-    space: Space
+
+    @property
+    def structure(self) -> Structure:
+        """The structure."""
+        return self.mass.of
 
     @property
     def mesh(self) -> StageMesh:
@@ -54,7 +58,7 @@ class VibratingStructure(NamedTuple):
 
     def inertia(self, motion: Array) -> Array:
         """The mass matrix times accelerations (size, k)."""
-        return self.mass.loads(self.structure, motion)
+        return self.mass.loads(motion)
 
 
 class Modes(NamedTuple):
@@ -96,7 +100,7 @@ def vibrating_structure(
     carried: Array | None = None,
     pushes: Array | None = None,
     rates: Array | None = None,
-    degree: int | None = None,
+    degree: int = MASS_QUADRATURE,
 ) -> VibratingStructure:
     """Assemble and factorise.
 
@@ -104,14 +108,14 @@ def vibrating_structure(
     ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     pushes, rates : of engaged stacks, (size, n) and (n,), N/mm.
-    degree : of the quadrature of the mass; None for one that is exact.
+    degree : of the quadrature of the mass, by default exact.
 
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
     space, pushes = every_motion(of), np.zeros((of.size, 0)) if pushes is None else pushes
     rates = np.zeros(pushes.shape[1]) if rates is None else rates
-    mass = mass_of(of, density, carried, *([] if degree is None else [degree]))
-    return VibratingStructure(of, mass, pushes, rates, space._replace(solve=_with_stacks(space.solve, pushes, rates)))
+    mass = mass_of(of, density, carried, degree)
+    return VibratingStructure(mass, space._replace(solve=_with_stacks(space.solve, pushes, rates)), pushes, rates)
 
 
 def _with_stacks(solve: Solve, pushes: Array, rates: Array) -> Solve:
@@ -129,7 +133,7 @@ def modes(of: VibratingStructure, count: int) -> Modes:
     Raises ComputationFailed when ARPACK does not converge, or its eigenvalues are not those of the modes' energies.
     """
     squares, motion = _ritz(of.space, of, count)
-    return _arranged(squares, motion[None], of.structure, of.mesh, [], of.mass, count, of.size)
+    return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.size)
 
 
 def stage_modes(
@@ -150,23 +154,22 @@ def stage_modes(
 
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
-    mesh, places = joined(sectors)
-    if len(sectors) == 3:
-        return modes(vibrating_structure(structure(mesh, plate, layers, degree=degree), density, carried), count)
-    one = cyclic(sectors[0], plate, layers, degree)
-    of = one.sector
-    mass, none = mass_of(of, density, carried / 3), np.zeros((of.size, 0))
-    sector = VibratingStructure(of, mass, none, np.zeros(0), one.space(0))
-    constant, motion = _ritz(one.space(0), sector, count)
-    turning, pair = _ritz(one.space(1), sector, -(-count // 2))
+    stage, none = by_sectors(sectors, plate, layers, degree), np.zeros(0)
+    of = stage.of
+    if not stage.alike:
+        mass = mass_of(of, density, carried)
+        return modes(VibratingStructure(mass, stage.spaces[0], np.zeros((of.size, 0)), none), count)
+    sector = VibratingStructure(mass_of(of, density, carried / 3), stage.spaces[0], np.zeros((of.size, 0)), none)
+    constant, motion = _ritz(stage.spaces[0], sector, count)
+    turning, pair = _ritz(stage.spaces[1], sector, -(-count // 2))
     real, imaginary = np.split(pair * np.sqrt(2 / 3), 2, axis=1)
     shapes = [
         np.concatenate([motion / np.sqrt(3), c * real - s * imaginary, s * real + c * imaginary], axis=1)
         for c, s in ((np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)) for chain in range(3))
     ]
-    squares = np.concatenate([constant, turning, turning])
+    squares, (mesh, places) = np.concatenate([constant, turning, turning]), joined(sectors)
     whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _arranged(squares, np.array(shapes), of, mesh, places, whole, count, one.unknowns)
+    return _arranged(squares, np.array(shapes), of, places, whole, count, stage.unknowns)
 
 
 def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -220,7 +223,6 @@ def _arranged(
     squares: Array,
     shapes: Array,
     of: Structure,
-    mesh: StageMesh,
     places: list[Index],
     mass: Mass,
     count: int,
@@ -234,10 +236,8 @@ def _arranged(
     """
     order = np.argsort(squares)
     squares, shapes = squares[order], shapes[..., order]
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), mass.carried, of, mesh, places, unknowns)
-    whole = of._replace(mesh=mesh)
-    rigid = np.moveaxis(whole.rigid_fields(np.arange(len(mesh.nodes))), -1, 0)
-    base = mass.forces(rigid).reshape(3, -1)
+    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), mass.total(), of, mass.of.mesh, places, unknowns)
+    base = mass.forces(mass.of.rigid_fields()).reshape(3, -1)
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if of.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried
@@ -249,7 +249,6 @@ def _arranged(
         frequencies=found.frequencies[:count],
         shapes=(shapes * signs)[..., :count],
         participation=((Q.T @ participation) * signs[:, None])[:count],
-        total=mass.total(whole),
     )
 
 

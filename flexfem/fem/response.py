@@ -9,7 +9,7 @@ on the hub.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Layers, Plate, integration, internal_forces, shape_values
+from flexfem.fem.elements import Layers, Plate, integration, shape_values
 from flexfem.fem.factor import Solve, factorise
-from flexfem.fem.mesh import Sector, StageMesh, joined, welded
-from flexfem.fem.structure import Mass, Structure, structure
-from flexfem.fem.symmetry import cyclic, turned_fields, under_loads, whole_fields
+from flexfem.fem.mesh import Sector, StageMesh, welded
+from flexfem.fem.structure import NONE, Mass, Structure, structure
+from flexfem.fem.symmetry import by_sectors, under_loads, whole_fields
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.contacts import Push, Stack, spread
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
@@ -80,11 +80,8 @@ def settle(
     scale = np.ones(3)
     scale[of.turning[2:] if of.turning[0] == 0 else of.turning[:2]] = 1 / lever  # rotations
     pads = [np.unique(of.mesh.edges["ground"])] if alike else clamped_nodes(of.mesh)
-    ground, motion = [of.rigid_fields(nodes).reshape(-1, 3) for nodes in pads], np.zeros_like(loads)
-    applied = _resultants(of, loads)
-
-    def whole(values: Array) -> Array:
-        return np.asarray(np.sum([turn @ values @ turn.T for turn in turns], axis=0))
+    ground, motion = [of.rigid_fields(nodes).reshape(3, -1).T for nodes in pads], np.zeros_like(loads)
+    applied = loads.T @ np.concatenate([of.rigid_unknowns(of.free), np.eye(of.poses, 3)])
 
     def around(values: Array) -> list[Array]:
         """Resultants (k, 3) of every chain from those of one."""
@@ -103,25 +100,22 @@ def settle(
             work = work + given.reshape(len(given), -1) @ flat
         held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
         found = StaticSolution(
-            motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), whole(energy)
+            motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), _whole(turns, energy)
         )
         loaded = np.sum(around(applied), axis=0)
-        unbalanced = _imbalance(found, whole(work), loaded * scale, scale)
+        unbalanced = _imbalance(found, _whole(turns, work), loaded * scale, scale)
         if max(unbalanced.values()) <= SETTLED:
             break
     if given is not None:  # pads that carry nothing but stress of their own
-        unbalanced = _imbalance(found, whole(work), loaded * scale, scale, np.max(np.abs(flat), axis=0))
+        unbalanced = _imbalance(found, _whole(turns, work), loaded * scale, scale, np.max(np.abs(flat), axis=0))
     for name, worst in unbalanced.items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
     return found
 
 
-def _resultants(of: Structure, loads: Array) -> Array:
-    """Force and moment (k, 3) of loads (size, k) on the unknowns."""
-    free = of.rigid_fields(of.tied.free)
-    rigid = free.reshape(len(free), -1, 3) if of.layers is None else free[:, *of.layers.kept]
-    return np.asarray(loads.T @ np.concatenate([rigid.reshape(-1, 3), np.eye(of.poses, 3)]))
+def _whole(turns: list[Array], values: Array) -> Array:
+    return np.asarray(np.sum([turn @ values @ turn.T for turn in turns], axis=0))
 
 
 def _imbalance(
@@ -150,13 +144,13 @@ def clamped_nodes(mesh: StageMesh) -> list[Index]:
 
 @dataclass(frozen=True)
 class Response:
-    """Answer of the stage to a unit force in x, in y and a unit moment on the platform, order x, y, theta.
+    """Answer of a stage to three cases that its chains turn as they turn x, y, theta: loads, or gradients of warmth.
 
-    compliance : (3, 3), mm and rad per N and N mm; column j is the pose under unit load j.
-    sectors, sector_fields : one or three sectors, and the displacements (3 loads, n, 2), mm, of their nodes, with
-        layers (3, n, m, 3); both are in the frame of chain 1, the loads in that of the stage.
-    reactions : (3, 3), row j the resultant of the clamped edges about the origin under unit load j, N and N mm.
-    energy : (3, 3), N mm, `u_i' K u_j`; half its diagonal is the strain energy under each unit load.
+    compliance : (3, 3), column j the pose by case j, mm and rad; of unit loads per N and N mm.
+    sectors, sector_fields : one or three sectors, and the displacements (3 cases, n, 2), mm, of their nodes, with
+        layers (3, n, m, 3); both are in the frame of chain 1, the cases in that of the stage.
+    reactions : (3, 3), row j the resultant of the clamped edges about the origin by case j, N and N mm.
+    energy : (3, 3), N mm, `u_i' K u_j`; half its diagonal is the strain energy by each case.
     unknowns : number of equations that the whole stage would have.
     extrusion : None in the plane.
     """
@@ -187,7 +181,7 @@ class Response:
 
     @cached_property
     def fields(self) -> Array:
-        """Displacements (3 loads, n, 2), mm, of all nodes of `mesh`; with layers (3, n, m, 3)."""
+        """Displacements (3 cases, n, 2), mm, of all nodes of `mesh`; with layers (3, n, m, 3)."""
         mesh, places = self._welded
         return whole_fields(len(mesh.nodes), places, under_loads(self.sector_fields))
 
@@ -197,24 +191,25 @@ class Response:
 
 
 def unit_response(
-    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+    sectors: tuple[Sector, ...],
+    plate: Plate,
+    layers: Layers | None = None,
+    degree: int | None = None,
+    imposed: Callable[[Structure], Array] | None = None,
 ) -> Response:
     """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature in the plane.
 
+    imposed : instead of loads, displacements (3, n, ...) of the clamped nodes of a structure.
+
     Raises ComputationFailed as `settle` and `Structure.lower`.
     """
-    if len(sectors) == 1:
-        one = cyclic(sectors[0], plate, layers, degree)
-        loads = _unit_loads(one.sector)
-        found = settle(one.sector, one.solve, loads / 3, alike=True)
-        fields: tuple[Array, ...] = (found.fields,)
-        unknowns = one.unknowns
-    else:
-        mesh, places = joined(sectors)
-        found = platform_response(mesh, plate, degree, layers)
-        fields = tuple(turned_fields(found.fields[:, place], -chain) for chain, place in enumerate(places))
-        unknowns = found.unknowns
-    return Response(found.compliance, sectors, fields, found.reactions, found.energy, unknowns, layers)
+    stage = by_sectors(sectors, plate, layers, degree)
+    loads, given = _unit_loads(stage.of) / (3 if stage.alike else 1), None
+    if imposed is not None:
+        loads, given = np.zeros_like(loads), imposed(stage.of)
+    found = settle(stage.of, stage.solve, loads, given, stage.alike)
+    fields = stage.sector_fields(found.fields)
+    return Response(found.compliance, sectors, fields, found.reactions, found.energy, stage.unknowns, layers)
 
 
 def platform_response(
@@ -227,23 +222,29 @@ def platform_response(
     The hub's nodes follow the platform, so `u = T q` with the pose as the last three of `q`; the compliance is the pose
     block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
     """
-    of = structure(mesh, plate, layers, degree=degree)
+    of = structure(mesh, plate, layers, degree)
     return settle(of, factorise(of.lower()), _unit_loads(of))
 
 
-def weight_response(of: Structure, mass: Mass, acceleration: Array) -> StaticSolution:
+def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
     """What a structure does under the weight of its mass; `acceleration` (3,) along the components of its pose, mm/s^2.
 
     Raises ComputationFailed as `settle` and `Structure.lower`.
     """
-    rigid = np.moveaxis(of.rigid_fields(np.arange(len(of.mesh.nodes))), -1, 0)
-    loads = of.loads(mass.forces(np.tensordot(acceleration, rigid, axes=1)[None]))
+    of = mass.of
+    loads = of.loads(mass.forces(np.tensordot(acceleration, of.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
     return settle(of, factorise(of.lower()), loads)
 
 
 def _unit_loads(of: Structure) -> Array:
     return np.eye(of.size, 3, 3 - of.size)
+
+
+def _part(mesh: StageMesh, body: int) -> StageMesh:
+    """Triangles of a body, 4 * chain + body, of a mesh, with the nodes of all."""
+    mine = mesh.bodies == body
+    return mesh._replace(triangles=mesh.triangles[mine], bodies=mesh.bodies[mine])
 
 
 class DrivenResponse(NamedTuple):
@@ -286,8 +287,7 @@ def stack_loads(of: Structure, stacks: Sequence[Stack]) -> Array:
 def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
     """Nodal forces (n, 2), N, of one newton of a push on a link of a chain (from 0), its wrench met exactly."""
     assert push.station is not None
-    mine = mesh.bodies == 4 * chain + push.body  # the numbers of the links are the same
-    part = mesh._replace(triangles=mesh.triangles[mine], bodies=mesh.bodies[mine])
+    part = _part(mesh, 4 * chain + push.body)  # the numbers of the links are the same
     N, found = shape_values(PUSH_QUADRATURE), np.zeros((3, *mesh.nodes.shape))
     for triangles, _, weights in integration(part, PUSH_QUADRATURE):
         points = np.einsum("eid,iq->eqd", turned(mesh.nodes[triangles], -chain * CHAIN_TURN), N)
@@ -295,9 +295,7 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
         nodal = np.einsum("keqd,eq,iq->keid", density, weights, N)
         for force, each in zip(found, nodal, strict=True):
             np.add.at(force, triangles, each)
-    x, y = turned(mesh.nodes, -chain * CHAIN_TURN).T
-    fx, fy = np.moveaxis(found, -1, 0)
-    resultants = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
+    resultants = _resultants(turned(mesh.nodes, -chain * CHAIN_TURN), found)
     return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), found, axes=1), chain * CHAIN_TURN)
 
 
@@ -312,10 +310,13 @@ def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
     found = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):
         for hinge, name in enumerate(HINGE_NAMES):
-            before = mesh.bodies == 4 * chain + hinge
-            part = mesh._replace(triangles=mesh.triangles[before], bodies=mesh.bodies[before])
+            part = structure(_part(mesh, 4 * chain + hinge), plate, held=NONE)
             nodes = np.unique(mesh.edges[f"neck {chain + 1} {name}"])
-            x, y = mesh.nodes[nodes].T
-            fx, fy = np.moveaxis(internal_forces(integration(part), plate, fields)[:, nodes], -1, 0)
-            found[chain, hinge] = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
+            found[chain, hinge] = _resultants(mesh.nodes[nodes], part.forces(fields)[:, nodes])
     return found
+
+
+def _resultants(nodes: Array, forces: Array) -> Array:
+    """Force and moment about the origin (3, k) of forces (k, n, 2) at nodes (n, 2)."""
+    (x, y), (fx, fy) = nodes.T, np.moveaxis(forces, -1, 0)
+    return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])

@@ -8,6 +8,9 @@ on the mid-plane, w is free, and the hub has the pose Z, a, b with a and b its r
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,20 +18,25 @@ import scipy.sparse as sp
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import (
+    CACHED,
+    CHUNK,
     MASS_QUADRATURE,
     QUADRATURE,
     SOLID_QUADRATURE,
     ElementBatch,
     Layers,
+    Pairs,
     Plate,
+    add_balancing,
+    assembled,
+    element_blocks,
     integration,
-    internal_forces,
-    matrices_of,
     mirrored,
+    pairs_of,
     shape_values,
-    tied_lower,
-    wedge_forces,
-    wedge_lower,
+    sheet,
+    slopes_of,
+    stress_tensor,
 )
 from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.designs import out_of_plane
@@ -67,59 +75,30 @@ def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
     return found.antisymmetric if antisymmetric else found
 
 
-class Tied(NamedTuple):
-    """Nodes of the plane: free ones (f,), and those of the hub (h,), which follow its pose; others are clamped.
-
-    number : (n,), free nodes counted first, then hub nodes; -1 where clamped.
-    rigid : (2h, 3), displacement of the hub's nodes per pose, `u = U + theta x r`.
-    """
-
-    number: Index
-    free: Index
-    hub: Index
-    rigid: Array
-
-
 NONE = np.empty(0, dtype=np.int64)
 
 
-def tie(mesh: StageMesh, held: Index = NONE, hub: Index = NONE, last: Index = NONE) -> Tied:
-    """Number the nodes of a mesh: `held` ones clamped, those of the `hub` rigid, free ones of `last` at the end."""
-    inside = np.ones(len(mesh.nodes), dtype=bool)
-    inside[held] = inside[hub] = inside[last] = False
-    free = np.concatenate([np.flatnonzero(inside), last])
-    number = np.full(len(mesh.nodes), -1)
-    number[free], number[hub] = np.arange(len(free)), len(free) + np.arange(len(hub))
-    return Tied(number, free, hub, rigid_motion(mesh.nodes[hub]))
-
-
-def tie_hub(mesh: StageMesh, last: Index = NONE) -> Tied:
-    """As `tie`, the edges on the ground clamped and those on the hub rigid."""
-    return tie(mesh, mesh.edges["ground"].ravel(), np.unique(mesh.edges["hub"]), last)
-
-
-def rigid_motion(nodes: Array) -> Array:
-    """Displacements (2h, 3) of nodes (h, 2) per pose, `u = U + theta x r`."""
-    x, y = nodes.T
-    one, zero = np.ones(len(nodes)), np.zeros(len(nodes))
-    return np.stack([one, zero, -y, zero, one, x], axis=-1).reshape(-1, 3)
-
-
-class Structure(NamedTuple):
-    """What equations are made of.
+@dataclass(frozen=True)
+class Structure:
+    """What equations are made of. Unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
 
     layers : None of a plane structure; fields are (k, n, 2), of an extruded one (k, n, m, 3) at m heights.
     batches : of the triangles, at the points of quadrature whose shape functions are phi (6, q).
-
-    Unknowns are those of the free nodes of the plane, node by node, then the pose (3) where there is a hub.
+    free, hub : nodes of the plane (f,), and (h,) those that follow the pose; others are clamped.
     """
 
     mesh: StageMesh
     plate: Plate
-    tied: Tied
     layers: Layers | None
     batches: list[ElementBatch]
     phi: Array
+    free: Index
+    hub: Index
+
+    @cached_property
+    def line(self) -> Layers:
+        """The layers, or the one node of a plane structure on the line through its thickness."""
+        return self.layers or sheet(self.plate.thickness)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -127,138 +106,152 @@ class Structure(NamedTuple):
         return (2,) if self.layers is None else (len(self.layers.heights), 3)
 
     @property
-    def unknowns_of_node(self) -> int:
-        """Unknowns of one free node of the plane."""
-        return 2 if self.layers is None else self.layers.unknowns
-
-    @property
     def poses(self) -> int:
         """Components of the pose: none without a hub."""
-        return 3 if len(self.tied.hub) else 0
+        return 3 if len(self.hub) else 0
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return len(self.tied.free) * self.unknowns_of_node + self.poses
+        return len(self.free) * len(self.line.kept) + self.poses
 
     @property
     def turning(self) -> Index:
         """Two components of the pose that a turn of the structure turns as a vector, and the one that it leaves."""
-        return np.array([1, 2, 0] if self.layers and self.layers.fixed else [0, 1, 2])
+        return np.array([1, 2, 0] if self.line.fixed else [0, 1, 2])
 
-    def rigid_fields(self, nodes: Index) -> Array:
-        """Displacements (k, *shape, 3) of nodes of the plane (k,) per pose."""
-        rigid = rigid_motion(self.mesh.nodes[nodes])
-        return rigid.reshape(-1, 2, 3) if self.layers is None else self.layers.rigid_fields(rigid)
+    def rigid_fields(self, nodes: Index | slice = slice(None)) -> Array:
+        """Displacements (3, k, *shape) of nodes of the plane (k,) per pose."""
+        rigid = np.moveaxis(self.line.rigid(self.mesh.nodes[nodes]), -1, 0)
+        return rigid.reshape(*rigid.shape[:2], *self.shape)
 
-    @property
-    def _bonded(self) -> Array:
-        """Displacements (h, *shape, 3) of the hub's nodes per pose."""
-        rigid = self.tied.rigid
-        return rigid.reshape(-1, 2, 3) if self.layers is None else self.layers.rigid_fields(rigid)
+    def rigid_unknowns(self, nodes: Index) -> Array:
+        """Unknowns (k each, 3) that free nodes of the plane (k,) would have by each pose."""
+        rigid = self.line.rigid(self.mesh.nodes[nodes])
+        return rigid.reshape(len(nodes), math.prod(rigid.shape[1:3]), 3)[:, self.line.kept].reshape(-1, 3)
 
-    def spread(self, values: Array) -> Array:
-        """Fields (k, n, *shape) that are zero but at the free nodes, from their unknowns (k, free)."""
-        fields = np.zeros((len(values), len(self.tied.number), *self.shape))
-        free = values.reshape(len(values), len(self.tied.free), -1)
-        if self.layers is None:
-            fields[:, self.tied.free] = free
-        else:
-            fields[:, self.tied.free[:, None], *self.layers.kept] = free
-        return fields
-
-    def gathered(self, fields: Array) -> Array:
-        """Values (k, free) of fields (k, n, *shape) at the unknowns of the free nodes."""
-        free = self.tied.free
-        found = fields[:, free] if self.layers is None else fields[:, free[:, None], *self.layers.kept]
-        return found.reshape(len(fields), -1)
+    @cached_property
+    def T(self) -> sp.csr_array:
+        """Matrix from the unknowns to the displacements of all nodes."""
+        line, components = self.line, len(self.line.heights) * self.line.axes
+        rows = (self.free[:, None] * components + line.kept).ravel()
+        columns, values = np.arange(len(rows)), np.ones(len(rows))
+        if self.poses:
+            bound = self.hub[:, None] * components + np.arange(components)
+            rows = np.concatenate([rows, np.repeat(bound.ravel(), 3)])
+            columns = np.concatenate([columns, np.tile(len(columns) + np.arange(3), bound.size)])
+            values = np.concatenate([values, line.rigid(self.mesh.nodes[self.hub]).ravel()])
+        return sp.csr_array((values, (rows, columns)), shape=(len(self.mesh.nodes) * components, self.size))
 
     def fields(self, motion: Array) -> Array:
         """Displacements (k, n, *shape), mm, of all nodes from unknowns (size, k)."""
-        fields = self.spread(motion[: self.size - self.poses].T)
-        if self.poses:
-            fields[:, self.tied.hub] = np.moveaxis(self._bonded @ motion[-3:], -1, 0)
-        return fields
+        return np.reshape((self.T @ motion).T, (motion.shape[1], len(self.mesh.nodes), *self.shape))
 
     def loads(self, forces: Array) -> Array:
         """Loads (size, k) on the unknowns from nodal forces (k, n, *shape), N."""
-        found = self.gathered(forces)
-        if self.poses:
-            on_hub = forces[:, self.tied.hub].reshape(len(forces), -1) @ self._bonded.reshape(-1, 3)
-            found = np.concatenate([found, on_hub], axis=1)
-        return found.T
+        return np.asarray(self.T.T @ forces.reshape(len(forces), -1).T)
+
+    def slopes(self, batch: ElementBatch, fields: Array) -> Array:
+        """Displacement gradients (k, e, d, d, q) at the points of quadrature of some triangles, of (k, n, *shape)."""
+        return slopes_of(batch, self.phi, self.line, self._on_line(fields))
+
+    def add_forces(self, forces: Array, batch: ElementBatch, stress: Array) -> None:
+        """Add to nodal forces (k, n, *shape), N, what balances stresses (k, e, d, d, q), MPa, of some triangles."""
+        add_balancing(self._on_line(forces), batch, self.phi, self.line, stress)
+
+    def _on_line(self, fields: Array) -> Array:
+        return fields.reshape(*fields.shape[:2], -1, self.line.axes)
 
     def forces(self, fields: Array) -> Array:
-        """Nodal forces (k, n, *shape), N, that hold displacements (k, n, *shape), mm."""
-        if self.layers is None:
-            return internal_forces(self.batches, self.plate, fields)
-        return wedge_forces(self.batches, self.phi, self.plate, self.layers, fields)
+        """Nodal forces (k, n, *shape), N, that hold displacements (k, n, *shape), mm: far less rounded than K u."""
+        total, most = np.zeros_like(fields, order="C"), CHUNK if self.layers is None else CACHED
+        for piece in (piece for batch in self.batches for piece in batch.pieces(most)):
+            self.add_forces(total, piece, stress_tensor(self.plate, self.slopes(piece, fields)))
+        return total
 
-    def lower(self) -> sp.coo_array:
-        """Lower triangle (size, size) of the stiffness of the unknowns, entries in one place to be added up.
+    @property
+    def pairs(self) -> Pairs:
+        """Pairs of nodes that are free or of the hub, numbered in this order."""
+        number, moving = np.full(len(self.mesh.nodes), -1), np.concatenate([self.free, self.hub])
+        number[moving] = np.arange(len(moving))
+        return pairs_of(self.mesh.triangles, number)
+
+    def tied(self, whole: sp.csr_array, rates: Array) -> sp.csr_array:
+        """Lower triangle (size, size) of T' K T from that of the free nodes and the hub, whose motion is `rates` q."""
+        first = whole.shape[0] - len(rates)
+        if not len(rates):
+            return whole
+        free, corner = whole[:first], whole[first:, first:].toarray()
+        free.resize(first, first + 3)
+        corner = np.tril(rates.T @ (corner + np.tril(corner, -1).T) @ rates)
+        pose = sp.hstack([sp.csr_array(rates.T) @ whole[first:, :first], sp.csr_array(corner)])
+        return sp.vstack([free, pose], format="csr")
+
+    def lower(self) -> sp.csr_array:
+        """Lower triangle (size, size) of the stiffness of the unknowns.
 
         Raises ComputationFailed for more equations in three dimensions than `MOST_UNKNOWNS`.
-
-        Notes
-        -----
-        With u = T q it is T' K T. Of wedges the columns of the pose are the forces under its three motions alone.
         """
-        if self.layers is None:
-            matrices = matrices_of(self.batches, self.plate)
-            return tied_lower(self.mesh.triangles, matrices, self.tied.number, self.tied.rigid)
-        if self.size > MOST_UNKNOWNS:
+        if self.layers is not None and self.size > MOST_UNKNOWNS:
             raise ComputationFailed(
                 f"{self.size:.2g} unknowns in three dimensions, expected at most {MOST_UNKNOWNS:.2g}: "
                 "a coarser resolution or fewer layers are needed"
             )
-        free = len(self.tied.free)
-        parts = list(wedge_lower(self.batches, self.phi, self.plate, self.layers, self.tied.number, free))
-        if self.poses:
-            pose = self.loads(self.forces(self.fields(np.eye(self.size, 3, 3 - self.size))))
-            below, corner, last = np.nonzero(pose[:-3]), np.tril_indices(3), self.size - 3
-            parts += [(pose[:-3][below], last + below[1], below[0])]
-            parts += [(pose[-3:][corner], last + corner[0], last + corner[1])]
-        values, rows, columns = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return sp.coo_array((values, (rows.astype(np.int32), columns.astype(np.int32))), shape=(self.size, self.size))
+        line, pieces = self.line, (piece for batch in self.batches for piece in batch.pieces())
+        blocks = (element_blocks(piece, self.phi, self.plate, line.axes) for piece in pieces)
+        return self.tied(assembled(self.pairs, blocks, line), self.rigid_unknowns(self.hub))
 
 
 def structure(
-    mesh: StageMesh, plate: Plate, layers: Layers | None = None, tied: Tied | None = None, degree: int | None = None
+    mesh: StageMesh,
+    plate: Plate,
+    layers: Layers | None = None,
+    degree: int | None = None,
+    held: Index | None = None,
+    last: Index = NONE,
 ) -> Structure:
-    """A mesh as a structure, plane without layers; `tied` as by `tie_hub`; `degree` of the quadrature in the plane."""
+    """A mesh as a structure, plane without layers; `degree` of the quadrature in the plane.
+
+    held : clamped nodes of one that has no hub; None clamps the edges on the ground and makes those on the hub rigid.
+    last : free nodes that are counted last.
+    """
+    hub = np.unique(mesh.edges["hub"]) if held is None else NONE
+    inside = np.ones(len(mesh.nodes), dtype=bool)
+    inside[mesh.edges["ground"].ravel() if held is None else held] = inside[hub] = inside[last] = False
     degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
-    return Structure(mesh, plate, tied or tie_hub(mesh), layers, integration(mesh, degree), shape_values(degree))
+    free = np.concatenate([np.flatnonzero(inside), last])
+    return Structure(mesh, plate, layers, integration(mesh, degree), shape_values(degree), free, hub)
 
 
 class Mass(NamedTuple):
-    """Consistent mass: that of two nodes at two heights is a product of two numbers.
+    """Consistent mass of a structure: that of two nodes at two heights is a product of two numbers.
 
-    areal : (n, n), tonne/mm, `rho int phi_i phi_j dA`; of a plane structure times the thickness.
-    line : (m, m), mm, `int psi_k psi_l dz`; None of a plane structure.
+    areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
     carried : (3, 3), mass matrix of what moves as the pose of the hub.
     """
 
+    of: Structure
     areal: sp.csr_array
-    line: Array | None
+    line: Array
     carried: Array
 
     def forces(self, fields: Array) -> Array:
         """Nodal forces (k, n, *shape), N, of accelerations, mm/s^2, without what the pose carries."""
         found = np.empty_like(fields)
         for force, field in zip(found, fields, strict=True):
-            moved = (self.areal @ field.reshape(len(field), -1)).reshape(field.shape)
-            force[:] = moved if self.line is None else self.line @ moved
+            moved = (self.areal @ field.reshape(len(field), -1)).reshape(len(field), len(self.line), -1)
+            force[:] = (self.line @ moved).reshape(field.shape)
         return found
 
-    def total(self, of: Structure) -> Array:
+    def total(self) -> Array:
         """Mass matrix (3, 3) of the whole as one rigid body, the clamped faces too."""
-        rigid = np.moveaxis(of.rigid_fields(np.arange(len(of.mesh.nodes))), -1, 0)
+        rigid = self.of.rigid_fields()
         return np.asarray(rigid.reshape(3, -1) @ self.forces(rigid).reshape(3, -1).T + self.carried)
 
-    def loads(self, of: Structure, motion: Array) -> Array:
+    def loads(self, motion: Array) -> Array:
         """The mass matrix times accelerations (size, k) of the unknowns."""
-        loads = of.loads(self.forces(of.fields(motion)))
-        if of.poses:
+        loads = self.of.loads(self.forces(self.of.fields(motion)))
+        if self.of.poses:
             loads[-3:] += self.carried @ motion[-3:]
         return loads
 
@@ -271,7 +264,5 @@ def mass_of(of: Structure, density: float, carried: Array | None = None, degree:
         values = density * np.einsum("iq,jq,eq->eij", N, N, batch.weights, optimize=True)
         places = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
         areal = areal + sp.coo_array((values.ravel(), places), shape=(number, number)).tocsr()
-    carried = np.zeros((3, 3)) if carried is None else carried
-    if of.layers is None:
-        return Mass(areal * of.plate.thickness, None, carried)
-    return Mass(areal, (of.layers.values * of.layers.weights) @ of.layers.values.T, carried)
+    line = (of.line.values * of.line.weights) @ of.line.values.T
+    return Mass(of, areal, line, np.zeros((3, 3)) if carried is None else carried)

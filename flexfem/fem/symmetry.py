@@ -19,9 +19,9 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import Layers, Plate
-from flexfem.fem.factor import Condensed, Solve, condense, dense, factorise
-from flexfem.fem.mesh import Sector
-from flexfem.fem.structure import Structure, Tied, structure, tie_hub
+from flexfem.fem.factor import Condensed, condense, dense, factorise
+from flexfem.fem.mesh import Sector, joined
+from flexfem.fem.structure import Structure, structure
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation
 
 
@@ -38,91 +38,113 @@ class Space(NamedTuple):
     gathered: Callable[[Array], AnyArray]
     solve: Callable[[AnyArray], AnyArray]
 
+    def answer(self, loads: Array) -> Array:
+        """Unknowns (m, k) under loads (m, k)."""
+        return self.spread(self.solve(self.gathered(loads)))
+
 
 def every_motion(of: Structure) -> Space:
-    """The unknowns of a structure as they are."""
+    """The unknowns of a structure as they are. Raises ComputationFailed as `Structure.lower` and `factorise`."""
     return Space(of.size, float, np.asarray, np.asarray, factorise(of.lower()))
 
 
-class Cyclic(NamedTuple):
-    """A sector whose unknowns are counted inside first, then on the cut behind, the cut ahead, and the pose.
+class Chains(NamedTuple):
+    """A stage by its sectors: the structure that is solved, one sector of three alike or the whole.
 
-    ties : T_h (2 c + 3, c + 1) of harmonics 0 and 1, from a cut and the harmonic's pose to both cuts and the pose.
-    edges : of both, solves by A_h.
+    places : where the nodes of each chain's sector are in a whole.
+    spaces : of the harmonics 0 and 1 of one sector, whose unknowns are counted inside first, then on the cut behind,
+        the cut ahead, and the pose; or of the whole.
+    unknowns : number of equations of the whole.
     """
 
-    sector: Structure
-    condensed: Condensed
-    ties: tuple[AnyArray, AnyArray]
-    edges: tuple[Solve, Solve]
+    sectors: tuple[Sector, ...]
+    of: Structure
+    places: list[Index]
+    spaces: tuple[Space, ...]
+    unknowns: int
 
     @property
-    def unknowns(self) -> int:
-        """Number of equations of the whole."""
-        return 3 * self.sector.size - 3 * int(self.ties[0].shape[1]) - 3
+    def alike(self) -> bool:
+        """Whether one sector stands for three."""
+        return len(self.sectors) == 1
 
     def solve(self, loads: Array) -> Array:
-        """Unknowns (m, 3) of the sector under its part of loads (m, 3), turned by sectors as the vector x, y, theta."""
-        (T, turn), (solve, solve_turning) = self.ties, self.edges
-        inside, edge = self.condensed.reduced(loads)
-        pair = turn @ solve_turning(turn.conj().T @ (edge[:, :1] + 1j * edge[:, 1:2]))
-        return self.condensed.expanded(inside, np.hstack([pair.real, pair.imag, T @ solve(T.T @ edge[:, 2:])]))
+        """Unknowns (m, k) under loads (m, k); three of a sector, turned by sectors as the vector x, y, theta."""
+        if not self.alike:
+            return self.spaces[0].answer(loads)
+        return np.hstack([self.spaces[1].answer(loads[:, :2]), self.spaces[0].answer(loads[:, 2:])])
 
-    def space(self, harmonic: int) -> Space:
-        """Coordinates: the unknowns inside a sector, on its cut behind, and the pose that goes with the harmonic."""
-        T, solve_edge = self.ties[harmonic], self.edges[harmonic]
-        inner = self.sector.size - len(T)
-
-        def apart(values: AnyArray) -> Array:
-            return np.hstack([values.real, values.imag]) if harmonic else np.asarray(values)
-
-        def together(values: Array) -> AnyArray:
-            if not harmonic:
-                return values
-            real, imaginary = np.split(values, 2, axis=1)
-            return np.asarray(real + 1j * imaginary)
-
-        def spread(coordinates: AnyArray) -> Array:
-            return apart(np.concatenate([coordinates[:inner], T @ coordinates[inner:]]))
-
-        def gathered(loads: Array) -> AnyArray:
-            found = together(loads)
-            return np.concatenate([found[:inner], T.conj().T @ found[inner:]])
-
-        def solve(b: AnyArray) -> AnyArray:
-            inside, edge = self.condensed.reduced(apart(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))])))
-            moved = solve_edge(b[inner:] + T.conj().T @ together(edge))
-            found = self.condensed.expanded(inside, apart(T @ moved))
-            return np.concatenate([together(found[:inner]), moved])
-
-        return Space(inner + T.shape[1], T.dtype.type, spread, gathered, solve)
+    def sector_fields(self, fields: Array) -> tuple[Array, ...]:
+        """Fields (k, n, ...) of the sectors, each in the frame of chain 1, from those of the structure."""
+        if self.alike:
+            return (fields,)
+        return tuple(turned_fields(fields[:, place], -chain) for chain, place in enumerate(self.places))
 
 
-def cyclic(sector: Sector, plate: Plate, layers: Layers | None = None, degree: int | None = None) -> Cyclic:
-    """Condense an alike sector. Raises ComputationFailed as `Structure.lower`, or when a part is not held."""
-    of = structure(sector.mesh, plate, layers, tie_sector(sector), degree)
-    c = len(sector.ahead) * of.unknowns_of_node
-    condensed = condense(of.lower(), 2 * c + 3)
-    one, other = (_tie(of, len(sector.ahead), harmonic) for harmonic in (0, 1))
-    solves = [dense(T.conj().T @ condensed.schur @ T) for T in (one, other)]
-    return Cyclic(of, condensed, (one, other), (solves[0], solves[1]))
+def by_sectors(
+    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+) -> Chains:
+    """Factorise a stage, by one alike sector or as a whole.
+
+    Raises ComputationFailed as `Structure.lower`, or when a part is not held.
+    """
+    if len(sectors) == 3:
+        mesh, places = joined(sectors)
+        of = structure(mesh, plate, layers, degree)
+        return Chains(sectors, of, places, (every_motion(of),), of.size)
+    (sector,) = sectors
+    of = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
+    cut = len(sector.ahead) * len(of.line.kept)
+    condensed = condense(of.lower(), 2 * cut + 3)
+    spaces = (_harmonic(of, condensed, len(sector.ahead), 0), _harmonic(of, condensed, len(sector.ahead), 1))
+    return Chains(sectors, of, [], spaces, 3 * (of.size - cut) - 6)
 
 
-def tie_sector(sector: Sector) -> Tied:
-    """Unknowns of a sector, those on its cuts and the pose last."""
-    return tie_hub(sector.mesh, np.concatenate([sector.behind, sector.ahead]))
+def _harmonic(of: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
+    """Coordinates: the unknowns inside a sector, on its cut behind, and the pose that goes with the harmonic.
+
+    nodes : of a cut in the plane.
+    """
+    T = _tie(of, nodes, harmonic)
+    inner, solve_edge = of.size - len(T), dense(T.conj().T @ condensed.schur @ T)
+
+    def apart(values: AnyArray) -> Array:
+        return np.hstack([values.real, values.imag]) if harmonic else np.asarray(values)
+
+    def together(values: Array) -> AnyArray:
+        if not harmonic:
+            return values
+        real, imaginary = np.split(values, 2, axis=1)
+        return np.asarray(real + 1j * imaginary)
+
+    def spread(coordinates: AnyArray) -> Array:
+        return apart(np.concatenate([coordinates[:inner], T @ coordinates[inner:]]))
+
+    def gathered(loads: Array) -> AnyArray:
+        found = together(loads)
+        return np.concatenate([found[:inner], T.conj().T @ found[inner:]])
+
+    def solve(b: AnyArray) -> AnyArray:
+        inside, edge = condensed.reduced(apart(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))])))
+        moved = solve_edge(b[inner:] + T.conj().T @ together(edge))
+        found = condensed.expanded(inside, apart(T @ moved))
+        return np.concatenate([together(found[:inner]), moved])
+
+    return Space(inner + T.shape[1], T.dtype.type, spread, gathered, solve)
 
 
 def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
-    """T_h of a cut of so many nodes of the plane.
+    """T_h (2 c + 3, c + 1) of a cut of so many nodes of the plane, from a cut and the harmonic's pose.
 
     Notes
     -----
     The cut ahead is the cut behind of the next sector. Of three freedoms of the hub the turn leaves one as it is,
     theta or z, and turns the others as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
     """
-    spin = _spin(of.layers, nodes)
-    c, phase = len(spin), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
+    each, vectors = np.eye(len(of.line.kept)), of.line.vectors
+    each[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
+    spin, phase = np.kron(np.eye(nodes), each), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
+    c = len(spin)
     T = np.zeros((2 * c + 3, c + 1), dtype=complex if harmonic else float)
     T[:c, :c], T[c : 2 * c, :c] = np.eye(c), phase * spin
     if harmonic:
@@ -130,15 +152,6 @@ def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
     else:
         T[2 * c + of.turning[2], -1] = 1.0
     return T
-
-
-def _spin(layers: Layers | None, nodes: int) -> Array:
-    """Matrix that turns the unknowns of so many nodes of the plane by 120 degrees."""
-    vectors, scalars = (1, 0) if layers is None else (len(layers.moving), len(layers.lifted))
-    size = 2 * vectors + scalars
-    each = np.eye(size)
-    each[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
-    return np.asarray(np.kron(np.eye(nodes), each))
 
 
 def under_loads(values: Sequence[Array]) -> list[Array]:

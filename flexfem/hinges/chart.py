@@ -37,7 +37,6 @@ from flexfem.sources import read_data
 FREEDOMS = ("rotation", "axial", "shear")
 SPREADING = 4.0 / np.pi  # of two half-planes
 GROWTH = np.array([0.0, SPREADING, SPREADING])  # of rotation, axial, shear, per ln(H/h)
-AXES, SCALES = ("t/R", "b/t", "nu"), (np.sqrt, np.log, np.positive)  # of the thickness chart, and what it is smooth in
 ROUND_OFF = 1e-9  # relative; a block as high as the notch, added up in another order, is still on the chart
 
 
@@ -49,62 +48,74 @@ class Factors(NamedTuple):
     shear: Array
 
 
-class Patch(NamedTuple):
-    """Chebyshev series of the factors over a range of heights.
+class Series(NamedTuple):
+    """Chebyshev series of some numbers over a box.
 
-    ratios, heights : smallest and largest t/R and H/h of the range that was sampled.
-    measure : of H/h, the scale on which the factors, less their growth with it, are smooth.
-    series : (3, n, m), coefficients in sqrt(t/R) and the measured H/h for rotation, axial, shear.
-    bands : (3,), largest relative uncertainty of a sample, for each.
+    ends : smallest and largest of each of d coordinates that was sampled.
+    scales : of these, on which the numbers are smooth.
+    coefficients : (numbers, n, m, ...).
     """
 
-    ratios: tuple[float, float]
-    heights: tuple[float, float]
-    measure: np.ufunc
-    series: Array
-    bands: Array
+    ends: tuple[tuple[float, float], ...]
+    scales: tuple[np.ufunc, ...]
+    coefficients: Array
 
-    def at(self, tau: Array, eta: Array) -> Array:
-        """The series (3, ...) at t/R and H/h (...)."""
-        across = _vander(tau, self.ratios, np.sqrt, self.series.shape[1])
-        along = _vander(eta, self.heights, self.measure, self.series.shape[2])
-        return np.array([np.einsum("...m,...m->...", across @ series, along) for series in self.series])
+    @classmethod
+    def through(
+        cls, ends: tuple[tuple[float, float], ...], scales: tuple[np.ufunc, ...], points: list[Array], samples: Array
+    ) -> Series:
+        """The polynomial through all samples (numbers, n, m, ...), whose points must be Chebyshev's."""
+        for axis, at in enumerate(points, start=1):
+            inverse = np.linalg.inv(_vander(at, ends[axis - 1], scales[axis - 1], len(at)))
+            samples = np.moveaxis(np.tensordot(inverse, samples, axes=(1, axis)), 0, axis)
+        return cls(ends, scales, samples)
+
+    def at(self, *point: ArrayLike) -> Array:
+        """The numbers (numbers, ...) at coordinates (...), broadcast."""
+        parts = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
+        along = [_vander(np.asarray(at, dtype=float), ends, scale, terms) for at, ends, scale, terms in parts]
+        axes = "ijk"[: len(along)]
+        terms = ",".join(f"...{axis}" for axis in axes)
+        return np.asarray(np.einsum(f"f{axes},{terms}->f...", self.coefficients, *along, optimize=True))
+
+    def clipped(self, *point: ArrayLike) -> list[Array]:
+        """The nearest coordinates in the box."""
+        return [np.clip(np.asarray(values, dtype=float), *ends) for values, ends in zip(point, self.ends, strict=True)]
+
+    def covers(self, *point: ArrayLike) -> NDArray[np.bool_]:
+        """Whether coordinates (broadcast against each other) are in the box."""
+        inside = [_within(*pair) for pair in zip(point, self.ends, strict=True)]
+        found: NDArray[np.bool_] = np.logical_and.reduce(np.broadcast_arrays(*inside))
+        return found
 
 
 class HingeChart(NamedTuple):
-    """The factors for every height: `low` up to its largest H/h, `high` beyond."""
+    """The factors in t/R and H/h for every height: `low` up to its largest H/h, `high` beyond, less its growth.
 
-    low: Patch
-    high: Patch
+    bands : (3,), largest relative uncertainty of a sample, for rotation, axial, shear.
+    """
+
+    low: Series
+    high: Series
+    bands: Array
 
     @property
     def ratios(self) -> tuple[float, float]:
         """Smallest and largest t/R; beyond them the chart says nothing."""
-        return self.low.ratios
-
-    @property
-    def least_height(self) -> float:
-        """Smallest H/h; there is no largest."""
-        return self.low.heights[0]
-
-    @property
-    def bands(self) -> Array:
-        """Largest relative uncertainty of a sample (3,), for rotation, axial, shear."""
-        return np.maximum(self.low.bands, self.high.bands)
+        return self.low.ends[0]
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
-        """Whether t/R and H/h (broadcast against each other) are on the chart."""
-        return _within(ratio, self.ratios) & _within(height, (self.least_height, np.inf)) & np.isfinite(height)
+        """Whether t/R and H/h (broadcast against each other) are on the chart; there is no largest H/h."""
+        return _within(ratio, self.ratios) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Factors:
         """Factors (...) at t/R and H/h, broadcast against each other."""
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
-        inside, within = self.covers(tau, eta), np.clip(tau, *self.ratios)
-        found = self.low.at(within, np.clip(eta, *self.low.heights))
-        beyond = inside & (eta > self.low.heights[1] * (1 + ROUND_OFF))
+        inside, found = self.covers(tau, eta), self.low.at(*self.low.clipped(tau, eta))
+        beyond = inside & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
         if np.any(beyond):
-            stout, high = within[beyond], eta[beyond]
-            found[:, beyond] = self.high.at(stout, high) + _growth(stout, high)
+            within, high = np.clip(tau[beyond], *self.ratios), eta[beyond]
+            found[:, beyond] = self.high.at(within, high) + GROWTH[:, None] * np.log(high) / beam_integrals(within)
         return Factors(*np.where(inside, found, np.nan))
 
 
@@ -118,73 +129,43 @@ def beam_integrals(tau: Array) -> Array:
 @cache
 def hinge_chart() -> HingeChart:
     """The chart in the package, read once."""
-    low, high = (read_data(f"{name}.json") for name in ("hinge_chart", "hinge_chart_high"))
-    return HingeChart(read_patch(low, np.log, 0.0 * GROWTH), read_patch(high, np.reciprocal, GROWTH))
-
-
-def read_patch(text: str, measure: np.ufunc, growth: Array) -> Patch:
-    """The chart of a file's text: the polynomial through all samples, whose points must be Chebyshev's.
-
-    growth : (3,), of the compliances per ln(H/h), taken off them.
-    """
-    found = json.loads(text)
-    ratios, heights = (tuple(found["range"][name]) for name in ("t/R", "H/h"))
-    tau, eta = np.array(found["t/R"]), np.array(found["H/h"])
-    samples = np.array([found[name] for name in FREEDOMS]) - growth[:, None, None] * np.log(eta)
-    factors = samples / beam_integrals(tau)[:, :, None]
-    across = np.linalg.inv(_vander(tau, ratios, np.sqrt, len(tau)))
-    along = np.linalg.inv(_vander(eta, heights, measure, len(eta)))
-    bands = np.array([found["largest_band"][name] for name in FREEDOMS])
-    return Patch(ratios, heights, measure, across @ factors @ along.T, bands)
-
-
-class Positions(NamedTuple):
-    """Positions (...) between plane stress, 0, and plane strain, 1; nan outside the chart."""
-
-    rotation: Array
-    axial: Array
-
-
-class StressFactors(NamedTuple):
-    """Highest von Mises stress (...) over that in plane stress; nan outside the chart."""
-
-    bending: Array
-    tension: Array
+    parts, bands = [], []
+    for name, measure, growth in (("hinge_chart", np.log, 0.0), ("hinge_chart_high", np.reciprocal, GROWTH)):
+        found = json.loads(read_data(f"{name}.json"))
+        tau, eta = np.array(found["t/R"]), np.array(found["H/h"])
+        samples = np.array([found[freedom] for freedom in FREEDOMS]) - np.reshape(growth, (-1, 1, 1)) * np.log(eta)
+        ends = tuple(found["range"]["t/R"]), tuple(found["range"]["H/h"])
+        factors = samples / beam_integrals(tau)[:, :, None]
+        parts.append(Series.through(ends, (np.sqrt, measure), [tau, eta], factors))
+        bands.append([found["largest_band"][freedom] for freedom in FREEDOMS])
+    return HingeChart(parts[0], parts[1], np.max(bands, axis=0))
 
 
 class ThicknessChart(NamedTuple):
-    """Chebyshev series of the positions and of the stress factors.
+    """Over t/R, b/t and nu: positions in rotation and axially, 0 in plane stress and 1 in plane strain, and the highest
+    von Mises stress by a moment and by a pull over that in plane stress.
 
-    ratios, widths, poissons : smallest and largest t/R, b/t and nu; beyond them the chart says nothing.
-    series : (4, n, m, k), coefficients in sqrt(t/R), log(b/t) and nu for rotation, axial, bending stress and tension's.
     bands : (2,), largest uncertainty of a sample in terms of the compliance, relative, for rotation and axial.
     """
 
-    ratios: tuple[float, float]
-    widths: tuple[float, float]
-    poissons: tuple[float, float]
-    series: Array
+    series: Series
     bands: Array
 
-    def covers(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> NDArray[np.bool_]:
-        """Whether t/R, b/t and nu (broadcast against each other) are on the chart."""
-        inside = [_within(*pair) for pair in zip((ratio, width, poissons_ratio), self[:3], strict=True)]
-        return inside[0] & inside[1] & inside[2]
+    def at(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> Array:
+        """Both positions and both stress factors (4, ...), the arguments broadcast; nan outside the chart."""
+        point = ratio, width, poissons_ratio
+        return np.where(self.series.covers(*point), self.series.at(*self.series.clipped(*point)), np.nan)
 
-    def positions(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> Positions:
-        """Positions (...) at t/R, b/t and nu, broadcast against each other."""
-        return Positions(*self._at(ratio, width, poissons_ratio)[:2])
 
-    def stress_factors(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> StressFactors:
-        """Stress factors (...) at t/R, b/t and nu, broadcast against each other."""
-        return StressFactors(*self._at(ratio, width, poissons_ratio)[2:])
-
-    def _at(self, *point: ArrayLike) -> Array:
-        at = [np.asarray(values, dtype=float) for values in point]
-        ends = (self.ratios, self.widths, self.poissons)
-        along = [_vander(np.clip(at[k], *ends[k]), ends[k], SCALES[k], self.series.shape[k + 1]) for k in range(3)]
-        found = np.einsum("fijk,...i,...j,...k->f...", self.series, *along, optimize=True)
-        return np.where(self.covers(*at), found, np.nan)
+@cache
+def thickness_chart() -> ThicknessChart:
+    """The chart in the package, read once."""
+    found, axes = json.loads(read_data("thickness_chart.json")), ("t/R", "b/t", "nu")
+    points, ends = [np.array(found[axis]) for axis in axes], tuple(tuple(found["range"][axis]) for axis in axes)
+    stress = found["stress"]
+    samples = np.array([found["rotation"], found["axial"], stress["bending"], stress["tension"]])
+    series = Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
+    return ThicknessChart(series, np.array([found["largest_band"][name] for name in FREEDOMS[:2]]))
 
 
 def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike) -> Factors:
@@ -202,7 +183,7 @@ def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, 
     """
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))
     tau = t / R
-    rotation, axial = thickness_chart().positions(tau, b / t, nu)
+    rotation, axial = thickness_chart().at(tau, b / t, nu)[:2]
     slender = beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear
     stretch = 4.0 * SHEAR_CORRECTION / (2.0 + tau)
     softening = (slender - stretch) / (slender + stretch * nu)
@@ -214,31 +195,7 @@ def on_thickness_chart(
 ) -> NDArray[np.bool_]:
     """Whether hinges are on the chart; arguments as for `thickness_factors`."""
     t = np.asarray(neck, dtype=float)
-    return thickness_chart().covers(t / np.asarray(radius), np.asarray(thickness) / t, poissons_ratio)
-
-
-@cache
-def thickness_chart() -> ThicknessChart:
-    """The chart in the package, read once."""
-    return read_thickness_chart(read_data("thickness_chart.json"))
-
-
-def read_thickness_chart(text: str) -> ThicknessChart:
-    """The chart of a file's text: the polynomial through all samples, whose points must be Chebyshev's."""
-    found = json.loads(text)
-    ends = [tuple(found["range"][name]) for name in AXES]
-    at = [np.array(found[name]) for name in AXES]
-    inverses = [np.linalg.inv(_vander(*each, len(each[0]))) for each in zip(at, ends, SCALES, strict=True)]
-    samples = [found["rotation"], found["axial"], found["stress"]["bending"], found["stress"]["tension"]]
-    bands = np.array([found["largest_band"][name] for name in FREEDOMS[:2]])
-    series = np.einsum("fabc,ia,jb,kc->fijk", np.array(samples), *inverses, optimize=True)
-    ratios, widths, poissons = ends
-    return ThicknessChart(ratios, widths, poissons, series, bands)
-
-
-def _growth(tau: Array, eta: Array) -> Array:
-    """What the height of the blocks adds to the factors (3, n) at t/R and H/h (n,)."""
-    return GROWTH[:, None] * np.log(eta) / beam_integrals(tau)
+    return thickness_chart().series.covers(t / np.asarray(radius), np.asarray(thickness) / t, poissons_ratio)
 
 
 def _vander(values: Array, ends: tuple[float, float], measure: np.ufunc, terms: int) -> Array:

@@ -77,8 +77,8 @@ def stress_raised(designs: Designs) -> Concentration:
     if designs.plane == "corrected":
         width = designs.thickness[:, None, None] / designs.neck
         nu = designs.poissons_ratio[:, None, None]
-        factors = thickness_chart().stress_factors(ratio, width, nu)
-        return Concentration(K.bending * factors.bending, K.tension * factors.tension, K.shear * factors.bending)
+        bending, tension = thickness_chart().at(ratio, width, nu)[2:]
+        return Concentration(K.bending * bending, K.tension * tension, K.shear * bending)
     across = von_mises_along(designs.out_of_plane)[:, None, None]
     return Concentration(*(each * across for each in K))
 
@@ -123,16 +123,6 @@ def range_at_yield(stress: Array, yield_strength: Array) -> Array:
     stress : (..., 3 chains, 3 hinges, 3 directions) of `neck_stress`.   yield_strength : (...), MPa.
     """
     return np.asarray(yield_strength[..., None] / np.max(stress, axis=(-3, -2)))
-
-
-def travel(turning: Array, rotation: float) -> Array:
-    """Displacement (..., 3) at which the first base hinge has turned by `rotation`, rad, as its drive can.
-
-    Parameters
-    ----------
-    turning : (..., 3), the largest rotation of a base hinge per displacement, rad per mm and per rad.
-    """
-    return rotation / turning
 
 
 KEY = "material.fatigue_strength_coefficient_mpa"
@@ -182,11 +172,11 @@ class Basquin(NamedTuple):
     range_stated: bool = False
 
     def cycles(self, amplitude: ArrayLike) -> Array:
-        """Cycles (...) to failure at fully reversed amplitudes (...), MPa; inf at zero."""
+        """As `cycles_at`."""
         return cycles_at(amplitude, self.coefficient, self.exponent)
 
     def amplitude(self, cycles: ArrayLike) -> Array:
-        """Fully reversed amplitude (...), MPa, that fails at cycles (...)."""
+        """As `amplitude_at`."""
         return amplitude_at(cycles, self.coefficient, self.exponent)
 
 

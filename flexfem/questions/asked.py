@@ -15,7 +15,6 @@ from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
 from flexfem.clock import Limit
 from flexfem.hinges.formulas import Compliance
-from flexfem.hinges.strength import travel
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive
@@ -95,7 +94,7 @@ class Answers(NamedTuple):
 
     def travel(self, rotation: float) -> Array:
         """Displacement (n, 3), mm and rad, at which the first base hinge has turned by `rotation`, rad."""
-        return travel(self.turning, rotation)
+        return rotation / self.turning
 
 
 def ask_formulas(
@@ -186,7 +185,10 @@ def ask_elements(
     response = elements(stage, resolution, clock)
     stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = neck_stresses(stage, response, stiffness).max(axis=(1, 2))  # row j: the loads of a unit displacement j
+    # row j of the stiffness: the loads of a unit displacement j
+    stress = neck_stresses(stage, response, stiffness).highest.max(
+        axis=(1, 2)
+    )  # row j: the loads of a unit displacement j
     turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     found = Answers(stiffness[None], stress[None], turning[None], strength, size)
@@ -211,7 +213,7 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
 
     Raises as `ask_elements`; the time limit is that of gmsh.
     """
-    from flexfem.fem.fields import base_rotations, solid_neck_stresses
+    from flexfem.fem.fields import base_rotations, neck_stresses
     from flexfem.fem.fields import envelope as meshed
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
@@ -221,7 +223,7 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
     response = unit_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
     stiffness = np.linalg.inv(response.compliance)
     stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = solid_neck_stresses(stage, plate, response, stiffness).highest.max(axis=(1, 2))
+    stress = neck_stresses(stage, response, stiffness).highest.max(axis=(1, 2))
     turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
     strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
     return Answers(stiffness[None], stress[None], turning[None], strength, size)

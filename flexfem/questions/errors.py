@@ -18,11 +18,11 @@ import numpy as np
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
-from flexfem.fem.elements import nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
-from flexfem.fem.fields import load_case, neck_maxima, solid_neck_stresses
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.fields import load_case, neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, tie_hub
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, structure
 from flexfem.files.provenance import Doubts, doubts
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
@@ -571,14 +571,14 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     of_layers = np.where(silent, 0.0, bands.percentages(moved, 1.0, case.direction, lever))
     force = command @ K.T  # (18)
     mesh, field = response.mesh, np.tensordot(force[-1], response.fields, axes=1)
-    stress = solid_nodal_stress(mesh, sheet_of(stage), response.layers, field, np.arange(len(mesh.nodes)))
+    stress = nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)
     found = bands.command_errors(steps, many, K, case.direction, lever)
     return Answer(
         error=force @ response.compliance.T - command,
         force=force,
         pose=response.compliance @ force[-1],
-        neck_stress=solid_neck_stresses(stage, sheet_of(stage), response, force[-1:]).highest[0],
-        fields=_fields(mesh, field[:, 0, :2], solid_von_mises(stress).max(axis=1)),
+        neck_stress=neck_stresses(stage, response, force[-1:]).highest[0],
+        fields=_fields(mesh, field[:, 0, :2], von_mises(stress).max(axis=1)),
         bands=tuple(
             each._replace(band=max(each.band, bands.mesh_band(steps, each.values)) + of)
             for each, of in zip(found, of_layers.tolist(), strict=True)
@@ -617,7 +617,7 @@ def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
             given, np.array([each.response.compliance for each in meshes]), case, stage.chain.link_lengths[2]
         ),
         compliance=C[:3, :3],
-        unknowns=2 * len(tie_hub(finest.mesh).free) + 3,
+        unknowns=structure(finest.mesh, plate_of(stage)).size,
         peak_band=_peak_band(levels(case.resolution), [each[2] / abs(each[0][axis]) for each in full]),
         joints=given.names,
         imposed=commands,

@@ -14,7 +14,7 @@ from flexfem import arguments
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import under_weight
 from flexfem.arrays import Array
-from flexfem.fem.elements import nodal_stress, solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import build_mesh
 from flexfem.fem.response import weight_response
@@ -184,10 +184,6 @@ def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: 
     plate = sheet_of(stage) if solid else plate_of(stage)
     of = structure(mesh, plate, through)
     mass = mass_of(of, stage.material.density * DENSITY, (carried_out_of_plane if solid else carried)(stage, load))
-    found = weight_response(of, mass, np.array([along[0], 0.0 if solid else along[1], 0.0]))
-    if through is None:
-        stress = von_mises(nodal_stress(mesh, plate, found.fields[0]), out_of_plane_ratio_of(stage))
-    else:
-        every = np.arange(len(mesh.nodes))
-        stress = solid_von_mises(solid_nodal_stress(mesh, plate, through, found.fields[0], every)).max(axis=1)
-    return Weighed(found.compliance[:, 0], neck_maxima(stage, mesh, stress))
+    found = weight_response(mass, np.array([along[0], 0.0 if solid else along[1], 0.0]))
+    stress = von_mises(nodal_stress(mesh, plate, found.fields[0], layers=through), out_of_plane_ratio_of(stage))
+    return Weighed(found.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress))

@@ -21,11 +21,12 @@ from flexfem.analytic.paper import freedoms_of, stage_freedoms
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import solid_nodal_stress, solid_von_mises, von_mises
+from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.export import write_solid_vtu
-from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, solid_neck_stresses
-from flexfem.fem.heat import HeatResponse, WarmHalf, free_displacement, heat_response, warm_half
+from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
+from flexfem.fem.heat import HeatResponse, free_displacement, heat_response, warm_half
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
+from flexfem.fem.response import Response
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import von_mises_along
@@ -44,7 +45,7 @@ CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"
 SHEET = "plane stress"  # label of the plane problem beside three dimensions
 LEAST_SOLID = 6  # on 4 triangles across a neck bands left out the z of 2 of 4 stages: meshes agreed by chance
-PLACES = ((0, 2), (0, 0), (0, 1), (1, 2))  # of each case: mirror half, and its place among the three of `WarmHalf`
+PLACES = ((0, 2), (0, 0), (0, 1), (1, 2))  # of each case: mirror half, and its place among the three of `warm_half`
 UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
 _MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
 UNLIKE_CHAINS = ((_MORE, 1.0, 1.0), (_LESS, 1.0, 1.0), (_MORE, _LESS, 1.0))  # factors on the necks of each chain
@@ -111,7 +112,7 @@ class SolidWarmFields(NamedTuple):
     """Both mirror halves in three dimensions, per unit of the frame's expansion beyond the stage's."""
 
     stage: Stage
-    halves: tuple[WarmHalf, WarmHalf]
+    halves: tuple[Response, Response]
 
     def write(self, path: Path) -> list[Path]:
         """Write displacement, mm, and von Mises stress, MPa, of half of the thickness by case as VTU."""
@@ -119,10 +120,10 @@ class SolidWarmFields(NamedTuple):
         beyond, fields = frame_expansion_of(self.stage) - own, dict[str, Array]()
         for case, (kind, at) in zip((*CASES, IN_DEPTH), PLACES, strict=True):
             half = self.halves[kind]
-            field, every = beyond * half.fields[at], np.arange(len(mesh.nodes))
-            stress = solid_nodal_stress(mesh, sheet_of(self.stage), half.layers, field, every)
+            field = beyond * half.fields[at]
+            stress = nodal_stress(mesh, sheet_of(self.stage), field, layers=half.layers)
             fields[f"displacement, {case}"] = own * free_displacement(mesh.nodes, half.layers)[at] + field
-            fields[f"von Mises stress, {case}"] = solid_von_mises(stress)
+            fields[f"von Mises stress, {case}"] = von_mises(stress)
         path = path.with_suffix(".vtu")
         write_solid_vtu(mesh, layers.heights, path, fields)
         return [path]
@@ -329,12 +330,12 @@ def _in_three_dimensions(
     halves, bands = [], []
     for name, antisymmetric in (("in the plane", False), ("out of the plane", True)):
 
-        def solved(level: int, number: int, antisymmetric: bool = antisymmetric) -> WarmHalf:
+        def solved(level: int, number: int, antisymmetric: bool = antisymmetric) -> Response:
             return warm_half(meshes[level], plate, layers_of(stage, number, antisymmetric))
 
         scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
         meshed, layered = coarser(
-            lambda *sizes, scale=scale, solved=solved: scale * solved(*sizes).pose, resolution, layers
+            lambda *sizes, scale=scale, solved=solved: scale * solved(*sizes).compliance, resolution, layers
         )
         of_mesh = pose_bands(np.array(list(meshes), dtype=float), np.array(meshed), 1.0)
         bands.append(abs(beyond) * (of_mesh + layer_bands(*layered)) / scale)
@@ -342,23 +343,25 @@ def _in_three_dimensions(
         if progress is not None:
             progress(f"{name}: {halves[-1].unknowns} unknowns")
     loads, places = beyond * np.eye(3), [(halves[kind], at) for kind, at in PLACES]
-    stress = [solid_neck_stresses(stage, plate, half, loads[[at]]).highest[0] for half, at in places]
+    stress = [neck_stresses(stage, half, loads[[at]]).highest[0] for half, at in places]
     edges = [_clamped(stage, half, beyond * half.fields[at]) for half, at in places]
     order = [at for _, at in PLACES[:3]]
-    warm = CaseArrays(pose=beyond * halves[0].pose.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges)
+    warm = CaseArrays(
+        pose=beyond * halves[0].compliance.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges
+    )
     sheet = CaseArrays(pose=heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T)
-    tilt, tilt_band = beyond * halves[1].pose[:, 2], bands[1][:, 2]
+    tilt, tilt_band = beyond * halves[1].compliance[:, 2], bands[1][:, 2]
     return sheet, warm, tilt, tilt_band, SolidWarmFields(stage, (halves[0], halves[1]))
 
 
-def _clamped(stage: Stage, half: WarmHalf, field: Array) -> Array:
+def _clamped(stage: Stage, half: Response, field: Array) -> Array:
     """Highest stress (3 chains,) on the clamped face of each pad, MPa, of displacements (n, m, 3) beyond free ones.
 
     A share `CORNER` of the length and of the half thickness along the borders is left out: stress has no bound there.
     """
     ground, heights = np.unique(half.mesh.edges["ground"]), half.layers.heights
     stress = np.zeros(field.shape[:2])
-    stress[ground] = solid_von_mises(solid_nodal_stress(half.mesh, sheet_of(stage), half.layers, field, ground))
+    stress[ground] = von_mises(nodal_stress(half.mesh, sheet_of(stage), field, ground, half.layers))
     return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)
 
 

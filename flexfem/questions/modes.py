@@ -475,7 +475,7 @@ def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int
     solved = modes_of(flat, count)
     found = np.full(count, np.nan)
     for k in range(count):
-        middle = np.concatenate([of.field(k)[flat.structure.tied.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
+        middle = np.concatenate([of.field(k)[flat.structure.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
         moved = flat.inertia(middle[:, None])[:, 0]
         overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(middle @ moved)
         best = int(np.argmax(overlap))

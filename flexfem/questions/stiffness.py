@@ -10,9 +10,9 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
 from flexfem.arrays import Array, alone
-from flexfem.fem.elements import Plate, solid_nodal_stress, solid_von_mises
+from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.export import write_solid_vtu, write_vtu
-from flexfem.fem.fields import LoadCase, NeckStress, load_case, solid_neck_stresses
+from flexfem.fem.fields import LoadCase, load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
@@ -94,9 +94,9 @@ class LoadFields(NamedTuple):
         if self.plane is not None:
             write_vtu(mesh, path, {"displacement": self.plane.field, "von_mises": self.plane.stress})
         elif response.extrusion is not None:
-            field, every = np.tensordot(self.load, response.fields, axes=1), np.arange(len(mesh.nodes))
-            stress = solid_nodal_stress(mesh, sheet_of(self.stage), response.layers, field, every)
-            fields = {"displacement": field, "von_mises": solid_von_mises(stress)}
+            field = np.tensordot(self.load, response.fields, axes=1)
+            stress = nodal_stress(mesh, sheet_of(self.stage), field, layers=response.layers)
+            fields = {"displacement": field, "von_mises": von_mises(stress)}
             fields["stress"] = stress.reshape(*field.shape[:2], 9)
             write_solid_vtu(mesh, response.layers.heights, path, fields)
         return [path]
@@ -296,12 +296,12 @@ def _in_three_dimensions(
     found.values |= {"band_plane": plane, "band_thickness": thickness}
     K = found.values["stiffness"]
     found.bands["stiffness"] = np.abs(K) @ total @ np.abs(K)
-    found.strained(np.moveaxis(neck_stress_of(stage, response, K.T).highest, 0, -1))
+    found.strained(np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1))
     force = load if held is None else K @ held
     models = {SHEET: AtRest(stage, soft), HELD: AtRest(stage, hard), SOLID: found}
     if force is None:
         return models, None
-    necks = neck_stress_of(stage, response, force[None])
+    necks = neck_stresses(stage, response, force[None])
     energy = float(force @ response.energy @ force / 2)
     found.loaded(force, necks.highest[0], reaction=force @ response.reactions, energy=energy)
     found.values["neck_height"] = necks.height[0]
@@ -316,8 +316,3 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
     soft, hard = (unit_response(response.sectors, each).compliance for each in (plate, held))
     return soft, hard
-
-
-def neck_stress_of(stage: Stage, response: Response, loads: Array) -> NeckStress:
-    """Highest stress of every notch under loads (k, 3)."""
-    return solid_neck_stresses(stage, sheet_of(stage), response, loads)

@@ -96,15 +96,15 @@ def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
     from flexfem.fem.elements import von_mises
     from flexfem.fem.fields import notch_fields
-    from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+    from flexfem.fem.structure import out_of_plane_ratio_of
 
     pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
     part = counted(design.neck[0] / design.radius[0], of.sensitivity)
     loads = np.array([of.motion.amplitude, of.motion.mean]) @ stiffness.T
     parts = []
-    for (chain, hinge), stress in notch_fields(stage, plate_of(stage), response, loads):
+    for (chain, hinge), stress in notch_fields(stage, response, loads):
         amplitude, mean = von_mises(stress, pull)
-        sign = np.sign(stress[1, :, 0] + stress[1, :, 1])
+        sign = np.sign(np.trace(stress[1], axis1=1, axis2=2))
         place = np.full(len(mean), 3 * chain + hinge)
         parts.append(Strained(place, amplitude, sign * mean, np.full(len(mean), part[chain, hinge])))
     return Strained(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -7,22 +7,18 @@ import math
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from flexfem.fem.elements import Plate, integration, stiffness_matrix
-from flexfem.fem.factor import factorise
+from flexfem.fem.elements import Plate, integration
 from flexfem.fem.mesh import build_mesh, quadrature, shape_functions
-from flexfem.fem.modes import _aligned, lowest, modes, vibrating_structure
+from flexfem.fem.modes import _aligned, modes, vibrating_structure
 from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import driven_response
-from flexfem.fem.structure import mass_of, plate_of, rigid_motion, structure, tie, tie_hub
-from flexfem.mechanism.bodies import carried, drawn_inertia, payload_matrix
+from flexfem.fem.structure import NONE, mass_of, plate_of, structure
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import ComputationFailed
-from flexfem.units import DENSITY as DENSITY_UNIT
 
 from ..validation.vibration import tapered
 from .conftest import GEOMETRY
@@ -33,36 +29,24 @@ PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7),
 @pytest.fixture(scope="module")
 def membrane():
     mesh = tapered(2)
-    return vibrating_structure(structure(mesh, PLATE, tied=tie(mesh, nodes_on(mesh, "left"))), DENSITY)
+    return vibrating_structure(structure(mesh, PLATE, held=nodes_on(mesh, "left")), DENSITY)
 
 
 def dense(mesh, held):
     """Stiffness and mass (m, m) of the unknowns that are not held, and the mass of all."""
-    K = stiffness_matrix(integration(mesh), PLATE, len(mesh.nodes)).toarray()
-    of = structure(mesh, PLATE, tied=tie(mesh))
-    M = mass_of(of, DENSITY).loads(of, np.eye(of.size))
+    of = structure(mesh, PLATE, held=NONE)
+    K, M = of.lower().toarray(), mass_of(of, DENSITY).loads(np.eye(of.size))
+    K = K + np.tril(K, -1).T
     free = np.setdiff1d(np.arange(len(K)), np.concatenate([2 * held, 2 * held + 1]))
     return K[np.ix_(free, free)], M[np.ix_(free, free)], M, free
 
 
 def base_loads(of):
     """Loads (m, 3) of unit accelerations of the base in x, y and theta."""
-    rigid = np.moveaxis(rigid_motion(of.mesh.nodes).reshape(-1, 2, 3), -1, 0)
-    loads = of.structure.loads(of.mass.forces(rigid))
+    loads = of.structure.loads(of.mass.forces(of.structure.rigid_fields()))
     if of.structure.poses:
         loads[-3:] += of.mass.carried
     return loads
-
-
-def matrix_of(of, mass):
-    """The mass matrix (m, m) of the unknowns, what the pose carries with it."""
-    n, free, hub = len(of.mesh.nodes), of.tied.free, of.tied.hub
-    rows = np.concatenate([(2 * free[:, None] + [0, 1]).ravel(), np.repeat((2 * hub[:, None] + [0, 1]).ravel(), 3)])
-    columns = np.concatenate([np.arange(2 * len(free)), np.tile(2 * len(free) + np.arange(3), 2 * len(hub))])
-    values = np.concatenate([np.ones(2 * len(free)), of.tied.rigid.ravel()])
-    T = sp.coo_array((values, (rows, columns)), shape=(2 * n, of.size)).tocsc()
-    pose = sp.block_diag([sp.csc_array((of.size - 3,) * 2), mass.carried])
-    return (T.T @ sp.kron(mass.areal, sp.eye_array(2)) @ T + pose).tocsc()
 
 
 def test_frequencies_are_those_of_dense_matrices(membrane):
@@ -80,7 +64,7 @@ def test_effective_masses_of_all_modes_and_what_the_ground_holds_are_the_whole_m
     clamped = np.setdiff1d(np.arange(len(whole)), free)
     across = whole[np.ix_(free, clamped)]
     schur = whole[np.ix_(clamped, clamped)] - across.T @ np.linalg.solve(M, across)
-    rigid = rigid_motion(membrane.mesh.nodes).T[:, clamped]
+    rigid = membrane.structure.rigid_fields().reshape(3, -1)[:, clamped]
     found = shares.sum(axis=0) + np.einsum("ai,ij,aj->a", rigid, schur, rigid)
     mass = 10e3 * 3e3 * 3.7 * 2739e-12
     np.testing.assert_allclose(found[:2], mass, rtol=1e-12)
@@ -98,40 +82,6 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
     for batch in integration(mesh, 12):
         fine += float(np.sum(batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2))
     assert energy == pytest.approx(fine, rel=1e-12)
-
-
-def test_effective_masses_of_a_stage_with_hub_and_payload_are_the_mass_but_for_what_the_clamped_edges_hold(unlike):
-    """Of all modes together by the mass matrix alone, `L' M^-1 L`; of nine modes less, in every direction."""
-    payload = payload_of(0.3, 55.0)
-    of = vibrating(unlike.stage, unlike.mesh, payload, "disengaged")
-    drawn = np.diag(drawn_inertia(unlike.stage).matrix + payload_matrix(payload))
-    every = (
-        np.diag(base_loads(of).T @ scipy.sparse.linalg.spsolve(matrix_of(of.structure, of.mass), base_loads(of)))
-        / drawn
-    )
-    assert np.all(every < 1) and np.all(every > [0.999, 0.999, 0.99])
-    found = np.cumsum(modes(of, 9).participation ** 2, axis=0) / drawn
-    assert np.all(found < every) and np.all(found[2] > [0.92, 0.92, 0.48]), "the platform carries most of it"
-
-
-def test_a_free_stage_with_its_hub_and_payload_has_three_modes_at_zero(unlike):
-    mesh, stage = unlike.mesh, unlike.stage
-    plate, shift = plate_of(stage), 1e6
-    of = structure(mesh, plate, tied=tie(mesh, hub=tie_hub(mesh).hub))
-    hub = mass_of(of, stage.material.density * DENSITY_UNIT, carried(stage, payload_of(0.3, 55.0)))
-    mass, stiffness = matrix_of(of, hub), of.lower().tocsc()
-    squares = lowest(factorise((stiffness + shift * sp.tril(mass)).tocoo()), mass, 5, -shift)[0]
-    assert np.all(np.abs(squares[:3]) < 1e-8 * squares[3]) and np.sqrt(squares[3]) > 100.0
-
-
-def test_a_payload_far_heavier_than_the_stage_vibrates_on_the_static_stiffness(unlike):
-    """A point mass of 500 kg and 4e5 kg mm^2 on the static stiffness: a 3 x 3 problem by hand."""
-    load = carried(unlike.stage, payload_of(500.0, 4e5))
-    on = structure(unlike.mesh, plate_of(unlike.stage))
-    of = vibrating_structure(on, unlike.stage.material.density * 1e-12, load)
-    K, M = np.linalg.inv(unlike.response.compliance), np.diag([0.5, 0.5, 400.0])
-    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
-    np.testing.assert_allclose(modes(of, 3).frequencies, expected, rtol=5e-4)
 
 
 def test_stacks_add_their_stiffness():

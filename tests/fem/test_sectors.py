@@ -15,13 +15,11 @@ import pytest
 
 import flexfem.fem.mesh
 from flexfem.fem.gmsh_process import end_processes, run_mesher
-from flexfem.fem.mesh import Sector, curved, mesh_sectors, sector_drawing
+from flexfem.fem.mesh import mesh_sectors, sector_drawing
 from flexfem.fem.mesher import mesh_faces
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.bodies import necks
-from flexfem.mechanism.designs import CHAIN_TURN, turned
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
 
@@ -74,39 +72,6 @@ def test_a_mesh_does_not_depend_on_the_seed_of_hashes(stages: list[Stage]) -> No
     assert found.strip() == hashlib.sha256(sector.mesh.nodes.tobytes() + sector.mesh.triangles.tobytes()).hexdigest()
 
 
-@pytest.fixture(scope="module")
-def sectors(unlike: Any) -> tuple[Sector, ...]:
-    return mesh_sectors(unlike.stage, RESOLUTION, inside=True)
-
-
-def test_middles_of_edges_on_arcs_are_on_the_arcs(unlike: Any) -> None:
-    job = sector_drawing(unlike.stage, 1, RESOLUTION)
-    made = mesh_faces(job)
-    mesh = curved(made)
-    centres, edges = made["edge_centres"], np.concatenate(list(mesh.edges.values()))
-    known = {tuple(sorted(ends)): middle for *ends, middle in edges.tolist()}
-    arcs = 0
-    for (a, b), centre in zip(made["edges"].tolist(), centres, strict=True):
-        if not np.isnan(centre):
-            distance = [
-                np.hypot(*(mesh.nodes[k] - [centre.real, centre.imag])) for k in (a, known[tuple(sorted((a, b)))])
-            ]
-            assert distance[0] == pytest.approx(distance[1], abs=ON_ARC)
-            arcs += 1
-    assert arcs > 12 * RESOLUTION  # four quarter arcs a notch
-
-
-def test_necks_have_as_many_edges_as_asked(sectors: tuple[Sector, ...], unlike: Any) -> None:
-    for chain, sector in enumerate(sectors, start=1):
-        for name, pose in zip(HINGE_NAMES, necks(unlike.stage, chain), strict=True):
-            edges = sector.mesh.edges[f"neck {name}"]
-            hinge = unlike.stage.hinge(chain, name)
-            assert len(edges) == (RESOLUTION if hinge.neck < hinge.radius / 2 else RESOLUTION + 1)
-            half = hinge.neck / 2
-            reach = np.hypot(*(sector.mesh.nodes[np.unique(edges)] - [pose.point.real, pose.point.imag]).T)
-            assert reach.max() == pytest.approx(half, abs=ON_ARC)
-
-
 def test_a_stubby_neck_has_more_edges_and_a_slender_one_is_no_coarser(make_stage: Callable[..., Stage]) -> None:
     """t/R of 1.25 at the elbow and 0.003 at the platform hinge."""
     stage = make_stage({"hinges.elbow.neck_mm": 2.0, "hinges.platform.neck_mm": 0.004})
@@ -124,13 +89,6 @@ def test_slender_and_stubby_hinges_are_as_accurate(
     fine = np.diag(solve(stage, 8).response.compliance)
     found = np.diag(unit_response(mesh_sectors(stage, RESOLUTION, inside=True), plate_of(stage)).compliance)
     np.testing.assert_allclose(found, fine, rtol=ACCURACY)
-
-
-def test_cuts_of_neighbours_fit(sectors: tuple[Sector, ...]) -> None:
-    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
-        there = turned(following.mesh.nodes[following.behind], CHAIN_TURN)
-        np.testing.assert_allclose(one.mesh.nodes[one.ahead], there, rtol=0, atol=1e-9)
-        assert not np.isin(one.ahead, one.mesh.edges["hub"]).any()
 
 
 def test_thirds_that_do_not_fit_are_refused(unlike: Any, monkeypatch: pytest.MonkeyPatch) -> None:

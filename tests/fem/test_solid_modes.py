@@ -50,7 +50,7 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half: str,
     found = modes(vibrating_structure(structure(mesh, PLATE, HALVES[half]), DENSITY, load), 5)
     equations, mass = found.structure, mass_of(found.structure, DENSITY, load)
     lower = equations.lower().toarray()
-    M = mass.loads(equations, np.eye(equations.size))
+    M = mass.loads(np.eye(equations.size))
     squares, shapes = scipy.linalg.eigh(lower + np.tril(lower, -1).T, M)
     np.testing.assert_allclose(found.frequencies, np.sqrt(squares[:5]), rtol=1e-8)
     x, y, z = np.broadcast_arrays(*mesh.nodes.T[:, :, None], HALVES[half].heights)
@@ -76,17 +76,6 @@ def test_without_poissons_ratio_modes_in_the_plane_are_those_of_plane_stress_at_
     flat, found = (modes(vibrating_structure(of, DENSITY, CARRIED), 5) for of in both)
     np.testing.assert_allclose(found.frequencies, flat.frequencies, rtol=1e-8)
     np.testing.assert_allclose(found.participation, flat.participation, atol=1e-7)
-
-
-def test_a_thin_sheet_vibrates_in_its_plane_as_in_plane_stress(bar: Any) -> None:
-    """But for the mesh: w, which is continuous, cannot follow the jumps of the strain from triangle to triangle."""
-    off = []
-    for cells, thickness in ((1, 0.02), (2, 0.02), (1, 4.0)):
-        mesh, plate = bar(31.0, 4.0, 12 * cells, 4 * cells), Plate(68e3, 0.29, thickness)
-        both = (structure(mesh, plate, layers) for layers in (None, mirrored(thickness, 1, 0.8)))
-        flat, found = (modes(vibrating_structure(of, DENSITY, CARRIED * thickness), 1) for of in both)
-        off.append(found.frequencies[0] / flat.frequencies[0] - 1)
-    assert abs(2 * off[1] - off[0]) < 1e-4 < off[1] and off[2] > 3e-3  # that error falls with the triangles' size
 
 
 HEAVY = Payload(0.5, 400.0, 300.0)  # 500 kg, 4e5 kg mm^2 and, tilting, 3e5

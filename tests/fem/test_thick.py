@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.chart import THICK_SHAPE, make_thickness_chart, thick_chart_points, thickness_chart_path
+from flexfem.fem.chart import THICK, make
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, integration, layered
 from flexfem.fem.hinge import THICK_FREEDOMS as FREEDOMS
-from flexfem.fem.hinge import PlaneHinge, ThickHinge, factor, layers, position, section_mesh, stress_factors
+from flexfem.fem.hinge import PlaneHinge, ThickHinge, compliances, layers, position, section_mesh, stress_factors
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.hinge import thick_sample as sample
-from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, mapped, ordered
+from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, mapped
 from flexfem.fem.problem import edge_force, nodes_on, settled
-from flexfem.fem.structure import structure, tie
+from flexfem.fem.structure import NONE, structure
 
 NU = 0.29
 EXACT = 1e-9  # relative: the solution is in the space of the elements, round-off is left
@@ -32,7 +31,7 @@ class Solid:
     def __init__(self, mesh: StageMesh, z: np.ndarray, nu: float = NU) -> None:
         line = layered(z)
         self.mesh, self.z, self.along = mesh, line.heights, line.values @ line.weights
-        self.of = structure(mesh, Plate(1.0, nu, 1.0), line, tie(mesh), SOLID_QUADRATURE)
+        self.of = structure(mesh, Plate(1.0, nu, 1.0), line, SOLID_QUADRATURE, NONE)
         self.shape = (3, len(mesh.nodes), len(self.z))
 
     def at(self, direction: int, nodes=slice(None), along=slice(None)) -> np.ndarray:
@@ -54,7 +53,7 @@ class Solid:
         mask = np.zeros(len(force), dtype=bool)
         mask[np.concatenate(held)] = True
         force, mask = (each.reshape(self.shape).transpose(1, 2, 0) for each in (force, mask))
-        return settled(self.of, self.of.lower().tocsr(), force, mask).transpose(2, 0, 1).ravel()
+        return settled(self.of, self.of.lower(), force, mask).transpose(2, 0, 1).ravel()
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Nodal forces that hold a displacement."""
@@ -118,33 +117,6 @@ def test_a_wide_clamped_strip_bends_as_a_plate_and_a_narrow_one_as_a_beam() -> N
     assert 1 - 0.02 < found[0] < 1 and 0 < found[-1] - (1 - NU**2) < EDGES
 
 
-def mirrored(mesh: StageMesh) -> StageMesh:
-    """The section and its mirror image in y = 0, as one."""
-    other = mesh.triangles[:, [0, 2, 1, 5, 4, 3]]
-    nodes = np.concatenate([mesh.nodes, mesh.nodes * [1, -1]])
-    _, first, of = np.unique(np.round(nodes, 9) + 0.0, axis=0, return_index=True, return_inverse=True)
-    join = lambda one, two: of.ravel()[np.concatenate([one, two + len(mesh.nodes)])]  # noqa: E731
-    edges = {side: join(mesh.edges[side], mesh.edges[side]) for side in ("left", "right")}
-    triangles = join(mesh.triangles, other)
-    return ordered(StageMesh(nodes[first], triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
-
-
-@pytest.mark.parametrize(("stress", "held"), [(bent, turned), (np.ones_like, pulled)], ids=["bent", "pulled"])
-def test_symmetric_halves_stand_for_the_whole(stress, held) -> None:
-    """Whole height and whole thickness, held only against rigid motions, against the quarter of it."""
-    quarter = section_mesh(ThickHinge(0.6, 3.0, NU), 1)
-    half = Solid(quarter, Z)
-    force = half.end_force(stress)
-    expected = 4 * float(force @ half.solve(force, held(half)))
-    full = Solid(mirrored(quarter), np.concatenate([-Z[:0:-1], Z]))
-    nodes, neck = full.mesh.nodes, nodes_on(full.mesh, "left")
-    centre = np.flatnonzero(np.hypot(*nodes.T) < 1e-9)
-    ends = [full.at(1, centre, [0]), full.at(1, centre, [-1])]
-    middle = [full.at(2, centre, [len(full.z) // 2])]
-    force = full.end_force(stress)
-    assert force @ full.solve(force, [full.at(0, neck), *ends, *middle]) == pytest.approx(expected, rel=EXACT)
-
-
 @pytest.mark.parametrize("hinge", [ThickHinge(0.03, 40.0, NU), ThickHinge(0.4, 0.7, NU), ThickHinge(1.1, 9.0, NU)])
 def test_the_mesh_is_that_of_a_hinge(hinge: ThickHinge) -> None:
     mesh, (high, length) = section_mesh(hinge, 2), hinge.block
@@ -162,7 +134,8 @@ def test_the_mesh_is_that_of_a_hinge(hinge: ThickHinge) -> None:
 
 @pytest.mark.parametrize("width", [0.6, 7.0, 45.0])
 def test_without_contraction_across_thickness_makes_no_difference(width: float) -> None:
-    np.testing.assert_allclose(factor(ThickHinge(0.17, width, 0.0), 1), 1.0, rtol=EXACT)
+    plane, excess, _ = compliances(ThickHinge(0.17, width, 0.0), 1)
+    np.testing.assert_allclose(excess / plane, 0.0, atol=EXACT)
 
 
 def test_stress_is_that_of_plane_stress_without_contraction_and_in_a_thin_neck() -> None:
@@ -212,13 +185,6 @@ def test_a_hinge_goes_from_plane_stress_to_plane_strain_as_it_gets_thicker(ratio
     assert np.all(found[:, 0] > found[:, 1])  # bending is held back more than pulling
 
 
-def test_longer_blocks_make_no_difference() -> None:
-    hinge = ThickHinge(0.35, 12.0, NU)
-    longer = hinge._replace(length=1.7 * hinge.block[1])
-    LENGTH = 5e-4  # of a position
-    np.testing.assert_allclose(position(longer, 2), position(hinge, 2), atol=LENGTH)
-
-
 @pytest.mark.parametrize(
     "hinge", [ThickHinge(0.05, 9.0, NU), pytest.param(ThickHinge(1.0, 3.0, NU), marks=pytest.mark.slow)]
 )
@@ -228,17 +194,10 @@ def test_positions_converge_and_the_band_covers_a_finer_mesh(hinge: ThickHinge) 
     assert np.all(np.abs(np.diff(coarse.levels, axis=0)[1]) < 0.5 * np.abs(np.diff(coarse.levels, axis=0)[0]))
 
 
-def made_by(workers: int, path: Path) -> bytes:
-    seen: list[tuple[int, int]] = []
-    make_thickness_chart(path, workers, (2, 1, 1), COARSE, "2026-01-01", lambda *done: seen.append(done))
-    assert seen == [(1, 2), (2, 2)]
-    return path.read_bytes()
-
-
-def test_the_chart_says_what_made_it_and_its_largest_bands(tmp_path) -> None:
-    made_by(1, tmp_path / "one")
+@pytest.mark.slow
+def test_the_chart_says_its_largest_bands(tmp_path) -> None:
+    make(THICK._replace(shape=(2, 1, 1), levels=COARSE), tmp_path / "one", 1)
     found = json.loads((tmp_path / "one").read_text())
-    assert found["date"] == "2026-01-01" and {"flexfem", "scikit-fem", "numpy"} <= set(found["versions"])
     assert np.shape(found["axial"]) == np.shape(found["bands"]["axial"]) == (2, 1, 1)
     (nu,) = found["nu"]
     for name in ("rotation", "axial"):  # of the compliance: of p times nu^2
@@ -247,8 +206,8 @@ def test_the_chart_says_what_made_it_and_its_largest_bands(tmp_path) -> None:
 
 
 def test_the_packaged_chart_stands_on_its_points_and_states_its_largest_bands() -> None:
-    found = json.loads(thickness_chart_path().read_text())
-    for name, points in zip(("t/R", "b/t", "nu"), thick_chart_points(THICK_SHAPE), strict=True):
+    found = json.loads(THICK.path.read_text())
+    for name, points in zip(("t/R", "b/t", "nu"), THICK.points(), strict=True):
         np.testing.assert_allclose(found[name], points, rtol=1e-7)
     for name in FREEDOMS:
         worth = np.array(found["bands"][name]) * np.array(found["nu"]) ** 2
@@ -258,7 +217,7 @@ def test_the_packaged_chart_stands_on_its_points_and_states_its_largest_bands() 
 @pytest.mark.slow
 def test_the_packaged_chart_can_be_made_anew() -> None:
     """One sample of it at the full resolution; coarser ones are compared with the chart by the quick tests of it."""
-    found, at = json.loads(thickness_chart_path().read_text()), (4, 3, 1)
+    found, at = json.loads(THICK.path.read_text()), (4, 3, 1)
     made = sample(ThickHinge(*(found[name][k] for name, k in zip(("t/R", "b/t", "nu"), at, strict=True))))
     DIGITS = 1e-5  # kept in the file
     for k, name in enumerate(FREEDOMS):

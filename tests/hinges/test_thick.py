@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.fem.chart import POISSONS, RATIOS, WIDTHS, thickness_chart_path
+from flexfem.fem.chart import RATIOS, THICK
 from flexfem.fem.hinge import PlaneHinge, ThickHinge
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.hinge import thick_sample as sample
@@ -16,6 +16,7 @@ from flexfem.hinges.chart import on_thickness_chart, thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
 R, NU = 1.7, 0.29
+WIDTHS, POISSONS = THICK.ends["b/t"], THICK.ends["nu"]
 INTERPOLATION = 1e-3  # of the compliance; measured: 8e-5 in the median of random points, 8e-4 at the worst corner
 LEVELS = (1, 2, 3)
 
@@ -48,7 +49,7 @@ def test_charted_factors_are_those_of_direct_finite_elements_everywhere() -> Non
 
 def test_the_charts_are_those_that_were_made() -> None:
     """A position changed by 1 % can be less than finite elements differ by; charts that are made anew are others."""
-    folder = thickness_chart_path().parent
+    folder = THICK.path.parent
     found = {path.stem: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in folder.glob("*_chart*.json")}
     assert found == {
         "hinge_chart": "a6112af373511c20", "hinge_chart_high": "e31ce11dcccaf8f2", "thickness_chart": "446776a25f5bdc35"
@@ -57,18 +58,18 @@ def test_the_charts_are_those_that_were_made() -> None:
 
 def test_the_chart_goes_through_its_samples() -> None:
     chart = thickness_chart()
-    found = json.loads(thickness_chart_path().read_text())
+    found = json.loads(THICK.path.read_text())
     axes = [np.array(found[name]) for name in ("t/R", "b/t", "nu")]
-    for values, name in zip(chart.positions(*np.meshgrid(*axes, indexing="ij")), ("rotation", "axial"), strict=True):
+    for values, name in zip(chart.at(*np.meshgrid(*axes, indexing="ij"))[:2], ("rotation", "axial"), strict=True):
         np.testing.assert_allclose(values, found[name], atol=1e-12)
-    assert (chart.ratios, chart.widths, chart.poissons) == (RATIOS, WIDTHS, POISSONS)
+    assert chart.series.ends == (RATIOS, WIDTHS, POISSONS)
     assert np.all(chart.bands < 1e-3)
 
 
 def test_between_its_samples_the_chart_is_what_finite_elements_are() -> None:
     """By `fem.hinge.thick_sample` with refinements 1, 2, 3, once; on other scales of t/R or b/t up to 10^4 off."""
     points = np.array([(0.035, 30.0, 0.29), (0.09, 3.3, 0.29), (0.6, 17.0, 0.17), (0.9, 45.0, 0.4), (0.025, 48.0, 0.3)])
-    rotation, axial = thickness_chart().positions(*points.T)
+    rotation, axial = thickness_chart().at(*points.T)[:2]
     INTERPOLATED = 0.005  # of a position, 4e-4 of the compliance; seen: 0.0036
     np.testing.assert_allclose(rotation, [0.8230, 0.1322, 0.8443, 0.8785, 0.8742], rtol=0, atol=INTERPOLATED)
     np.testing.assert_allclose(axial, [0.1222, 0.0013, 0.3926, 0.4664, 0.1934], rtol=0, atol=INTERPOLATED)

@@ -1,4 +1,12 @@
-"""What forces of the stacks add to the stiffness of the platform: elastic joints against nonlinear finite elements."""
+"""What forces of the stacks add to the stiffness of the platform: elastic joints against nonlinear finite elements.
+
+In these forces go with their bodies. Of a link that a stack pushes or stands on, displacement and rotation are read
+over its station, with the weights of `response.push_forces`; of the platform, those of the hub. From them follows the
+opening g of the stack with its first and second derivatives. Constant forces N have the potential `-N g`; what it adds
+to the sparse tangent is of low rank, and is dense algebra beside its factor. As a link turns by theta, its points come
+nearer to the middle of the station by theta^2/2 of their distance. Weights f read that as `-v theta^2/2`, v = sum f r,
+as if the link had moved; it is taken out.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import flexfem
 from flexfem.analytic.large import loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
-from flexfem.fem.nonlinear import preloaded
-from flexfem.fem.structure import plate_of
-from flexfem.mechanism.contacts import FOLLOWS
-from flexfem.mechanism.designs import stage_frames
+from flexfem.fem.factor import Factoriser
+from flexfem.fem.nonlinear import LargeStructure
+from flexfem.fem.response import push_forces
+from flexfem.fem.structure import plate_of, structure
+from flexfem.mechanism.contacts import FOLLOWS, middle_at
+from flexfem.mechanism.designs import chain_rotation, stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements
@@ -33,6 +44,89 @@ UNLIKE = [
 ]
 
 
+ITERATIONS, CONVERGED = 25, 1e-9  # root of energy of a Newton step, over that stored and that of the forces alone
+
+
+def preloaded(of, stacks, force, follows):
+    """Tangent compliance (3 + n, 3 + n) of pose and openings under forces (n,) of the stacks, N."""
+    model = LargeStructure(of)
+    ends = [[read_at(of, stack.chain, push) for push in stack.pushes] for stack in stacks]
+    reads = np.concatenate([reads for pair in ends for _, reads, _ in pair]).T
+    hub, motion = np.eye(of.size, 3, 3 - of.size), np.zeros(of.size)
+    for _ in range(ITERATIONS):
+        field = np.zeros_like(of.mesh.nodes)
+        field[of.free] = motion[:-3].reshape(-1, 2)
+        state = model.at(motion[-3:], field)
+        g, H = openings(stacks, ends, reads.T @ motion, follows)
+        held = model.held(state)
+        missing = reads @ (g @ force) - held.forces
+        Z = Factoriser()(model.tangent(state)).solve(np.column_stack([missing, hub, reads]))
+        Q = -block_diag(*(N * each for N, each in zip(force, H, strict=True)))
+        Z = Z - Z[:, 4:] @ np.linalg.solve(np.eye(len(Q)) + Q @ (reads.T @ Z[:, 4:]), Q @ (reads.T @ Z))
+        C = np.column_stack([hub, reads @ g]).T @ Z[:, 1:] @ block_diag(np.eye(3), g)
+        if abs(Z[:, 0] @ missing) <= CONVERGED**2 * (held.energy + force**2 @ np.abs(np.diag(C)[3:])):
+            return (C + C.T) / 2
+        motion = motion + Z[:, 0]
+    raise AssertionError("no equilibrium")
+
+
+def read_at(of, chain, push):
+    """How the motion of a body at a push is read: place, complex, frame of chain 1, loads (3, unknowns), and v (3,)."""
+    if push.station is None:
+        reads = np.zeros((3, of.size))
+        if push.body:
+            reads[:, -3:] = chain_rotation(chain).T
+        return 0j, reads, np.zeros(3)
+    starts = push.station.starts
+    at = min(int(np.searchsorted(starts, push.station.middle, side="right")) - 1, len(push.station.path) - 1)
+    segment = push.station.path[at]
+    c = complex(middle_at(segment, np.array((push.station.middle - starts[at]) / segment.length)))
+    units = np.array([[1.0, 0.0, -c.imag], [0.0, 1.0, c.real], [0.0, 0.0, 1.0]])
+    nodal = np.array([push_forces(of.mesh, chain, push._replace(wrench=unit)) for unit in units])
+    middle = chain_rotation(chain)[:2, :2] @ (c.real, c.imag)
+    return c, of.loads(nodal).T, np.einsum("knd,nd->k", nodal, of.mesh.nodes - middle)
+
+
+def openings(stacks, ends, read, follows):
+    """First (6n, n) and second derivatives (6, 6) of the openings by what is read (6n,), pushed body and carrier."""
+    first, second = np.zeros((len(read), len(stacks))), []
+    for j, (stack, (pushed, carrier)) in enumerate(zip(stacks, ends, strict=True)):
+        order = [3, 4, 5, 0, 1, 2] if follows == "pushed" else [0, 1, 2, 3, 4, 5]  # the body with the pivot comes first
+        on, along = (carrier, pushed) if follows == "pushed" else (pushed, carrier)
+        mine, v = read[6 * j : 6 * j + 6][order], np.array([on[2], along[2]])
+        turn, rates = mine[[2, 5]], np.eye(6)
+        rates[:3, 2] += v[0] * turn[0]
+        rates[3:, 5] += v[1] * turn[1]
+        motion = mine + np.concatenate((v.T * turn**2 / 2).T)
+        direction = stack.direction if follows == "pushed" else -stack.direction
+        g, H = behind(on[0], along[0], motion, direction, stack.pivot(follows), stack.point)
+        H = rates.T @ H @ rates
+        H[2, 2] += g[:3] @ v[0]
+        H[5, 5] += g[3:] @ v[1]
+        first[6 * j + np.array(order), j] = rates.T @ g
+        second.append(H[np.ix_(order, order)])
+    return first, second
+
+
+def behind(on, along, motion, direction, pivot, contact):
+    """Derivatives (6,) and (6, 6) of how far the pivot, on one body, is behind a face of the other.
+
+    `g = -m (x_on(pivot) - x_along(contact))`, m being the direction, turned with the other body.
+    """
+
+    def dot(a, b):
+        return float((np.conj(a) * b).real)
+
+    x, turn, y, spin = complex(*motion[:2]), motion[2], complex(*motion[3:5]), motion[5]
+    r, s = np.exp(1j * turn) * (pivot - on), np.exp(1j * spin) * (contact - along)
+    m, apart = np.exp(1j * spin) * direction, on + x + r - along - y - s
+    first = np.array([-m.real, -m.imag, dot(m, -1j * r), m.real, m.imag, dot(m, 1j * (apart + s))])
+    H = np.zeros((6, 6))
+    H[2, 2], H[2, 5], H[5, 5] = dot(m, r), -dot(m, r), dot(m, apart + s)
+    H[0, 5], H[1, 5], H[3, 5], H[4, 5] = m.imag, -m.real, -m.imag, m.real
+    return first, H + np.triu(H, 1).T
+
+
 def changes(stage, forces, follows, resolution):
     """Relative changes (forces, disengaged and engaged, 3) of stiffness, by finite elements and by elastic joints."""
     drive, model, metal = (
@@ -43,7 +137,7 @@ def changes(stage, forces, follows, resolution):
     joints = serial(stage, model.result, drive.stacks, follows)
     found = np.zeros((2, len(forces), 2, 3))
     for i, force in enumerate(forces):
-        C = preloaded(metal.mesh, plate_of(stage), drive.stacks, force, NONE, follows).compliance
+        C = preloaded(structure(metal.mesh, plate_of(stage)), drive.stacks, force, follows)
         of = loaded(joints, force, NONE)
         for j, stiff in enumerate((0 * drive.stiffness, drive.stiffness)):
             engaged = drive._replace(stiffness=stiff)

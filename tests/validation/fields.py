@@ -12,7 +12,8 @@ from flexfem.fem.elements import Plate, integration, shape_values, stress_tensor
 from flexfem.fem.gmsh_process import run_mesher
 from flexfem.fem.mesh import StageMesh, curved, ordered
 from flexfem.fem.mesher import Cone, Job
-from flexfem.fem.problem import Support, Traction, gathered_forces
+from flexfem.fem.problem import Traction, settled
+from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.bodies import Face
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
@@ -20,6 +21,32 @@ TIME_LIMIT = 60.0  # s, for gmsh
 
 Function: TypeAlias = Callable[[Array], Array]
 """Points (..., 2), mm, to vectors (..., 2) or tensors (..., 2, 2)."""
+
+
+class Support(NamedTuple):
+    """Nodes whose displacement along one axis (0 is x, 1 is y) is prescribed: values () or (k,), mm."""
+
+    nodes: Index
+    axis: int
+    values: Array | float = 0.0
+
+
+class Solution(NamedTuple):
+    """Displacements (n, 2), mm, the forces of the supports (n, 2), N, and the number of equations solved."""
+
+    field: Array
+    reactions: Array
+    unknowns: int
+
+
+def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
+    """Solve in the plane for nodal forces (n, 2), N, and prescribed displacements."""
+    of, field, held = structure(mesh, plate, held=NONE), np.zeros_like(force), np.zeros(force.shape, dtype=bool)
+    for nodes, axis, values in supports:
+        field[nodes, axis], held[nodes, axis] = values, True
+    field = field + settled(of, of.lower(), force - of.forces(field[None])[0], held)
+    reactions = np.where(held, of.forces(field[None])[0] - force, 0.0)
+    return Solution(field, reactions, int(np.sum(~held)))
 
 
 def meshed(face: Face, cones: Sequence[Cone]) -> StageMesh:
@@ -67,7 +94,7 @@ def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = D
     for triangles, _, weights in integration(mesh, degree):
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
-        total += gathered_forces(mesh, triangles, nodal)
+        np.add.at(total, triangles, nodal)
     return total
 
 

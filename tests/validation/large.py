@@ -16,9 +16,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import Plate, slopes_of, stress_tensor
-from flexfem.fem.nonlinear import State, arms_of, equilibrium, green_lagrange, held_by, hub_at, tangent
-from flexfem.fem.structure import Structure, structure
+from flexfem.fem.elements import Plate
+from flexfem.fem.nonlinear import LargeStructure, equilibrium
+from flexfem.fem.structure import structure
 
 from .problem import Finding, cantilever, order, problem
 
@@ -135,32 +135,25 @@ def observed(remainders: Array, between: tuple[float, float] = CLEAN) -> float:
     return order(STEPS[taken], remainders[taken])
 
 
-def compatible(model: Structure, pose: Array, field: Array) -> State:
-    """The state with its hub at the pose and the stress of its displacements."""
-    field = field.copy()
-    field[model.tied.hub] = hub_at(arms_of(model), pose).motion
-    strains = [green_lagrange(slopes_of(batch, field[None])[0]) for batch in model.batches]
-    return State(pose, field, [stress_tensor(model.plate, strain) for strain in strains])
-
-
 @cache
 def remainders() -> Remainders:
     """Take steps from the bent bar, equilibrium under `LOAD`. Raises ComputationFailed."""
     mesh = cantilever(8, 2, BAR_LENGTH, BAR_HEIGHT, OFFSET)
-    model, rest = structure(mesh, BAR), equilibrium(mesh, BAR, LOAD)
-    state = compatible(model, rest.pose[0], rest.fields[0])
-    way = SIZE * np.random.default_rng(29).normal(size=2 * len(model.tied.free) + 3)
+    of, rest = structure(mesh, BAR), equilibrium(mesh, BAR, LOAD)
+    model = LargeStructure(of)
+    state = model.at(rest.pose[0], rest.fields[0])
+    way = SIZE * np.random.default_rng(29).normal(size=of.size)
     way[-1] /= BAR_LENGTH
     unstressed = state._replace(stress=[np.zeros_like(stress) for stress in state.stress])
     slopes = []
     for at in (state, unstressed):
-        half = tangent(model, at).tocsc()
+        half = model.tangent(at)
         slopes.append(half @ way + sp.tril(half, -1).T @ way)
-    forces, changes = held_by(model, state).forces, []
+    forces, changes = model.held(state).forces, []
     for step in STEPS:
         field = state.field.copy()
-        field[model.tied.free] += step * way[:-3].reshape(-1, 2)
-        changes.append(held_by(model, compatible(model, state.pose + step * way[-3:], field)).forces - forces)
+        field[of.free] += step * way[:-3].reshape(-1, 2)
+        changes.append(model.held(model.at(state.pose + step * way[-3:], field)).forces - forces)
     left = [np.linalg.norm(np.array(changes) - STEPS[:, None] * slope, axis=1) for slope in slopes]
     scale = np.linalg.norm(slopes[0])
     return Remainders(left[0] / scale, left[1] / scale, len(way))

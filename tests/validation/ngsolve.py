@@ -214,12 +214,12 @@ class Solved(NamedTuple):
         return np.asarray(np.sqrt(np.sort(squares)) / (2 * math.pi))
 
     def nodal_stress(self, mesh: StageMesh) -> Array:
-        """Stress (3, n, 3), MPa, as xx, yy, xy, by NGSolve's gradients at the nodes, averaged, of unit loads."""
+        """Stress (3, n, 2, 2), MPa, by NGSolve's gradients at the nodes, averaged, of unit loads."""
         found, where = [], mesh.triangles.ravel()
         for motion in self.motions:
             stress = _at_nodes(self.ng, _stress(self.ng, motion, self.plate), self.curved.mesh)
-            parts = stress.reshape(-1, 4)[:, [0, 3, 1]].T
-            found.append(np.stack([np.bincount(where, part) for part in parts], axis=-1) / np.bincount(where)[:, None])
+            parts = [np.bincount(where, part) / np.bincount(where) for part in stress.reshape(-1, 4).T]
+            found.append(np.stack(parts, axis=-1).reshape(-1, 2, 2))
         return np.tensordot(np.linalg.inv(self.stiffness), np.array(found), axes=1)
 
 

@@ -10,10 +10,10 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.fem.elements import integration, shape_values
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.problem import edge_force, nodes_on, solve
+from flexfem.fem.problem import edge_force, nodes_on
 
 from . import consistency, plane
-from .fields import body_force, clamp, errors, on_chords, pressure, uniform
+from .fields import body_force, clamp, errors, on_chords, pressure, solve, uniform
 from .problem import Exact, hooke
 
 PLATE = consistency.PLATE

@@ -14,7 +14,7 @@ from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, mapped, outwards
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
 from flexfem.fem.problem import nodes_on
-from flexfem.fem.structure import structure, tie
+from flexfem.fem.structure import structure
 from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
@@ -32,7 +32,7 @@ def tapered(cells: int) -> StageMesh:
 
 def clamped(mesh: StageMesh, plate: Plate, density: float, count: int) -> Modes:
     """Lowest modes of a mesh whose left side is clamped."""
-    held = structure(mesh, plate, tied=tie(mesh, nodes_on(mesh, "left")))
+    held = structure(mesh, plate, held=nodes_on(mesh, "left"))
     return modes(vibrating_structure(held, density), count)
 
 

@@ -5,23 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import (
-    QUADRATURE,
-    ElementBatch,
-    Plate,
-    add_nodal_forces,
-    integration,
-    shape_values,
-    slopes_of,
-    stress_tensor,
-)
+from flexfem.fem.elements import QUADRATURE, ElementBatch, Plate, integration, shape_values, stress_tensor
 from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import Support, nodes_on, solve
+from flexfem.fem.problem import nodes_on
+from flexfem.fem.structure import NONE, structure
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
-from .fields import on_chords
+from .fields import Support, on_chords, solve
 from .problem import Finding, on_axes, polar, problem, quarter_ring
 
 PLATE = Plate(youngs_modulus=100e3, poissons_ratio=0.3, thickness=1.0)
@@ -32,12 +24,11 @@ RADIUS, INNER, OUTER = 4.0, 1.0, 13.0  # mm, of the spot, and of the ring that i
 
 def warmed(mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[Support]) -> tuple[Array, list[Array]]:
     """Displacement (n, 2), mm, and stress by batch (e, 2, 2, q), MPa, for initial strains by batch (1, e, 2, 2, q)."""
-    batches = integration(mesh)
-    load = np.zeros((1, *mesh.nodes.shape))
-    for batch, strain in zip(batches, strains, strict=True):
-        add_nodal_forces(load, batch, plate, stress_tensor(plate, strain))
+    of, load = structure(mesh, plate, held=NONE), np.zeros((1, *mesh.nodes.shape))
+    for batch, strain in zip(of.batches, strains, strict=True):
+        of.add_forces(load, batch, stress_tensor(plate, strain))
     field = solve(mesh, plate, load[0], supports).field
-    slopes = (slopes_of(batch, field[None]) - strain for batch, strain in zip(batches, strains, strict=True))
+    slopes = (of.slopes(batch, field[None]) - strain for batch, strain in zip(of.batches, strains, strict=True))
     return field, [stress_tensor(plate, each)[0] for each in slopes]
 
 
