@@ -8,7 +8,6 @@ flexfem.study.table("reports/study-reach/study-reach.parquet")      # a pandas o
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 from collections import Counter
@@ -19,9 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
-    from flexfem.plot.study import Record, Source
     from flexfem.study.collect import Collected
-    from flexfem.study.findings import Shown
+    from flexfem.study.findings import Record, Refused, Source
     from flexfem.study.run import Counts, Parts, Progress, Shard
 
 PathLike = str | os.PathLike[str]
@@ -30,11 +28,15 @@ MOST_WORKERS = 1024
 
 
 class StudyFindings(NamedTuple):
-    """A collected study: its table, what its figures are drawn from, and what each of them shows, by name."""
+    """A collected study: its table, what its figures are drawn from, and what each of them shows, by name.
+
+    `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front, `plot_histogram` each of the
+    `scatters` of a distribution, `plot_shares` each of the `shares` of a sensitivity with its `factors`.
+    """
 
     table: Collected
     source: Source
-    found: dict[str, Shown]
+    found: dict[str, Record | Refused]
 
 
 def processors() -> int:
@@ -188,29 +190,13 @@ def collect_study(
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    from flexfem.plot.study import Source, named
     from flexfem.study.answer import nominal, unseen
     from flexfem.study.collect import read_table
-    from flexfem.study.findings import findings
+    from flexfem.study.findings import Source, findings
 
     made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
-    table, base = read_table(made.path), nominal(loaded)
-    names, found = (name for name, _ in named(loaded)), findings(loaded, table, base)
-    return StudyFindings(made, Source(loaded, table, base, unseen(loaded)), dict(zip(names, found, strict=True)))
-
-
-def study_records(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> dict[str, Record]:
-    """What every figure of a study shows, by the name of its files, for `flexfem.plot.plot_map` and the others.
-
-    Maps go to `plot_map`, fronts to `plot_front`, each of the `scatters` of a distribution to `plot_histogram`, each of
-    the `shares` of a sensitivity, with its `factors`, to `plot_shares`; what is refused is left out.
-
-    Raises BadInput as `collect_study`.
-    """
-    from flexfem.plot.study import records
-
-    shown = study_findings(study, output, partial)
-    return records(shown.source, list(shown.found.values()))
+    source = Source(loaded, read_table(made.path), nominal(loaded), unseen(loaded))
+    return StudyFindings(made, source, findings(source))
 
 
 def shard_of(text: str) -> Shard:
@@ -264,29 +250,11 @@ def _reasons(counts: Counts, wanted: str) -> Counter[str]:
     return Counter(dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))))
 
 
-def facts_of(finding: Shown) -> dict[str, Any]:
-    """A finding as plain numbers by name; an open end of an interval is None."""
-    from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares
+def facts_of(found: Record | Refused) -> dict[str, Any]:
+    """What a figure shows as plain data: rows of its table, None for what is not finite; or why it is not drawn."""
+    from flexfem.study.findings import ParetoFront, Refused
 
-    match finding:
-        case Extremes(least, most, _):
-            names = ("value", "x", "y")
-            return {"least": dict(zip(names, least, strict=True)), "most": dict(zip(names, most, strict=True))}
-        case Marks(found):
-            return {name: [_finite(one._asdict()) for one in marks] for name, marks in found.items()}
-        case Shares(factors, indices):
-            return {
-                name: {
-                    key: None if part is None else dict(zip(factors, part.tolist(), strict=True))
-                    for key, part in one._asdict().items()
-                }
-                for name, one in indices.items()
-            }
-        case Refused(reason):
-            return {"refused": reason}
-        case Best():
-            return {"front": len(finding.front.places), "power": finding.power, "gain": finding.gain}
-
-
-def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
-    return {name: float(value) if math.isfinite(value) else None for name, value in numbers.items()}
+    if isinstance(found, Refused):
+        return {"refused": found.reason}
+    about = {"power": found.power, "gain": found.gain} if isinstance(found, ParetoFront) else {}
+    return {"rows": found.table.facts} | about

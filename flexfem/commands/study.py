@@ -215,7 +215,7 @@ def plot(study: StudyFile, output: Output = studies.REPORTS, partial: Partial = 
     from flexfem.study.findings import Refused
 
     table, source, found = studies.study_findings(study, output, partial)
-    written = write_study_figures(source, list(found.values()), table.path.parent)
+    written = write_study_figures(found, table.path.parent)
     warnings = [*source.unseen, *source.table.warnings]
     shown = {name: studies.facts_of(one) for name, one in found.items()}
     console.show_written([table.path, *written], json, warnings=warnings, findings=shown)

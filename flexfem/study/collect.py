@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -148,27 +148,19 @@ class StudyTable:
         return dict(Counter(self.status.tolist()).most_common())
 
     @property
-    def unanswered(self) -> dict[str, AnyArray]:
-        """Designs without an answer, bool (n,), by status, the most frequent first."""
-        return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
-
-    @property
     def warnings(self) -> list[str]:
         """What there is to know of some of the answers, a sentence each."""
         return counted_warnings(Counter(self.reason[self.ok].tolist()))
 
     @property
+    def kept(self) -> AnyArray:
+        """Designs that have an answer and keep all constraints, bool (n,)."""
+        return self.ok if self.feasible is None else self.ok & self.feasible
+
+    @property
     def infeasible(self) -> AnyArray:
         """Designs that have an answer but break a constraint, bool (n,)."""
-        return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
-
-    @cached_property
-    def considered(self) -> StudyTable:
-        """The table without the designs that break a constraint."""
-        keep = ~self.infeasible
-        if keep.all():
-            return replace(self, feasible=None)
-        return StudyTable(self.design[keep], self.status[keep], self.reason[keep], _Kept(self.columns, keep))
+        return self.ok & ~self.kept
 
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
@@ -178,20 +170,6 @@ class StudyTable:
 def counted_warnings(reasons: Counter[str]) -> list[str]:
     """Warnings on the designs with an answer, by what stands as their reason, and how many."""
     return [f"{n:,} of {reasons.total():,} designs with an answer: {text}" for text, n in reasons.most_common() if text]
-
-
-class _Kept(dict[str, Array]):
-    """Some rows, bool (n,), of columns that are made when they are asked for."""
-
-    def __init__(self, columns: Mapping[str, Array], keep: AnyArray) -> None:
-        super().__init__()
-        self._columns, self._keep = columns, keep
-
-    def __missing__(self, name: str) -> Array:
-        return self._columns[name][self._keep]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._columns
 
 
 class _Stored(dict[str, Array]):
