@@ -230,7 +230,7 @@ def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mappe
         model, best = _guarded(model, guards, elements.store, near, everywhere, say)
         optima.append(best)
         rounds.append(proof(model, elements, best.values, say))
-        last, near = rounds[-1], np.vstack([best.values, best.relaxed])
+        last, near = rounds[-1], best.values
         side = -1.0 if model.guard is None and rounds[1:] else 1.0
         corrected = model.changed(corrections=last.corrections, shifts=last.shifts)
         everywhere = last.gap > LOCAL or best.merit >= MISSED
@@ -258,7 +258,7 @@ def _guarded(
         tried.append((guarded, best))
         if best.merit < MISSED:
             return tried[-1]
-        near = np.vstack([best.values, best.relaxed])
+        near = best.values
     return tried[0]
 
 

@@ -15,8 +15,7 @@ from flexfem.design.model import MISSED, REFUSED_MERIT, Model
 SAMPLE = 1024  # designs of a Sobol sample that the search begins with
 LEAST, MOST, EACH = 24, 96, 12  # designs of a generation: so many a dimension, between these ends
 GENERATIONS, AGREED = 150, 1e-4  # at most; the spread of a generation's merits over their mean that ends it
-LOCAL, NARROW = 40, (0.06, 0.01)  # generations, and parts of every range either way, of searches beside a design
-ALONG = 16  # designs between a start and the end of its program, which may miss a requirement at a kink
+LOCAL, NARROW = 40, 0.06  # generations, and part of every range either way, of the search beside a design
 MOVES = 200  # at most, from one design that can be made to a neighbour
 BEAM = 4  # designs that are kept while dimensions take their steps
 RESOLVED = 6  # neighbours whose continuous dimensions are found anew
@@ -47,14 +46,13 @@ class BestDesign(NamedTuple):
 def optimum(
     model: Model, seed: int, near: Array | None = None, everywhere: bool = True, say: Say = silent
 ) -> BestDesign:
-    """The best design of all, or with `everywhere` false that beside the last of `near` (k, d) alone.
+    """The best design of all, or with `everywhere` false that beside `near` (d,) alone.
 
-    With `everywhere`, `near` are designs to begin with besides: the last answer to nearly the same.
+    With `everywhere`, `near` is a design to begin with besides: the last answer to nearly the same.
     """
-    search, near = _Search(model, seed), None if near is None else np.atleast_2d(near)
-    relaxed = search.everywhere(near, say) if near is None or everywhere else near[-1]
-    for part in NARROW:
-        relaxed = search.beside(relaxed, part)
+    search = _Search(model, seed)
+    start = search.everywhere(near, say) if near is None or everywhere else near
+    relaxed = search.beside(start)
     values, merit = search.made(relaxed, near)
     return BestDesign(values, relaxed, merit, search.history)
 
@@ -92,9 +90,8 @@ class _Search:
     def everywhere(self, near: Array | None, say: Say) -> Array:
         """The best design (d,), as if steps were none, of differential evolution over all from a Sobol sample."""
         d, best = self.space.size, np.inf
-        own = self.model.loaded.base_values
-        own = own[None] if near is None else np.vstack([own, near])
-        u = np.vstack([self.space.to_unit(own), self._sample()])
+        own = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
+        u = np.vstack([self.space.to_unit(np.array(own)), self._sample()])
 
         def merit(u: Array) -> Array:
             nonlocal best
@@ -109,27 +106,27 @@ class _Search:
         order = np.argsort(merit(u), kind="stable")
         population = u[order[: int(np.clip(EACH * d, LEAST, MOST))]]
         found = self._evolved(merit, population, np.zeros(d), np.ones(d), GENERATIONS)
-        return np.asarray(self.space.from_unit(found[:1])[0])
+        return np.asarray(self.space.from_unit(found[None])[0])
 
     def _sample(self) -> Array:
         """Places (SAMPLE, d) of a Sobol sample."""
         return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(SAMPLE))
 
-    def beside(self, start: Array, part: float) -> Array:
+    def beside(self, start: Array) -> Array:
         """The best design (d,) beside one, as if steps were none: by evolution, which passes kinks, and the polish."""
         start = self.polished(start)
         place = self.space.to_unit(start[None])[0]
-        low = np.clip(place - part, 0, 1)
-        high = np.clip(low + 2 * part, 0, 1)
+        low = np.clip(place - NARROW, 0, 1)
+        high = np.clip(low + 2 * NARROW, 0, 1)
         sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(32)
         population = low + (high - low) * sample
         population[0] = np.clip(place, low, high)
-        places = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, LOCAL)
-        found = np.vstack([start, self.polished(self.space.from_unit(places[:1])[0])])
+        best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, LOCAL)
+        found = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
         return np.asarray(found[int(np.argmin(self.merit(found)))])
 
     def _evolved(self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int) -> Array:
-        """Places (n, d), the best first, after differential evolution of a population (n, d) between two ends."""
+        """The best place (d,) of differential evolution of a population (n, d) of places between two ends."""
         found = differential_evolution(
             lambda u: merit(u.T),
             list(zip(low, np.where(high > low, high, low + 1e-9), strict=True)),
@@ -142,7 +139,7 @@ class _Search:
             polish=False,
             rng=np.random.default_rng(self.seed + 1),
         )
-        return np.asarray(found.population[np.argsort(found.population_energies, kind="stable")])
+        return np.asarray(found.x)
 
     def polished(self, start: Array, free: AnyArray | None = None) -> Array:
         """The design (d,) that a quadratic program leads to from `start` (d,), or `start` where that is as good.
@@ -153,9 +150,8 @@ class _Search:
         if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
             return start
         found = polished(self.model, start, free)
-        line = start + np.linspace(0.0, 1.0, ALONG + 1)[:, None] * (found - start)
-        line[-1] = found
-        return np.asarray(line[int(np.argmin(self.merit(line)))])
+        merits = self.merit(np.vstack([start, found]))
+        return found if merits[1] < merits[0] else start
 
     def made(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
         """The best design that can be made beside the one without steps, or beside `near`, and its merit.
