@@ -20,7 +20,7 @@ from flexfem.refused import BadInput
 if TYPE_CHECKING:
     from flexfem.study.collect import Collected
     from flexfem.study.findings import Record, Refused, Source
-    from flexfem.study.run import Counts, Parts, Progress, Shard
+    from flexfem.study.run import Counts, Parts, Progress
 
 PathLike = str | os.PathLike[str]
 REPORTS = Path("reports")
@@ -61,7 +61,6 @@ def run_study(
     output: PathLike = REPORTS,
     workers: int | None = None,
     shard: str = "1/1",
-    scheduler: str | None = None,
     retry: bool = False,
 ) -> dict[str, Any]:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was.
@@ -76,8 +75,6 @@ def run_study(
         Processes on this machine, by default one a processor.
     shard : str
         `I/N`, only the I-th of N shares.
-    scheduler : str, optional
-        Address of a Dask cluster, instead of processes on this machine.
     retry : bool
         Also try again what failed or ran out of time.
 
@@ -92,15 +89,14 @@ def run_study(
         As `flexfem study run`; parts that are written stay in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
-    compute(parts, workers, share, scheduler, retry)
+    compute(parts, workers, share, retry)
     return status_facts(parts, share)
 
 
 def compute(
     parts: Parts,
     workers: int | None,
-    share: Shard,
-    scheduler: str | None,
+    share: slice,
     retry: bool,
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
@@ -111,13 +107,9 @@ def compute(
     from flexfem.study.run import run_parts
     from flexfem.study.workers import Workers
 
-    workers = None if workers is None else integer("workers", workers, MOST_WORKERS)
-    if scheduler is not None and not isinstance(scheduler, str):
-        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
-    if scheduler is not None and workers is not None:
-        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
+    count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     check_folder(parts.folder)
-    with Workers(max(1, min(workers or processors(), len(parts.chunks(share)))), scheduler, say) as pool:
+    with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
         run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 
@@ -199,25 +191,22 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
     return StudyFindings(made, source, findings(source))
 
 
-def shard_of(text: str) -> Shard:
-    """The shard that --shard I/N says, I from 1. Raises BadInput."""
-    from flexfem.study.run import Shard
-
+def shard_of(text: str) -> slice:
+    """The parts that --shard I/N says, I from 1. Raises BadInput."""
     found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
-    return Shard(int(found[1]) - 1, int(found[2]))
+    return slice(int(found[1]) - 1, None, int(found[2]))
 
 
-def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
+def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
     """What `study status` says, of all parts or of those of a share."""
     from flexfem.study.answer import unseen
     from flexfem.study.collect import counted_warnings
-    from flexfem.study.run import RETRIED, WHOLE, survey
+    from flexfem.study.run import RETRIED, survey
 
-    share = share or WHOLE
     loaded, found = parts.loaded, survey(parts, share)
-    counts, designs = found.total, sum(chunk.stop - chunk.start for chunk in parts.chunks(share))
+    counts, designs = found.total, sum(map(len, parts.chunks(share)))
     by_status: Counter[str] = Counter()
     for (status, _), n in counts.items():
         by_status[status] += n
@@ -236,7 +225,7 @@ def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
         "parts": len(found.counts),
-        "damaged": [f"{path}: a damaged part" for path in found.damaged],
+        "damaged": [f"{parts.path(chunk)}: a damaged part" for chunk in found.damaged],
         "stale": len(found.stale),
         "stress_accuracy": loaded.stress_accuracy,
         "assumed": list(loaded.assumed),

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem import studies
-from flexfem.refused import BadInput
 from flexfem.terminal import Stopped, raw
 
 if TYPE_CHECKING:
@@ -41,7 +40,6 @@ def run(
         typer.Option(min=1, max=studies.MOST_WORKERS, help="Processes on this machine; default one a processor."),
     ] = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
     output: Output = studies.REPORTS,
     retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
     json: Json = False,
@@ -51,19 +49,17 @@ def run(
     from flexfem.study.answer import unseen
 
     share = studies.shard_of(shard)
-    if scheduler is not None and workers is not None:
-        raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = studies.parts_of(study, output)
     said = unseen(parts.loaded)  # before a run that may take days; not again after it
     _warn(said)
     with _resumable(parts) as watch:
-        studies.compute(parts, workers, share, scheduler, retry, watch, _note)
+        studies.compute(parts, workers, share, retry, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in said]
     where = [] if output == studies.REPORTS else ["--output", str(output)]
     wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
-    facts |= {"shard": f"{share.first + 1}/{share.step}", "next": following}
+    facts |= {"shard": shard, "next": following}
     console.show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
     raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 

@@ -626,7 +626,7 @@ class Study(Sourced):
         default=60.0,
         alias="time_limit_s",
         description="For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s "
-        "longer is killed and replaced, on this machine or of Dask. Counted from when the worker has loaded the "
+        "longer is killed and replaced. Counted from when the worker has loaded the "
         "design; time in which it, or the whole run, is stopped does not count",
     )
     sampling: Sampling = Field(description="Which designs. At most 10^9 of them")
