@@ -67,26 +67,13 @@ def run_study(
 
     Parameters
     ----------
-    study : path
-        The study file.
-    output : path
-        Folder for what is written, in a folder of the study.
-    workers : int, optional
-        Processes on this machine, by default one a processor.
-    shard : str
-        `I/N`, only the I-th of N shares.
-    retry : bool
-        Also try again what failed or ran out of time.
+    study, output : the study file, and the folder for what is written, in a folder of the study.
+    workers : processes on this machine, by default one a processor.
+    shard : `I/N`, only the I-th of N shares.
+    retry : also try again what failed or ran out of time.
 
-    Returns
-    -------
-    dict
-        As of `study_status`, of this share.
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `flexfem study run`; parts that are written stay in any case.
+    Returns what `study_status` says, of this share. Raises BadInput or ComputationFailed as `flexfem study run`; parts
+    that are written stay in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
     compute(parts, workers, share, retry)
@@ -116,17 +103,7 @@ def compute(
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
     """How many designs of a study are done, refused, failed with reasons, and open, as `flexfem study status --json`.
 
-    Parameters
-    ----------
-    study : path
-        The study file, or the folder that its run writes, such as `reports/study-reach`.
-    output : path
-        Folder of the results of the study file.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be used.
+    `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
     """
     from flexfem.files.refusals import checked_path
     from flexfem.study.run import FILE
@@ -156,17 +133,10 @@ def collect_study(
 
     Parameters
     ----------
-    study, output : path
-        As of `run_study`.
-    to : path, optional
-        The table to write, .parquet or .csv.
-    partial : bool
-        Leave out designs that are still open instead of refusing.
+    to : the table to write, .parquet or .csv.
+    partial : leave out designs that are still open instead of refusing.
 
-    Raises
-    ------
-    BadInput
-        Designs are open, a part is damaged, or the table cannot be written.
+    Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
     """
     from flexfem.files.refusals import checked_path
     from flexfem.files.writing import check_file, check_folder

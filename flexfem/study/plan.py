@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, reduce
 from types import CodeType
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
@@ -57,19 +57,16 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": lambda *each: reduce(np.maximum, each),
     "_f": np.float64,
 }
+_NODES = (
+    *(ast.Expression, ast.Name, ast.Load, ast.Constant, ast.UnaryOp, ast.USub, ast.UAdd),
+    *(ast.BinOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow),
+)
 _ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(list(_FUNCTIONS)[:-1])}"
-
-
-class Parsed(NamedTuple):
-    """A compiled expression, and by name what stands for it there."""
-
-    code: CodeType
-    names: Mapping[str, str]
 
 
 def names_in(text: str) -> tuple[str, ...]:
     """Names that an expression uses, each once. Raises ValueError, saying what was expected, where it is none."""
-    return tuple(_parsed(text).names)
+    return tuple(_parsed(text)[1])
 
 
 def value_of(text: str, values: Mapping[str, Array]) -> Array:
@@ -86,7 +83,8 @@ def value_of(text: str, values: Mapping[str, Array]) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> Parsed:
+def _parsed(text: str) -> tuple[CodeType, Mapping[str, str]]:
+    """A compiled expression, and by name what stands for it there."""
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
     names, pieces, end = dict[str, str](), list[str](), 0
@@ -105,33 +103,26 @@ def _parsed(text: str) -> Parsed:
         tree = ast.parse("".join(pieces).strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise ValueError(_ALLOWED) from None
-    _require_arithmetic(tree.body, set(names.values()), DEEPEST)
+    if not all(map(_is_arithmetic, ast.walk(tree))):
+        raise ValueError(_ALLOWED)
+    if _depth(tree.body) > DEEPEST:
+        raise ValueError(f"at most {DEEPEST} operations one inside the other")
     if not names:
         raise ValueError("the name of a column or key, not numbers alone")
-    return Parsed(compile(tree, "expression", "eval"), names)
+    return compile(tree, "expression", "eval"), names
 
 
-def _require_arithmetic(tree: ast.AST, names: set[str], depth: int) -> None:
-    """Raise ValueError where a node is no arithmetic, or lies too deep."""
-    if depth == 0:
-        raise ValueError(f"at most {DEEPEST} operations one inside the other")
-    match tree:
-        case ast.Call(func=ast.Name(id="_f"), args=[ast.Constant(value=float())], keywords=[]):
-            inner: list[ast.expr] = []
-        case ast.Name(id=name) if name in names:
-            inner = []
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            inner = [operand]
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow(), right=right):
-            inner = [left, right]
-        case ast.Call(func=ast.Name(id=name), args=[_, *more], keywords=[]) if name in _FUNCTIONS and name != "_f":
-            if bool(more) != (name in ("min", "max")):
-                raise ValueError(_ALLOWED)
-            inner = tree.args
-        case _:
-            raise ValueError(_ALLOWED)
-    for node in inner:
-        _require_arithmetic(node, names, depth - 1)
+def _is_arithmetic(node: ast.AST) -> bool:
+    """Whether a node is one of arithmetic; names and numbers are those that `_parsed` put there."""
+    if isinstance(node, ast.Call):
+        name, several = getattr(node.func, "id", ""), len(node.args) > 1
+        return name in _FUNCTIONS and bool(node.args) and not node.keywords and several == (name in ("min", "max"))
+    return isinstance(node, _NODES)
+
+
+def _depth(node: ast.AST) -> int:
+    inner = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.Call | ast.UnaryOp | ast.BinOp)]
+    return 1 + max(map(_depth, inner), default=0)
 
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
