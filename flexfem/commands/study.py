@@ -66,49 +66,32 @@ def run(
 
 @contextmanager
 def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
-    """Show how far a run is; a stop says in one line what is kept."""
-    latest: list[Progress] = []
-    try:
-        with _watching() as show:
+    """Show on standard error how far a run is, by a bar or without a terminal by lines; a stop says what is kept."""
+    from rich import progress as rich_progress
+    from rich.console import Console
 
-            def watch(progress: Progress) -> None:
-                latest[:] = [progress]
-                show(progress)
+    console, latest = Console(file=raw(sys.stderr)), list[Progress]()
+    began = said = time.monotonic()
+    columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
+    shown = console.is_terminal
+    try:
+        with rich_progress.Progress(*columns, console=console, transient=True, disable=not shown) as bar:
+            task = bar.add_task("", total=None)
+
+            def watch(step: Progress) -> None:
+                nonlocal said
+                now, latest[:] = time.monotonic(), [step]
+                text, done = progress_line(step, now - began), step.counts.total()
+                bar.update(task, total=step.designs, completed=done, description=text)
+                if not shown and now - said > EVERY:
+                    said = now
+                    print(text, file=sys.stderr, flush=True)
 
             yield watch
     except Stopped as stop:
         kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "what is done is"
         stop.said = f"stopped; {kept} kept in {parts.folder}, the same command goes on"
         raise
-
-
-@contextmanager
-def _watching() -> Iterator[Callable[[Progress], None]]:
-    """Yield a function that shows on standard error how far a run is: a bar, or without a terminal lines."""
-    from rich import progress as rich_progress
-    from rich.console import Console
-
-    console, began = Console(file=raw(sys.stderr)), time.monotonic()
-    if console.is_terminal:
-        columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
-        with rich_progress.Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda step: bar.update(
-                task,
-                total=step.designs,
-                completed=step.counts.total(),
-                description=progress_line(step, time.monotonic() - began),
-            )
-        return
-    latest = began
-
-    def line(step: Progress) -> None:
-        nonlocal latest
-        if time.monotonic() - latest > EVERY:
-            latest = time.monotonic()
-            print(progress_line(step, latest - began), file=sys.stderr, flush=True)
-
-    yield line
 
 
 def progress_line(step: Progress, seconds: float) -> str:

@@ -734,11 +734,8 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
 def sensitivity(loaded: LoadedStudy, table: StudyTable, value: str) -> Indices:
     """Sobol indices of an output column: first order, and total where Saltelli's scheme was sampled.
 
-    Raises
-    ------
-    BadInput
-        The study is not sampled for it; a design of Saltelli's scheme has no answer (each belongs to as many
-        differences as there are factors, so that none can be left out); too few have one; or the value does not vary.
+    Raises BadInput: a design of Saltelli's scheme has no answer (each belongs to as many differences as there are
+    factors, so that none can be left out); too few have one; or the value does not vary.
     """
     where, method = f"{loaded.path}: sensitivity of {value}", loaded.study.sampling.method
     if method == "saltelli":

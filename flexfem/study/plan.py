@@ -151,22 +151,30 @@ def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: 
             raise refusal(f"no {name} with {choice}", name)
 
 
-def _wanted(method: Method) -> tuple[str, ...]:
-    """The keys that a method needs beside it; it takes no others."""
-    size = {"saltelli": "base"}.get(method, "designs")
-    return {"grid": (), "table": ("file",)}.get(method, (size, "seed"))
+_WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it; it takes no others
+    "grid": (),
+    "table": ("file",),
+    "saltelli": ("base", "seed"),
+    **dict.fromkeys(("latin_hypercube", "sobol", "monte_carlo"), ("designs", "seed")),
+}
 
 
-def _of_method(method: Method) -> Rule:
-    held = [{"properties": {"designs": {"maximum": MOST_HELD}}}] if method in HELD else []
-    return when(says("method", method), both(has(*_wanted(method)), only("method", *_wanted(method)), *held))
+def _of(key: str, value: str, needed: tuple[str, ...], possible: tuple[str, ...], *more: Rule) -> Rule:
+    """Where a key says a value there are the keys that this needs, and none but those that are possible with it."""
+    return when(says(key, value), both(has(*needed), only(key, *needed, *possible), *more))
+
+
+_OF_METHODS = [
+    _of("method", name, keys, (), *([{"properties": {"designs": {"maximum": MOST_HELD}}}] if name in HELD else []))
+    for name, keys in _WANTED.items()
+]
 
 
 class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(*(_of_method(method) for method in get_args(Method))))
+    model_config = ConfigDict(json_schema_extra=ruled(*_OF_METHODS))
 
     method: Method = Field(
         description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
@@ -200,7 +208,7 @@ class Sampling(Table):
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
-        _require_keys(self, f'method = "{self.method}"', _wanted(self.method), ("method",))
+        _require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method in HELD and (self.designs or 0) > MOST_HELD:
@@ -309,15 +317,14 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
     return matrix
 
 
-def _of_kind(kind: FigureKind) -> Rule:
-    needed, possible = _KEYS_OF[kind]
-    return when(says("kind", kind), both(has(*needed), only("kind", "title", *needed, *possible)))
-
-
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(*(_of_kind(kind) for kind in get_args(FigureKind))))
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            *(_of("kind", name, needed, ("title", *more)) for name, (needed, more) in _KEYS_OF.items())
+        )
+    )
 
     kind: FigureKind = Field(
         description="`map` of an output over two factors, in whose cells means over the other factors are; "
@@ -361,12 +368,7 @@ class Figure(Table):
         return found | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
 
 
-Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
-Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
-Mass: TypeAlias = Annotated[float, *quantities.from_zero(quantities.MASS)]
-Inertia: TypeAlias = Annotated[float, *quantities.from_zero(quantities.INERTIA)]
 Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLITUDE)]
-Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
 
 
 class DriveQuestion(Table):
@@ -388,12 +390,12 @@ class DriveQuestion(Table):
         "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
         "drawn, 6 ms each",
     )
-    stroke_um: Stroke | None = Field(
+    stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(
         default=None,
         description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
         examples=[17.4],
     )
-    lever_arm_mm: Length | None = Field(
+    lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(
         default=None, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
     )
 
@@ -418,8 +420,12 @@ class DriveQuestion(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg: Mass = Field(default=0.0, description="Mass on the platform at its centre", examples=[0.2])
-    payload_kg_mm2: Inertia = Field(default=0.0, description="Its moment of inertia about that", examples=[40.0])
+    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(
+        default=0.0, description="Mass on the platform at its centre", examples=[0.2]
+    )
+    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(
+        default=0.0, description="Its moment of inertia about that", examples=[40.0]
+    )
 
 
 class Drifting(Table):
@@ -446,7 +452,9 @@ class Lasting(Table):
     ratio: float = Field(
         default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
     )
-    cycles: Cycles = Field(default=1e6, description="The wanted life", json_schema_extra=COUNT)
+    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(
+        default=1e6, description="The wanted life", json_schema_extra=COUNT
+    )
     notch_sensitivity: float = Field(
         default=1.0,
         ge=0,

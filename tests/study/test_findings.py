@@ -10,9 +10,8 @@ import pytest
 
 import flexfem.study.findings
 from flexfem.studies import facts_of
-from flexfem.study.answer import own_values
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings, power_of
+from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings
 from flexfem.study.loaded import LoadedStudy, judge, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
@@ -128,12 +127,6 @@ def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
     assert len(cells.values) == 12 and cells.size == 3
 
 
-def test_power_of_a_power() -> None:
-    x = np.geomspace(0.3, 7.0, 11)
-    assert power_of(x, 4.1 * x**-3.3) == pytest.approx(-3.3, rel=1e-12)
-    assert power_of(x[:1], x[:1]) is None and power_of(x, x - 1.0) is None and power_of(np.full(3, 2.0), x[:3]) is None
-
-
 @pytest.mark.parametrize(
     ("x_better", "y_better", "expected"),
     [("larger", "larger", 9.0 / 2.0), ("smaller", "larger", 8.0 / 2.0), ("larger", "smaller", 3.0 / 2.0)],
@@ -192,14 +185,6 @@ def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
     assert [row["first"] for row in rows] == pytest.approx([1 / 8, 1 / 2], abs=0.1)
     assert [row["total"] for row in rows] == pytest.approx([1 / 2, 7 / 8], abs=0.1)
     assert all(0.01 < row[part] < 0.2 for part in ("first_band", "total_band") for row in rows)
-
-
-def test_a_factor_of_keys_that_differ_in_the_base_stage_has_no_value_of_its_own(studies) -> None:
-    both = 'label = "necks"\nkeys = ["hinges.base.neck_mm", "hinges.platform.neck_mm"]\nfrom = 0.4\nto = 0.7'
-    loaded = studies.of(
-        'method = "monte_carlo"\ndesigns = 9\nseed = 3', both, 'key = "thickness_mm"\nfrom = 8.0\nto = 9.0'
-    )
-    assert own_values(loaded) == {"thickness_mm": 9.7}
 
 
 def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:

@@ -26,7 +26,7 @@ from flexfem.study import table as table_of
 from flexfem.study import workers as worker_module
 from flexfem.study.collect import collect
 from flexfem.study.loaded import load_study
-from flexfem.study.run import Progress, kind_of, parts_of, remove_stale, run_parts, survey
+from flexfem.study.run import Progress, parts_of, remove_stale, run_parts, survey
 from flexfem.study.workers import Workers, require_same_versions, sources_hash, versions_of
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
@@ -199,14 +199,6 @@ def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, 
     assert here.asked == [*range(16, 32)] and status_facts(parts)["ok"] == 64
 
 
-@pytest.mark.parametrize(
-    ("reason", "kind"),
-    [("neck = 0.1, expected > 0.2", "neck"), ("mesh 12 of -3.5e-7 mm", "mesh ... of ... mm"), ("", "")],
-)
-def test_reasons_of_a_kind_are_counted_together(reason, kind):
-    assert kind_of(reason) == kind
-
-
 def test_progress_has_rate_and_time_left():
     step = Progress(10_000, 1000, survey_counts(2800, 200))
     assert progress_line(step, 40.0) == "3,000/10,000 designs, 50/s, 0 h 02 min 20 s left, 200 failed"
@@ -321,16 +313,6 @@ def test_hanging_and_crashing_designs_are_named_and_cost_no_other(study, workers
     assert all(row["kxx_n_per_mm"] == row["design"] for row in rows if row["status"] == "ok")
 
 
-@pytest.mark.slow
-def test_finite_elements_of_a_worker_are_those_of_this_process(study, workers, tmp_path):
-    loaded = load_study(study("fe", designs=6))
-    here, there = parts_of(loaded, tmp_path / "here"), parts_of(loaded, tmp_path / "there", 2)
-    run_parts(here, Here())
-    run_parts(there, workers)
-    for name in loaded.outputs:
-        np.testing.assert_allclose(table(there)[name], table(here)[name], rtol=1e-9, atol=1e-9)
-
-
 RUN = """
 import sys
 from pathlib import Path
@@ -406,8 +388,3 @@ def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, n
     assert err.count("\n") == 1 and "of 200 designs are kept in" in err, err
     _, alive = psutil.wait_procs(left, 10.0)
     assert alive == []
-
-
-def test_a_part_is_named_after_the_range_of_its_designs(study, tmp_path):
-    parts = parts_of(load_study(study()), tmp_path, 64)
-    assert parts.path(range(64)) != parts.path(range(63)) and parts.chunks()[-1] == range(256, 300)
