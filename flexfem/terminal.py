@@ -253,17 +253,18 @@ def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
     """A table without lines, for `people`."""
     from rich.table import Table
 
-    made = Table(*head, box=None, padding=(0, 2, 0, 0))
+    made = Table(*head, box=None, padding=(0, 2, 0, 0), show_header=any(head))
     for row in rows:
         made.add_row(*row)
     return made
 
 
 def print_ending(out: Console, of: Any) -> None:
-    """Print the warnings of a record, and how many numbers are in doubt."""
+    """Print the warnings of a record or a result, and how many numbers are in doubt."""
     from flexfem.mechanism.stage_file import doubts_said
 
-    for text in of.warnings:
+    doubts = getattr(of, "about", of)
+    for text in getattr(of, "warnings", []):
         out.print(f"warning: {text}")
-    for text in doubts_said(of.assumed, of.not_stated):
+    for text in doubts_said(getattr(doubts, "assumed", []), getattr(doubts, "not_stated", [])):
         out.print(f"{text}: --json lists them")

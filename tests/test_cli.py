@@ -12,8 +12,8 @@ import meshio
 import numpy as np
 import pytest
 
-from flexfem import cli, own
-from flexfem.commands.cli import app
+from flexfem import own
+from flexfem.commands import cli
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions.case import LoadedCase
 
@@ -30,15 +30,12 @@ def machine(flexfem, *arguments):
     return json.loads(out)
 
 
-def test_the_version_and_old_names_of_commands_are_said(flexfem):
+def test_the_version_is_said(flexfem):
     assert flexfem("--version") == (0, f"flexfem {importlib.metadata.version('flexfem')}\n", "")
-    for old, new in cli.RENAMED.items():
-        code, out, err = flexfem(old, STAGE)
-        assert (code, out, err.count("\n")) == (2, "", 1) and f"now called `flexfem {new}`" in err
 
 
 def test_every_option_has_a_help_text_and_every_command_a_summary(flexfem):
-    command = COMMAND_OF(app)
+    command = COMMAND_OF(cli.app)
     listed = command.list_commands(None)
     assert {"summary", "stiffness", "drift", "verify", "study"} <= set(listed)
     for name in cli.MADE:

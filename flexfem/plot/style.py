@@ -156,7 +156,7 @@ def panels(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of panels below a header, row by row, laid out by matplotlib, so wide and the panels so high in inches.
 
-    `doubts` : keys that are assumed, and those without a source.   `grid` : settings of matplotlib's GridSpec.
+    `doubts` : keys that are assumed and those without a source, or what has both.   `grid` : of matplotlib's GridSpec.
     """
     figure = below_header(size, title, lines, doubts)
     return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
@@ -165,6 +165,7 @@ def panels(
 def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = ((), ())) -> Figure:
     """A figure with a header as `panels` has it, without panels, and a layout engine for what is below."""
     width, height = size
+    doubts = (doubts.assumed, doubts.not_stated) if hasattr(doubts, "assumed") else doubts
     used = header(new_figure(width, height), title, lines, *doubts)
     figure = new_figure(width, height + used)
     header(figure, title, lines, *doubts)

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.stage import load_stage
-from flexfem.page.section import Page, html_of
+from flexfem.page.section import html_of
 from flexfem.page.study import marks_table, of_front, of_map, outline_paths, path_of, range_of, study_parts
 from flexfem.plot.study import Source, map_of, named
 from flexfem.plot.study_figures import chart_figure
@@ -85,7 +85,8 @@ def page_of(source: Source) -> str:
         )
     )
     made = [make() for _, make in study_parts(source, found, STATUS | REASONS)]
-    return html_of(Page(source.loaded.study.name, "", "", made, "flexfem report", "2026-01-02", {}))
+    said = {"subtitle": "", "doubts": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
+    return html_of(made, title=source.loaded.study.name, **said)
 
 
 def data_of(html: str) -> dict:

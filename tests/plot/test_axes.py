@@ -177,19 +177,13 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
 
 
 @pytest.mark.parametrize("name", ["plot_model", "plot_hinge_table"])
-def test_a_stage_and_its_record_are_drawn_as_the_stored_model_is(name):
-    stage, said = flexfem.load(STAGE), []
-    for given in (stage, flexfem.check(stage)):
-        figure, ax = pyplot.subplots()
-        assert getattr(flexfem.plot, name)(ax, given) is ax
-        said.append([text.get_text() for text in ax.texts])
-        pyplot.close(figure)
-    wanted = {"plot_model": {"$l_2$ = 32 mm", "chain 3"}, "plot_hinge_table": {"1, 4, 7", "t (mm)"}}
-    assert said[0] == said[1] and wanted[name] <= set(said[0])
+def test_a_stage_is_drawn_and_what_is_none_is_refused(name):
+    ax = pyplot.figure().subplots()
+    assert getattr(flexfem.plot, name)(ax, flexfem.load(STAGE)) is ax
     for wrong in (None, "geometry/mobility6.toml"):
-        with pytest.raises(flexfem.BadInput, match=r"expected a stage, or the record of flexfem\.check"):
-            getattr(flexfem.plot, name)(pyplot.figure().subplots(), wrong)
-        pyplot.close()
+        with pytest.raises(flexfem.BadInput, match=r"expected a stage"):
+            getattr(flexfem.plot, name)(ax, wrong)
+    pyplot.close("all")
 
 
 def test_a_budget_in_no_direction_is_refused(made):
