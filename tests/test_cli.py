@@ -55,24 +55,6 @@ def test_every_make_target_that_a_page_names_exists():
 # what is written
 
 
-@pytest.mark.parametrize("suffix", [".msh", ".vtu", ".inp"])
-def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
-    path = tmp_path / f"stage{suffix}"
-    facts = machine(flexfem, "mesh", STAGE, "-o", path, "--resolution", 2)
-    if suffix == ".inp":
-        text = path.read_text().upper()
-        assert text.count("*STEP") == 3 and "CPS6" in text
-        return
-    mesh = meshio.read(path)
-    assert len(mesh.points) == facts["nodes"]
-    assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
-    if suffix == ".msh":
-        assert set(mesh.field_data) == {"stage", "ground", "hub"}
-        hub = mesh.cell_sets_dict["hub"]["line3"]
-        lines = np.concatenate([block.data for block in mesh.cells if block.type == "line3"])
-        np.testing.assert_allclose(np.hypot(*mesh.points[lines[hub]].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
-
-
 def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
     load = ("--models", "elements", "--resolution", 4, "--force", 1, 0, 0)
     facts = machine(flexfem, "stiffness", STAGE, *load, "-o", tmp_path)
@@ -121,14 +103,6 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
     for command in (["check", path], ["stiffness", path, "--models", "analytic"]):
         code, out, _ = flexfem(*command)
         assert code == 0 and "[red]x[/b] $y$" in out
-
-
-def test_nothing_is_said_of_the_paper_where_a_file_of_ones_own_is_assumed(flexfem, tmp_path):
-    text = Path(STAGE).read_text().partition("[provenance]")[0].replace("reference", "of my own")
-    (tmp_path / "own.toml").write_text(f'{text}[provenance]\n"platform.radius_mm" = "assumed"\n')
-    for command in (["check"], ["stiffness", "--models", "analytic"]):
-        out = flexfem(*command[:1], tmp_path / "own.toml", *command[1:])[1]
-        assert "1 of these numbers is assumed" in out and "paper" not in out
 
 
 # refusals
@@ -312,19 +286,3 @@ def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, co
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert target in err and "which is read for what is to be written, expected another file" in err
     assert {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()} == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["drift", "experiment", "life"])
-def test_every_command_that_draws_writes_a_picture_and_a_page(flexfem, tmp_path, name):
-    others = {
-        "drift": ("--resolution", 4),
-        "experiment": (ROOT / "cases/fixture.toml", "--resolution", 3),
-        "life": ("--amplitude", 0.05, 0, 0, "--models", "analytic", "--fit", "sn.csv"),
-    }
-    Path("sn.csv").write_text("stress_mpa, cycles\n948, 222\n703, 6004\n579, 43860\n524, 132150\n")
-    code, _, err = flexfem(name, STAGE, *others[name], "--output", tmp_path / "out")
-    assert code == 0, err
-    (picture,), (page,) = ((tmp_path / "out").glob(f"*.{form}") for form in ("png", "pdf"))
-    assert picture.read_bytes().startswith(b"\x89PNG\r\n") and page.read_bytes().startswith(b"%PDF-1.")
-    assert min(picture.stat().st_size, page.stat().st_size) > 5000

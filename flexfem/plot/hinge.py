@@ -153,10 +153,10 @@ def thickness_figure(review: ThicknessReview) -> Figure:
 def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
     """Draw the factor of one freedom, rotation or axial, over b/t; returns `ax`."""
     strain, x = 1 - review.poissons_ratio**2, review.width
-    for value, name, va in ((1.0, "plane stress", "bottom"), (strain, f"plane strain, 1 − ν² = {strain:.3f}", "top")):
+    place: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points", "ha": "right"}
+    for value, name, shift in ((1.0, "plane stress", 3), (strain, f"plane strain, 1 − ν² = {strain:.3f}", -11)):
         ax.axhline(value, color=INK, linewidth=1.4, zorder=1.5)
-        place: dict[str, Any] = {"transform": ax.get_yaxis_transform(), "ha": "right", "va": va}
-        ax.text(0.985, value, name, size=8.5, color=GREY, **place)
+        ax.annotate(name, (0.985, value), (0, shift), size=8.5, color=GREY, **place)
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
         ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from flexfem.plot.stage import outline_of
 from flexfem.plot.study_figures import Caption, Chosen, ParetoFront, Quantity, Scatter, Share, StudyMap
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.questions.hinges import hinge_review, thickness_review
+from flexfem.results import Result
 from flexfem.study.findings import Indices, Percentile
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -174,6 +176,14 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
         assert state(figure, other) == before, name
         figure.draw_without_rendering()
         pyplot.close(figure)
+
+
+def test_every_figure_that_a_result_names_is_there():
+    import_module("flexfem.baselines")  # and with it every question
+    named = {kind.figure for kind in Result.kinds.values() if kind.figure}
+    assert {"errors.budget_figure", "modes.figures", "drive.reach_figure"} <= named
+    for module, _, function in (each.rpartition(".") for each in named):
+        assert callable(getattr(import_module(f"flexfem.plot.{module}"), function))
 
 
 @pytest.mark.parametrize("name", ["plot_model", "plot_hinge_table"])

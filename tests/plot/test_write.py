@@ -8,7 +8,6 @@ import sys
 
 import pytest
 
-from flexfem.plot.text import markdown_report
 from flexfem.plot.write import plans, write_figures
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
@@ -69,28 +68,11 @@ def test_two_stages_of_one_file_name_do_not_clash(made):
     assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4
 
 
-def test_cases_of_one_name_do_not_clash(made):
-    found = names([stored(made), stored(made), stored(made, case="stage-one")])
-    assert len({name.casefold() for name in found}) == len(found) == 6 + 4
-
-
 @pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])
 def test_figures_stay_in_their_folder(made, case):
     assert not any("/" in name or name.startswith(".") for name in names([stored(made, case=case)]))
 
 
-def test_page_without_assumptions_says_so(made):
-    page = markdown_report([stored(made)[0]])
-    assert "assumed dimensions" not in page
-    assert "every number has a source" in page
-
-
 def test_page_is_written_without_matplotlib():
     code = "import sys, flexfem.plot.text; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
-
-
-def test_displacements_are_drawn_beside_the_figure_of_errors_and_not_over_it(made):
-    stored = [(made.result({"one": (0.1, 0.2, 0.3)}), {"one": made.fields()})]
-    shown, errors = ([*plans(stored, displacement)] for displacement in (True, False))
-    assert shown[0] == "fig-displacement" and errors[0] == "fig" and shown[1:] == errors[1:]
