@@ -55,6 +55,24 @@ def test_every_make_target_that_a_page_names_exists():
 # what is written
 
 
+@pytest.mark.parametrize("suffix", [".msh", ".vtu", ".inp"])
+def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
+    path = tmp_path / f"stage{suffix}"
+    facts = machine(flexfem, "mesh", STAGE, "-o", path, "--resolution", 2)
+    if suffix == ".inp":
+        text = path.read_text().upper()
+        assert text.count("*STEP") == 3 and "CPS6" in text
+        return
+    mesh = meshio.read(path)
+    assert len(mesh.points) == facts["nodes"]
+    assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
+    if suffix == ".msh":
+        assert set(mesh.field_data) == {"stage", "ground", "hub"}
+        hub = mesh.cell_sets_dict["hub"]["line3"]
+        lines = np.concatenate([block.data for block in mesh.cells if block.type == "line3"])
+        np.testing.assert_allclose(np.hypot(*mesh.points[lines[hub]].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
+
+
 def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
     load = ("--models", "elements", "--resolution", 4, "--force", 1, 0, 0)
     facts = machine(flexfem, "stiffness", STAGE, *load, "-o", tmp_path)

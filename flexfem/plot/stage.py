@@ -56,6 +56,7 @@ MEANING = {
     "shear": "slider across the neck: shear",
 }
 PLAIN = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
+SAID: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
 
 
 def arrow(
@@ -131,9 +132,9 @@ def draw_hub(axes: Axes, nodes: Array, moved: Array, radius: float) -> None:
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
     """Draw filled triangles with their curved sides, and their boundary in a thicker line."""
-    sides = [curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES]
+    outlines = np.concatenate([curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES], axis=1)
     look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width, "zorder": 2}
-    axes.add_collection(PolyCollection(list(np.concatenate(sides, axis=1)), rasterized=True, **look), autolim=False)
+    axes.add_collection(PolyCollection(list(outlines), rasterized=True, **look), autolim=False)
     draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
 
 
@@ -142,9 +143,9 @@ def hatch_ground(axes: Axes, ends: Array, depth: float) -> None:
     along = ends[:, 1] - ends[:, 0]
     outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     strips = np.concatenate([ends, (ends + depth * outward[:, None])[:, ::-1]], axis=1)
-    look: dict[str, Any] = {"facecolors": "none", "edgecolors": INK, "linewidths": 0.0, "hatch": "//////", "zorder": 4}
-    axes.add_collection(PolyCollection(list(strips), **look), autolim=False)
-    axes.add_collection(LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4), autolim=False)
+    hatched = PolyCollection(list(strips), facecolors="none", edgecolors=INK, linewidths=0.0, hatch="//////", zorder=4)
+    for each in (hatched, LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4)):
+        axes.add_collection(each, autolim=False)
 
 
 def frame_cross(axes: Axes, length: float) -> None:
@@ -427,12 +428,11 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
     """Draw a stage to scale with its dimensions, in mm; returns `ax`, or new axes.
 
-    missing : key paths that its file does not give; of such a stage only what does not need them is drawn.
+    `missing` : key paths that its file does not give; of such a stage only what does not need them is drawn.
 
     Raises BadInput when nothing is missing and its bodies cannot be drawn.
     """
-    found = PartialStage(stage, list(missing))
-    ax = ax or new_axes()
+    found, ax = PartialStage(stage, list(missing)), ax or new_axes()
     if found.whole:
         part = part_of(stage)
         plot_stage(ax, stage)
@@ -450,38 +450,36 @@ def _xy(z: complex) -> tuple[float, float]:
 
 def _draw_dimensions(ax: Axes, of: Dimensions) -> Array:
     """Draw lengths and labels; returns places (n, 2) that must be seen."""
-    seen, style = list[complex](), {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
+    seen, lines = list[complex](), list[tuple[complex, ...]]()
     for span in of.spans:
         start, end = span.line
-        for foot, head in ((span.start, start), (span.end, end)):
-            ax.plot(*np.transpose([_xy(foot), _xy(head)]), color=DIMENSION, linewidth=0.5, zorder=6)
+        lines += [(span.start, start), (span.end, end)]
         arrow(ax, _xy(start), _xy(end), "<|-|>", DIMENSION, 0.8)
         short = abs(end - start) < 2 * NARROW * of.height * len(span.text)  # its text goes beside the line
         aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * of.height * 1.5 if short else 0j
-        heading = float(np.rad2deg(np.angle(end - start)))
-        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=heading, **style)  # type: ignore[arg-type]
+        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=float(np.rad2deg(np.angle(end - start))), **SAID)
         seen += [start + 2 * aside, end + 2 * aside]
     for label in of.labels:
-        ax.plot(*np.transpose([_xy(end) for end in label.line]), color=DIMENSION, linewidth=0.5, zorder=6)
-        write(ax, _xy(label.place), label.text, **style)  # type: ignore[arg-type]
+        lines.append(tuple(label.line))
+        write(ax, _xy(label.place), label.text, **SAID)
         seen += [label.place - label.half, label.place + label.half]
+    for line in lines:
+        ax.plot(*np.transpose([_xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
     return np.array([_xy(z) for z in seen])
 
 
 def _draw_partial(ax: Axes, found: PartialStage) -> Array:
     """Draw what does not need what is missing; returns places (n, 2) that must be seen."""
     stage, seen = found.stage, [np.zeros((1, 2))]
-    style: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
     for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
         if found.given(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **style)
+            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **SAID)
             seen.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
     if not found.given("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(seen)
-    centres = stage_frames(stage).centres
-    lines = np.concatenate([centres, np.zeros((3, 1, 2))], axis=1)
+    lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
     size = fit(ax, 1.05 * lines.reshape(-1, 2), 0.03)
     taken = [np.linspace(line[:-1], line[1:], 9).reshape(-1, 2) for line in lines]
     labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
@@ -492,7 +490,7 @@ def _draw_partial(ax: Axes, found: PartialStage) -> Array:
         texts = [f"{name} hinge {_draw_notches(ax, found, chain, name)}".strip() for chain in CHAINS]
         labels += [(text, lines[chain, k]) for chain, text in enumerate(texts) if chain == 0 or text != texts[0]]
     for text, anchor in labels:
-        place_label(ax, anchor, text, taken, 0.05 * size, **style)
+        place_label(ax, anchor, text, taken, 0.05 * size, **SAID)
     return np.concatenate([*seen, *taken, 1.05 * lines.reshape(-1, 2)])
 
 
