@@ -154,7 +154,11 @@ def report(
 
 
 def command_line(
-    files: Sequence[Path], target: Path, sections: Sequence[str], amplitude: Any = None, folder: Path = REPORTS
+    files: Sequence[Path],
+    target: Path,
+    sections: Sequence[str] = STANDARD,
+    amplitude: Any = None,
+    folder: Path = REPORTS,
 ) -> str:
     """The command that makes a page again, for a shell."""
     words = ["flexfem", "report", *map(str, files), "-o", str(target)]
@@ -363,22 +367,17 @@ def _drawing(stage: Stage, found: StageReport, wanted: list[str]) -> PageSection
     data = table(head, rows, caption="The nine hinges", numbers=5)
     said = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
     figure = shown_figure("drawing", partial(drawing_figure, stage), said, data)
-    actuators = [_actuators(found)] if found.drive else []
-    return _section("stage", "The stage", figure, listed, *actuators, notes(found.warnings))
-
-
-def _actuators(found: StageReport) -> Markup:
-    assert found.drive is not None
-    head = ["actuator", "chains", "on, pushing", "stack", f"stroke ({MICROMETRE})", "blocking force (N)"]
-    head += [f"stiffness ({RATE})", f"with contact ({RATE})", "preload (N)", "contact"]
+    head = ["actuator", "chains", "on, pushing", "stack", "contact", f"stroke ({MICROMETRE})", "blocking force (N)"]
+    head += [f"stiffness ({RATE})", f"with contact ({RATE})", "preload (N)"]
     rows = [
-        [one.name, ", ".join(map(str, one.chains)), ", ".join(one.between), one.stack or "its own"]
+        [one.name, ", ".join(map(str, one.chains)), ", ".join(one.between), one.stack or "its own", one.contact]
         + [f"{one.stroke * MICROMETRE.factor:g}", f"{one.blocking_force:.4g}"]
         + [f"{k * RATE.factor:.4g}" for k in (one.stiffness, one.stiffness_with_contact)]
-        + [f"{one.preload:g}", one.contact]
-        for one in found.drive.actuators
+        + [f"{one.preload:g}"]
+        for one in (found.drive.actuators if found.drive else ())
     ]
-    return table(head, rows, caption="The actuators", numbers=5)
+    actuators = [table(head, rows, caption="The actuators", numbers=5)] if rows else []
+    return _section("stage", "The stage", figure, listed, *actuators, notes(found.warnings))
 
 
 def _stress(stage: Stage) -> PageSection:

@@ -67,12 +67,11 @@ def panel_of(result: Verification, freedom: Direction) -> Panel:
 def normalisation(result: Verification) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
-    command, l3 = NAMES[result.direction], f"l₃ = {levers} {LENGTH}"
-    if result.direction == "theta":
-        cross = f"X and Y relative to the commanded rotation times {l3}"
-    else:
+    command, l3, theta = NAMES[result.direction], f"l₃ = {levers} {LENGTH}", NAMES["theta"]
+    cross = f"X and Y relative to the commanded rotation times {l3}"
+    if result.direction != "theta":
         other = "Y" if command == "X" else "X"
-        cross = f"{other} relative to the commanded translation; {NAMES['theta']} times {l3} likewise"
+        cross = f"{other} relative to the commanded translation; {theta} times {l3} likewise"
     return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
 
 
@@ -155,10 +154,8 @@ def _draw_curves(
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
     step = max(1, points // 7)
-    return {
-        "color": COLOURS[index % len(COLOURS)],
-        "linestyle": DASHES[index % len(DASHES)],
-        "marker": MARKERS[index % len(MARKERS)],
+    kinds = {"color": COLOURS, "linestyle": DASHES, "marker": MARKERS}
+    return {key: each[index % len(each)] for key, each in kinds.items()} | {
         "markevery": (index * max(1, step // 2) % step, step),
         "markersize": 6.0,
         "markerfacecolor": "white",

@@ -46,7 +46,7 @@ DRAWN = 0.07  # largest drawn displacement, per size of the stage
 SHARE = Normalize(0, 1)
 PANEL = 3.6  # in, width
 FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames of a cycle, per second, and its size in inches
-CONTOURS = np.array([-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8])  # of w over its largest size
+CONTOURS = np.arange(-4, 5) / 5  # of w over its largest size
 POINTS = 1500
 LOWEST, HIGHEST = 0.05, 1.2  # of the drawn frequencies, over the first and the last natural one
 Part = Literal["magnitude", "phase"]
@@ -90,20 +90,16 @@ def _fields(found: NaturalModes) -> PlaneVibration | SolidVibration:
 
 def _said_of(found: NaturalModes) -> str:
     """What the modes are of, and what is not in them."""
-    solid, asked = isinstance(found.fields, SolidVibration), found.settings
+    solid, asked, mass = isinstance(found.fields, SolidVibration), found.settings, UNITS["kg"]
     said = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
     said += f" drives {asked['drives']};" + (f" payload {asked['payload']};" if asked["payload"] else "")
     said += (
-        f" mass {UNITS['kg'].factor * float(found.mass):.4g} {UNITS['kg']}. Titles: the largest effective modal mass, "
+        f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: the largest effective modal mass, "
         "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
         "factor; grey: at rest."
     )
-    if solid:
-        said += (
-            " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
-            "opposite, thick where it is zero."
-        )
-    return said
+    drawn = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
+    return said + (f"{drawn}opposite, thick where it is zero." if solid else "")
 
 
 def title_of(found: NaturalModes, number: int) -> str:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
-from typing import Any, ParamSpec
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -20,8 +19,6 @@ from matplotlib.figure import Figure
 from flexfem.arrays import Array
 from flexfem.plot.text import doubt_note
 from flexfem.units import Direction
-
-P = ParamSpec("P")
 
 STYLE: Any = {
     "font.family": ["DejaVu Sans"],
@@ -77,15 +74,7 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def in_house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorate a plot function so that it draws in the house style."""
-
-    @wraps(draw)
-    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with house_style():
-            return draw(*args, **kwargs)
-
-    return styled
+in_house_style = house_style()  # decorates what draws a figure
 
 
 @contextmanager
