@@ -213,10 +213,10 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
 
 
 def test_every_step_is_a_line_where_there_is_no_terminal(capsys):
-    with working("refining", 2) as say:
+    with working("refining") as say:
         say("12 triangles")
         say("40 triangles")
-    assert capsys.readouterr().err == "refining 1/2: 12 triangles\nrefining 2/2: 40 triangles\n"
+    assert capsys.readouterr().err == "refining: 12 triangles\nrefining: 40 triangles\n"
 
 
 def test_work_that_takes_long_says_how_long_and_nothing_after_it_failed(capsys, monkeypatch):

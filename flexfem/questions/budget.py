@@ -59,7 +59,7 @@ class Budget(Result):
 
     title = "error budget"
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
-    figure = "accuracy.budget_figure"
+    figure = "errors.budget_figure"
     reading = ("per cent of the command, along it; a share is what one step from the model to the elements changes",)
     share = Quantity("share of the error in the commanded direction", PERCENT, ("share", "direction"), POINTS)
     solid = Quantity("outside the planar total", PERCENT, ("outside", "direction"), POINTS)

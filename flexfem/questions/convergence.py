@@ -27,7 +27,7 @@ class MeshConvergence(Result):
     """Platform compliance of a stage on meshes of growing resolution, and what it tends to."""
 
     title = "mesh convergence"
-    figure = "accuracy.convergence_figure"
+    figure = "errors.convergence_figure"
     along = Quantity("compliance along each direction", OWN, ("mesh", "direction"), ON_COARSER)
     extrapolated = Quantity("extrapolated compliance", OWN, ("direction",), ON_COARSER)
     order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
