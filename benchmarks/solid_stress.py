@@ -23,8 +23,9 @@ from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.fem.fields import solid_neck_stresses
+from flexfem.fem.structure import sheet_of
 from flexfem.questions.bands import solve_solid
-from flexfem.questions.stiffness import neck_stress_of
 from flexfem.refused import BadInput
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
@@ -53,7 +54,7 @@ def in_three_dimensions(stage: Stage) -> Array:
 
     def highest(resolution: int, layers: int) -> Array:
         response = solve_solid(stage, resolution, layers)
-        found = neck_stress_of(stage, response, np.linalg.inv(response.compliance))
+        found = solid_neck_stresses(stage, sheet_of(stage), response, np.linalg.inv(response.compliance))
         return np.asarray(found.highest.max(axis=(1, 2)))
 
     return highest(4, 3) * highest(8, 1) / highest(4, 1) * highest(2, 6) / highest(2, 3)

@@ -44,7 +44,7 @@ from flexfem.questions.life import life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import Analytic, about
-from flexfem.questions.stiffness import COMPLIANCES, stiffness
+from flexfem.questions.stiffness import stiffness
 from flexfem.questions.summary import summary
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Gate, Progress, Quantity, Result, versions
@@ -84,7 +84,9 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
 class Kept(Result):
     """Finite elements of a stage on a kept mesh."""
 
-    compliance = Quantity("compliance on the kept mesh", COMPLIANCES, ("component", "direction"), Gate(1e-8), "matrix")
+    compliance = Quantity(
+        "compliance on the kept mesh", "compliance matrix", ("component", "direction"), Gate(1e-8), "matrix"
+    )
     labels: ClassVar = {"component": ("x", "y", "theta")}
 
 

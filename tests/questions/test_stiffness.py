@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.fem.fields import solid_neck_stresses
+from flexfem.fem.structure import sheet_of
 from flexfem.questions import stiffness as solid
 from flexfem.questions.bands import solve_solid
 from flexfem.questions.setup import solved
@@ -162,7 +164,8 @@ def test_neck_stress_corrected_for_the_thickness_is_that_of_three_dimensions(sta
 
     def highest(resolution, layers):
         response = solve_solid(stage, resolution, layers)
-        return solid.neck_stress_of(stage, response, np.linalg.inv(response.compliance)).highest.max(axis=(1, 2))
+        K = np.linalg.inv(response.compliance)
+        return solid_neck_stresses(stage, sheet_of(stage), response, K).highest.max(axis=(1, 2))
 
     found = np.max(flexfem.stiffness(stage, models="analytic").stress[0], axis=(0, 1))
     np.testing.assert_allclose(found, highest(4, 2) * highest(2, 6) / highest(2, 2), rtol=0.03)

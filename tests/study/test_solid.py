@@ -11,8 +11,9 @@ import pytest
 from flexfem.fem.fields import base_rotations
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import solid_neck_stresses
+from flexfem.fem.structure import sheet_of
 from flexfem.questions.bands import solve_solid
-from flexfem.questions.stiffness import neck_stress_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
@@ -54,7 +55,7 @@ def test_a_row_is_what_the_stage_answers(study: Any) -> None:
     stage = loaded.stage.replace(thickness=4.0)
     response = solve_solid(stage, 4, 1)
     K = np.linalg.inv(response.compliance)
-    highest = neck_stress_of(stage, response, K).highest.max(axis=(1, 2))
+    highest = solid_neck_stresses(stage, sheet_of(stage), response, K).highest.max(axis=(1, 2))
     assert found["kxx_n_per_mm"] == pytest.approx(K[0, 0], rel=1e-6)
     assert found["stress_x_mpa_per_um"] == pytest.approx(1e-3 * highest[0], rel=1e-6)
     assert found["range_y_um"] == pytest.approx(1e3 * 503.0 / highest[1], rel=1e-6)
