@@ -149,20 +149,20 @@ class Answered(NamedTuple):
 
 
 def beside(
-    kind: type[Result], models: Mapping[str, Answered], axes: Mapping[str, Sequence[str]]
+    kind: type[Result], models: Mapping[str, Answered], axes: Mapping[str, Sequence[str]], along: str = "model"
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Values and bands of models along the axis of models, nan where one has none or fewer."""
+    """Values and bands of models, or of others, along an axis, nan where one has none or fewer."""
     stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
     labels = {**AXES, **kind.labels, **axes}
     for found, parts in zip(stacked, zip(*models.values(), strict=True), strict=True):
         for name in dict.fromkeys(chain(*parts)):
             over = kind.quantities[name].over
-            array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != "model")], np.nan)
+            array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
             for k, part in enumerate(parts):
                 if name in part:
                     place: tuple[Any, ...] = (k, *(slice(n) for n in np.shape(part[name])))
                     array[place] = part[name]
-            found[name] = np.moveaxis(array, 0, over.index("model"))
+            found[name] = np.moveaxis(array, 0, over.index(along))
     return stacked
 
 
