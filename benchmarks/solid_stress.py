@@ -20,11 +20,11 @@ from random_stages import dimensions
 
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
+from flexfem.fem.fields import solid_neck_stresses
+from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.fem.fields import solid_neck_stresses
-from flexfem.fem.structure import sheet_of
 from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 

@@ -12,7 +12,6 @@ import pytest
 import flexfem
 from flexfem.fem.fields import solid_neck_stresses
 from flexfem.fem.structure import sheet_of
-from flexfem.questions import stiffness as solid
 from flexfem.questions.bands import solve_solid
 from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.fem.fields import base_rotations
+from flexfem.fem.fields import base_rotations, solid_neck_stresses
 from flexfem.fem.response import unit_response
-from flexfem.fem.structure import plate_of
-from flexfem.fem.fields import solid_neck_stresses
-from flexfem.fem.structure import sheet_of
+from flexfem.fem.structure import plate_of, sheet_of
 from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
