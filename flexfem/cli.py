@@ -287,6 +287,8 @@ def print_record(found: Any) -> None:
             rows = [[_text(part) for part in one] for one in value]
             out.print(f"{title}:")
             out.print(_table([field.replace("_", " ") for field in value[0]._fields], rows))
+        elif hasattr(value, "lines"):
+            print(f"{title}:", *value.lines, sep="\n  ")
         elif isinstance(value, dict):
             for text in dict.fromkeys(map(_text, value.values())):
                 out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
