@@ -92,6 +92,8 @@ def print_record(found: Any) -> None:
             out.print(f"{title}:")
             head = [field.replace("_", " ") for field in value[0]._fields]
             out.print(table(head, [[_text(part) for part in one] for one in value]))
+        elif hasattr(value, "lines"):
+            print(f"{title}:", *value.lines, sep="\n  ")
         elif isinstance(value, dict):
             for text in dict.fromkeys(map(_text, value.values())):
                 out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")

@@ -12,9 +12,8 @@ from typing import Annotated
 
 import typer
 
-from flexfem.cli import print_result
 from flexfem.commands import console
-from flexfem.commands.console import Json, Wanted
+from flexfem.commands.console import Json, Wanted, print_result
 from flexfem.sources import ONE_THREAD
 from flexfem.terminal import raw
 

@@ -253,7 +253,7 @@ def _study(path: Path, folder: Path) -> Subject:
     kinds = (("assumed", "assumed"), ("not_stated", "source not stated"))
     rows = [[key, said, texts.get(key) or ""] for kind, said in kinds for key in status[kind]]
     parts: list[Part] = [*study_parts(found.source, found.found, status)]
-    parts.append(("sources", partial(_sources, rows, ["key of the file", "kind", "source"])))
+    parts.append(("sources", partial(_sources, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
 
 

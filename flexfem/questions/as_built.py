@@ -24,7 +24,6 @@ from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import DEFAULT, Analytic, about
-from flexfem.questions.stiffness import OWN_STIFFNESS, STIFFNESSES
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -89,12 +88,12 @@ class AsBuilt(Result):
 
     title = "stage as built"
     columns = ("component",)
-    stiffness = Quantity("stiffness as built", STIFFNESSES, ("direction", "component"), EXACT, "matrix")
-    drawn = Quantity("stiffness as drawn", STIFFNESSES, ("direction", "component"), EXACT, "matrix", shown=False)
+    stiffness = Quantity("stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix")
+    drawn = Quantity("stiffness as drawn", "stiffness matrix", ("direction", "component"), EXACT, "matrix", shown=False)
     deviation = Quantity("deviation from the drawing", "percent", ("direction",))
-    spread = Quantity("standard deviation", OWN_STIFFNESS, ("direction",), SOLVED)
-    low = Quantity("95 % of stages from", OWN_STIFFNESS, ("direction",), SOLVED)
-    high = Quantity("to", OWN_STIFFNESS, ("direction",), SOLVED)
+    spread = Quantity("standard deviation", "stiffness", ("direction",), SOLVED)
+    low = Quantity("95 % of stages from", "stiffness", ("direction",), SOLVED)
+    high = Quantity("to", "stiffness", ("direction",), SOLVED)
     necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
     sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
     unanswered = Quantity("draws without an answer", shown=False)

@@ -299,6 +299,12 @@ def stress_bands(resolutions: Array, values: Array) -> Array:
     return np.asarray(CAUTIOUS * np.max(np.abs(_to_finest(resolutions**STRESS_ORDER, values)), axis=0))
 
 
+def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Array], Array] = stress_bands) -> Array:
+    """Bands of values (3 levels, ...) on the finest mesh: that of the highest, nan for the others."""
+    highest = np.max(values.reshape(3, -1), axis=1)
+    return np.where(values[-1] == highest[-1], bands(resolutions, highest), np.nan)
+
+
 def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
     """Half-widths (3, cases) of the mesh uncertainty of poses (levels, 3, cases) on three meshes, coarse to fine.
 
@@ -378,3 +384,22 @@ def solid_bands(of: SolidLevels, resolution: int) -> tuple[Array, Array]:
     for k in range(3):
         plane[k, k] = mesh_band(steps, of.planes[:, k, k], 0.0)
     return plane, thickness
+
+
+def solid_pose_bands(solve: Callable[[int, int], Array], resolution: int, layers: int) -> Array:
+    """Half-widths (3, cases) of poses, all mm, that `solve` gives for a mesh in the plane and layers."""
+    meshed, layered = coarser(solve, resolution, layers)
+    return pose_bands(np.array(levels(resolution), dtype=float), np.array(meshed), 1.0) + layer_bands(*layered)
+
+
+def layer_bands(few: Array, many: Array) -> Array:
+    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
+
+    Notes
+    -----
+    The largest change of a case's components bounds all of them, times `SAFETY`; what is round-off by both has the
+    larger of its values.
+    """
+    largest = np.maximum(np.abs(few), np.abs(many))
+    common = SAFETY * np.max(np.abs(many - few), axis=0)
+    return np.asarray(np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, common))

@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 import pytest
-from flexfem.cli import print_result
 
 import flexfem
+from flexfem.commands.console import print_result
 from flexfem.design import proof, run
 from flexfem.design.result import is_design, read_design
 from flexfem.refused import BadInput
