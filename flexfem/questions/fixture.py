@@ -41,7 +41,7 @@ from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
 from flexfem.mechanism.designs import direction
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 
 Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
 Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]
@@ -103,9 +103,7 @@ class MeasuredSlopes(Dimensioned):
 
 POINTS = 100_000  # readings of one direction, repeats included
 
-Reading: TypeAlias = Annotated[
-    float, *quantities.from_zero(quantities.READING), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-]
+Reading: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING), *in_unit("um")]
 Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
 
 
