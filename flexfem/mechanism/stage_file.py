@@ -255,7 +255,7 @@ def _optional(table: type[BaseModel], name: str) -> Any:
     """The field of a table, which an override need not give."""
     of = table.model_fields[name]
     kind: Any = Annotated[of.annotation, *of.metadata] if of.metadata else of.annotation
-    extra = {"json_schema_extra": of.json_schema_extra} if of.json_schema_extra else {}
+    extra: dict[str, Any] = {"json_schema_extra": of.json_schema_extra} if of.json_schema_extra else {}
     return kind | None, Field(default=None, alias=of.alias, description=of.description, examples=of.examples, **extra)
 
 

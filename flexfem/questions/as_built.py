@@ -18,7 +18,7 @@ from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
 from flexfem.files.toml import Table, read_text, read_toml, validate
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.dimensioned import converted
+from flexfem.mechanism.dimensioned import in_unit
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
@@ -33,9 +33,8 @@ QUANTILES = (0.025, 0.975)
 PLAUSIBLE = (0.5, 2.0)  # a measured neck over the drawn one; beyond it the unit or the hinge is more likely wrong
 WIDEST = 0.2  # standard deviation over the neck
 
-_MICROMETRES = converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *_MICROMETRES]
-Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *_MICROMETRES]
+Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *in_unit("um")]
+Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *in_unit("um")]
 
 
 class MeasuredNeck(Table):

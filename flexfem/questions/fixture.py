@@ -39,15 +39,13 @@ from flexfem.files.refusals import checked_path, refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
 from flexfem.mechanism.designs import direction
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 
 SHEAR = 10 / 9  # of a round section: energy of the parabolic shear stress of beam theory
 POINTS = 100_000  # readings of one direction, repeats included
 Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
 Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]
-Reading: TypeAlias = Annotated[
-    float, *quantities.from_zero(quantities.READING), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-]
+Reading: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING), *in_unit("um")]
 Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
 MEASURED = (
     "Measured slopes, one or more, each with its standard deviation where that is known. They are compared with the "
