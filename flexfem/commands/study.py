@@ -70,7 +70,8 @@ def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
     from rich import progress as rich_progress
     from rich.console import Console
 
-    console, latest = Console(file=raw(sys.stderr)), list[Progress]()
+    console = Console(file=raw(sys.stderr))
+    latest: list[Progress] = []
     began = said = time.monotonic()
     columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
     shown = console.is_terminal
