@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -145,42 +144,28 @@ def check_format(path: Path) -> None:
         raise BadInput(f"{path}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
 
 
-def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array]) -> None:
-    """Write the mesh with nodal fields (n, ...) as VTK's unstructured grid; 1 marks the nodes of `ground` and `hub`."""
-    import meshio
+def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None) -> None:
+    """Write the mesh with nodal fields (n, ...) as VTK's unstructured grid; 1 marks the nodes of `ground` and `hub`.
 
-    data: dict[str, Array] = {}
-    for name, field in fields.items():
-        data[name] = np.pad(field, [(0, 0), (0, 1)]) if field.shape[1:] == (2,) else field
-    for group in ("ground", "hub"):
-        data[group] = np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float)
-    points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
-    _write_grid(path, meshio.Mesh(points, [("triangle6", mesh.triangles)], data, {"body": [mesh.bodies]}))
-
-
-def write_solid_vtu(mesh: StageMesh, heights: Array, path: Path, fields: dict[str, Array]) -> None:
-    """Write wedges of 18 nodes with nodal fields (n, m, ...); 1 marks the nodes of `ground` and `hub`.
-
-    heights : (m,), mm, of the nodes above the mid-plane, ends and middles of the layers: half of the thickness.
+    heights : (m,), mm, of the nodes of wedges of 18 nodes, ends and middles of the layers; fields are (n, m, ...).
     """
     import meshio
 
-    m = len(heights)
-    data = {name: field.reshape(-1, *field.shape[2:]) for name, field in fields.items()}
+    m = 1 if heights is None else len(heights)
+    own = 1 if heights is None else 2  # axes of a field that are nodes
+    data = {name: field.reshape(-1, *field.shape[own:]) for name, field in fields.items()}
+    for name, field in data.items():
+        data[name] = np.pad(field, [(0, 0), (0, 1)]) if field.shape[1:] == (2,) else field
     for group in ("ground", "hub"):
         data[group] = np.repeat(np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m)
-    points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(heights, len(mesh.nodes))])
-    corners, middles = m * mesh.triangles[:, :3], m * mesh.triangles[:, 3:]
-    wedges = [
-        np.hstack([corners + k, corners + k + 2, middles + k, middles + k + 2, corners + k + 1, middles + k + 1])
-        for k in range(0, m - 1, 2)
-    ]
-    bodies = [np.tile(mesh.bodies, len(wedges))]
-    _write_grid(path, meshio.Mesh(points, [("wedge18", np.concatenate(wedges))], data, {"body": bodies}))
-
-
-def _write_grid(path: Path, grid: Any) -> None:
-    import meshio
-
+    z = np.zeros(1) if heights is None else heights
+    points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(z, len(mesh.nodes))])
+    corners, middles, kind = m * mesh.triangles[:, :3], m * mesh.triangles[:, 3:], "triangle6"
+    cells, bodies = mesh.triangles, mesh.bodies
+    if heights is not None:
+        order = ((corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1), (middles, 1))
+        layers = [np.hstack([nodes + k + level for nodes, level in order]) for k in range(0, m - 1, 2)]
+        cells, bodies, kind = np.concatenate(layers), np.tile(mesh.bodies, len(layers)), "wedge18"
+    grid = meshio.Mesh(points, [(kind, cells)], data, {"body": [bodies]})
     with replacing(path) as temporary:
         meshio.write(temporary, grid, file_format="vtu")

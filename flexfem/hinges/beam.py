@@ -36,21 +36,6 @@ def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
     return value
 
 
-def rotation_by_quadrature(tau: Array) -> Array:
-    """E b R^2 int dx/(E I)."""
-    return 12.0 * quadrature(tau, 0, 3)
-
-
-def axial_by_quadrature(tau: Array) -> Array:
-    """E b int dx/(E A)."""
-    return quadrature(tau, 0, 1)
-
-
-def bending_by_quadrature(tau: Array) -> Array:
-    """E b int x^2 dx/(E I)."""
-    return 12.0 * quadrature(tau, 2, 3)
-
-
 def rotation_paros_weisbord(tau: Array) -> Array:
     """E b R^2 alpha_z/M_z (2), for any depth gamma; here the full notch, gamma = 1 + beta."""
     beta = 0.5 * tau

@@ -58,10 +58,7 @@ class Formula:
         return tuple(freedom for freedom, function in stated if function is not None)
 
     def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
-        """Whether t/R is where the formula is meant to be used; shape of `radius` and `neck` broadcast.
-
-        `block_height` as for `compliance`.
-        """
+        """Whether t/R is where the formula is meant to be used, broadcast; `block_height` as for `compliance`."""
         tau = np.asarray(neck, dtype=float) / np.asarray(radius, dtype=float)
         inside: NDArray[np.bool_] = (tau >= self.valid[0]) & (tau <= self.valid[1])
         return inside
@@ -213,9 +210,9 @@ _ENTRIES = (
         "the Timoshenko beam integrals by Gauss quadrature, our own",
         "the slow reference of the closed forms; same range",
         BEAM_RANGE,
-        beam.rotation_by_quadrature,
-        beam.axial_by_quadrature,
-        beam.bending_by_quadrature,
+        lambda tau: 12.0 * beam.quadrature(tau, 0, 3),
+        lambda tau: beam.quadrature(tau, 0, 1),
+        lambda tau: 12.0 * beam.quadrature(tau, 2, 3),
     ),
     ChartedFormula(
         "calibrated",

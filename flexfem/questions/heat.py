@@ -21,7 +21,7 @@ from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.export import write_solid_vtu
+from flexfem.fem.export import write_vtu
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.heat import HeatResponse, free_displacement, heat_response, warm_half
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
@@ -136,7 +136,7 @@ class SolidWarmFields(NamedTuple):
             fields[f"displacement, {case}"] = own * free_displacement(mesh.nodes, half.layers)[at] + field
             fields[f"von Mises stress, {case}"] = von_mises(stress)
         path = path.with_suffix(".vtu")
-        write_solid_vtu(mesh, layers.heights, path, fields)
+        write_vtu(mesh, path, fields, layers.heights)
         return [path]
 
 

@@ -16,7 +16,7 @@ from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
-from flexfem.fem.export import write_solid_vtu, write_vtu
+from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, stage_modes, vibrating_structure
@@ -160,7 +160,7 @@ class SolidVibration(NamedTuple):
         """Write the shapes from face to face as VTU; returns the path."""
         path = path.with_suffix(".vtu")
         shapes = {f"mode {k + 1}": self.through(k) for k in range(len(self.chosen))}
-        write_solid_vtu(self.mesh, self.heights, path, shapes)
+        write_vtu(self.mesh, path, shapes, self.heights)
         return [path]
 
 

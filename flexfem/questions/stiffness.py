@@ -12,7 +12,7 @@ from flexfem import arguments
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, alone
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
-from flexfem.fem.export import write_solid_vtu, write_vtu
+from flexfem.fem.export import write_vtu
 from flexfem.fem.fields import LoadCase, load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
@@ -83,7 +83,7 @@ class LoadFields(NamedTuple):
             stress = nodal_stress(mesh, sheet_of(self.stage), field, layers=response.layers)
             fields = {"displacement": field, "von_mises": von_mises(stress)}
             fields["stress"] = stress.reshape(*field.shape[:2], 9)
-            write_solid_vtu(mesh, response.layers.heights, path, fields)
+            write_vtu(mesh, path, fields, response.layers.heights)
         return [path]
 
 

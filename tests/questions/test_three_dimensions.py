@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.fem.elements import layered
-from flexfem.fem.export import write_solid_vtu
+from flexfem.fem.export import write_vtu
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import bands, warnings
 from flexfem.questions import stiffness as solid
@@ -26,7 +26,7 @@ def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fiel
     """Of two layers, 2.2 and 1 mm high."""
     mesh, heights = third(3, 6, 0.7).mesh, np.array([0.0, 1.1, 2.2, 2.7, 3.2])
     field = np.array([[[2 * x - y, 3 * z, x + 0.1 * z] for z in heights] for x, y in mesh.nodes])
-    write_solid_vtu(mesh, heights, tmp_path / "part.vtu", {"field": field})
+    write_vtu(mesh, tmp_path / "part.vtu", {"field": field}, heights)
     grid = meshio.read(tmp_path / "part.vtu")
     x, y, z = grid.points.T
     np.testing.assert_allclose(grid.point_data["field"], np.column_stack([2 * x - y, 3 * z, x + 0.1 * z]), atol=1e-12)
