@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -174,8 +175,7 @@ def ask_elements(
     BadInput : the finite elements refuse the design.
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
-    from flexfem.fem.fields import base_rotations, neck_stresses
-    from flexfem.fem.fields import envelope as meshed
+    from flexfem.fem.fields import neck_stresses
     from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
     from flexfem.fem.structure import plate_of
@@ -183,18 +183,13 @@ def ask_elements(
     from flexfem.questions.modes import vibrating
 
     response = elements(stage, resolution, clock)
-    stiffness = np.linalg.inv(response.compliance)
-    stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = neck_stresses(stage, response, stiffness).max(axis=(1, 2))  # row j: the loads of a unit displacement j
-    turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
-    strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
-    found = Answers(stiffness[None], stress[None], turning[None], strength, size)
+    found = _at_rest(stage, response, lambda K: neck_stresses(stage, response, K))
     if payload is not None:
         structure = vibrating(stage, response.mesh, payload, "disengaged")
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
-        found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
+        found = found._replace(lives=lives(strained, lower(stage).fatigue, found.yield_strength, repeated))
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
@@ -210,20 +205,27 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
 
     Raises as `ask_elements`; the time limit is that of gmsh.
     """
-    from flexfem.fem.fields import base_rotations, solid_neck_stresses
-    from flexfem.fem.fields import envelope as meshed
+    from flexfem.fem.fields import solid_neck_stresses
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
     from flexfem.fem.structure import layers_of, sheet_of
 
     plate = sheet_of(stage)
     response = unit_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
-    stiffness = np.linalg.inv(response.compliance)
-    stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = solid_neck_stresses(stage, plate, response, stiffness).highest.max(axis=(1, 2))
-    turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
-    strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
-    return Answers(stiffness[None], stress[None], turning[None], strength, size)
+    return _at_rest(stage, response, lambda K: solid_neck_stresses(stage, plate, response, K).highest)
+
+
+def _at_rest(stage: Stage, response: Response, necks: Callable[[Array], Array]) -> Answers:
+    """What finite elements always answer, n = 1; `necks`: stress (3, ...) under the loads of unit displacements."""
+    from flexfem.fem.fields import base_rotations
+    from flexfem.fem.fields import envelope as meshed
+
+    K = np.linalg.inv(response.compliance)
+    K = (K + K.T) / 2  # round-off
+    turning = np.abs(K @ base_rotations(stage, response)).max(axis=1)
+    strength = np.array([stage.material.yield_strength])
+    highest = necks(K).max(axis=(1, 2))
+    return Answers(K[None], highest[None], turning[None], strength, np.array([meshed(response)]))
 
 
 def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
@@ -232,8 +234,7 @@ def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
     from flexfem.fem.response import unit_response
     from flexfem.fem.structure import plate_of
 
-    plate = plate_of(stage)
-    return unit_response(mesh_sectors(stage, resolution, *clock), plate)
+    return unit_response(mesh_sectors(stage, resolution, *clock), plate_of(stage))
 
 
 def _errors(
@@ -247,8 +248,8 @@ def _errors(
         return ErrorPercentages(along[None], across[None], None)
     coarser = _coarser(stage, resolution, clock)
     values = [np.diag(error_matrix(predicted, compliance, lever)) for compliance in coarser.values()]
-    resolutions = np.array([*coarser, resolution])
-    found = [mesh_band(resolutions, each) for each in np.transpose([*values, along])]
+    steps = np.array([*coarser, resolution])
+    found = [mesh_band(steps, each) for each in np.transpose([*values, along])]
     return ErrorPercentages(along[None], across[None], np.array([found]))
 
 
