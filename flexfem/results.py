@@ -550,18 +550,13 @@ class Result:
         """All tables in HTML."""
         found = []
         for table in self.tables(plain=False):
-            head = "".join(f"<th>{escape(text)}</th>" for text in table.head)
-            rows = "".join(
-                "<tr>"
-                + "".join(
-                    f"<th>{escape(text)}</th>" if k < table.names else f'<td class="number">{escape(text)}</td>'
-                    for k, text in enumerate(row)
-                )
-                + "</tr>"
-                for row in table.rows
-            )
             caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-            found.append(f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>")
+            rows = ["".join(f"<th>{escape(text)}</th>" for text in table.head)]
+            for row in table.rows:
+                names = "".join(f"<th>{escape(text)}</th>" for text in row[: table.names])
+                rows.append(names + "".join(f'<td class="number">{escape(text)}</td>' for text in row[table.names :]))
+            head, *body = (f"<tr>{row}</tr>" for row in rows)
+            found.append(f"<table>{caption}<thead>{head}</thead><tbody>{''.join(body)}</tbody></table>")
         below = "".join(f"<li>{escape(text)}</li>" for text in [*self.sentences(), *self.warnings])
         return "".join(found) + (f"<ul>{below}</ul>" if below else "")
 

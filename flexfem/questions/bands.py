@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from flexfem.arrays import Array
-from flexfem.clock import Limit
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT, mesh_sectors
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
@@ -252,10 +251,9 @@ def error_bands(
     stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
 ) -> tuple[Array, Array]:
     """Error percentages (3, 3) on the finest mesh and their bands, column j for command j; as `command_errors`."""
-    steps = np.array(resolutions)
-    curves = [command_errors(steps, compliances, stiffness, direction, lever) for direction in DIRECTIONS]
-    found = np.array([[(each.values[-1], each.band) for each in curve] for curve in curves])
-    return found[..., 0].T, found[..., 1].T
+    curves = [command_errors(np.array(resolutions), compliances, stiffness, each, lever) for each in DIRECTIONS]
+    values, bands = np.transpose([[(each.values[-1], each.band) for each in curve] for curve in curves])
+    return values, bands
 
 
 def compliance_bands(resolutions: Array, compliances: Array) -> Array:
@@ -342,15 +340,11 @@ class SolidLevels(NamedTuple):
         return RelativeError(abs(lowest + highest) / 2, (highest - lowest) / 2)
 
 
+@once
 def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
     """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
-    return _solved(stage, resolution, layers)
-
-
-@once
-def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> Response:
     check_feasible(stage)
-    return unit_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
+    return unit_response(mesh_sectors(stage, resolution), sheet_of(stage), layers_of(stage, layers))
 
 
 @once
