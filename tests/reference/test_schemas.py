@@ -271,7 +271,7 @@ def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
     assert not validator("stage").is_valid(content)
 
 
-@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "pole without a height"])
+@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "pole drawn and sprung"])
 def test_taplo_refuses_what_the_schema_refuses(what, tmp_path):
     name, *changes = CONTRADICTIONS[what]
     (path,) = schema(name, output=tmp_path)
