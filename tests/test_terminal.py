@@ -202,7 +202,7 @@ TIMES = 20
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("modes", STAGE, "--layers", "2"), ("view", STAGE, "-o", ".")])
+@pytest.mark.parametrize("command", [("modes", STAGE, "--layers", "3"), ("view", STAGE, "-o", ".")])
 def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
     """Also while it loads numpy, skfem, gmsh or matplotlib, and in the processes that it started."""
     ended = []

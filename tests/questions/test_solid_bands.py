@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.hinges.chart import thickness_factors
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import SolidLevels, solid_bands, solve_solid
 
@@ -49,15 +48,3 @@ def test_bands_hold_the_truth_on_a_stage_never_seen(monkeypatch: Any) -> None:
 
     found = solved_stages([7919], 1)
     assert np.min(ratios(*(each[0] for each in found[:3]))) >= 1
-
-
-@pytest.mark.slow
-def test_blocks_higher_than_the_notch_bring_a_hinge_nearer_to_plane_strain(monkeypatch: Any) -> None:
-    """An elbow of the reference stages, t/R = 1/3, b/t = 20: the chart's blocks are 3.5 mm high, the links 9 mm."""
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    from thickness_shortcuts import position
-
-    low, high = (position(1 / 3, 20.0, 0.33, height, 2) for height in (1.0, 9 / 3.5))
-    chart = (1 - np.array(thickness_factors(1.5, 0.5, 10.0, 0.33)[:2])) / 0.33**2
-    np.testing.assert_allclose(low, chart, atol=6e-3)  # of the mesh
-    np.testing.assert_allclose(high - low, [0.0102, 0.0160], atol=3e-4)

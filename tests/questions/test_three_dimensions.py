@@ -52,7 +52,7 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded: bool, make_st
     stage = make_stage()
     many = bands.solve_solid(stage, 2, 6).compliance
     if not graded:
-        monkeypatch.setattr(solid, "layers_of", lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2))
+        monkeypatch.setattr(bands, "layers_of", lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2))
         stage = make_stage()
     left = np.abs(np.diag(many - bands.solve_solid(stage, 2, 3).compliance))
     band = np.diag(bands.solid_bands(bands.solid_levels(stage, 4, 3), 4)[1])
