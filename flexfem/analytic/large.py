@@ -44,7 +44,7 @@ from flexfem.refused import ComputationFailed
 STEP = 1e-9  # of the energies' roots, of the last Newton step; the error it leaves is of second order, that is rounding
 ITERATIONS = 25
 LOAD_STEPS = (1, 4, 16, 64)
-LARGEST_TURN = 0.5  # rad in one iteration; beyond it Newton may land on another branch, so the load is divided
+LARGEST_TURN = 0.1  # rad in one iteration; beyond it Newton may land on another branch, so the load is divided
 BUCKLED = 0.3  # rad, of a joint: beyond it stacks have buckled the stage, or their forces are far too large
 ROUND_OFF = 1e-12  # of the largest
 ONE = np.tile(np.eye(3), (3, 1))

@@ -111,9 +111,9 @@ def payload(loaded: LoadedStudy) -> Payload | None:
 
 
 def _no_parts(n: int, stacks: int) -> ElasticBodies:
-    """What elastic links add to the compliances of n designs, with so many loads on them: zero so far."""
-    shapes = (9, 9), (3, 3, 3 + stacks), (3 + stacks, 3 + stacks)
-    return ElasticBodies(*(np.zeros((n, *shape)) for shape in shapes))
+    """What elastic links add to the compliances of n designs, under platform loads and so many stacks: zero so far."""
+    k = 3 + stacks
+    return ElasticBodies(*(np.zeros((n, *shape)) for shape in ((9, 9), (3, 3, k), (k, k))))
 
 
 def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
