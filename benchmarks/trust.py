@@ -17,11 +17,12 @@ import numpy as np
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.study_figures import Caption, StudyMap, factor, map_figure, output
+from flexfem.plot.study import map_figure
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
+from flexfem.study.findings import Caption, Cells, StudyMap, factor, output
 from flexfem.study.loaded import load_study, sample, stage_of
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
@@ -68,10 +69,7 @@ def main() -> None:
     shown = StudyMap(
         Caption("Error along X of a stage 10 mm thick", lines, loaded.assumed, loaded.not_stated),
         *(across, up, output("error_x_percent")),
-        points=values,
-        values=thick.ravel(),
-        missing={"refused or off the charts": without},
-        grid=True,
+        Cells(values, thick.ravel(), {"refused or off the charts": without}, True),
         marks=(-5.0, 5.0, 10.0),
     )
     write_beside(parser.parse_args().output / "study-trust-thick.png", map_figure(shown))

@@ -72,7 +72,6 @@ if TYPE_CHECKING:
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
-    from flexfem.studies import study_records as study_records
     from flexfem.studies import study_status as study_status
     from flexfem.workshop import export as export
     from flexfem.workshop import hinge_formulas as hinge_formulas
@@ -113,7 +112,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "questions.budget": ("budget",),
     "questions.convergence": ("converge",),
     "questions.errors": ("Verification", "verification"),
-    "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_records", "study_status"),
+    "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_status"),
     "questions.hinges": ("hinge_review", "known_formulas", "thickness_review"),
     "baselines": ("baseline", "regression"),
 }

@@ -8,7 +8,6 @@ flexfem.study.table("reports/study-reach/study-reach.parquet")      # a pandas o
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 from collections import Counter
@@ -19,10 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexfem.refused import BadInput
 
 if TYPE_CHECKING:
-    from flexfem.plot.study import Record, Source
     from flexfem.study.collect import Collected
-    from flexfem.study.findings import Shown
-    from flexfem.study.run import Counts, Parts, Progress, Shard
+    from flexfem.study.findings import Record, Refused, Source
+    from flexfem.study.run import Counts, Parts, Progress
 
 PathLike = str | os.PathLike[str]
 REPORTS = Path("reports")
@@ -30,11 +28,15 @@ MOST_WORKERS = 1024
 
 
 class StudyFindings(NamedTuple):
-    """A collected study: its table, what its figures are drawn from, and what each of them shows, by name."""
+    """A collected study: its table, what its figures are drawn from, and what each of them shows, by name.
+
+    `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front, `plot_histogram` each of the
+    `scatters` of a distribution, `plot_shares` each of the `shares` of a sensitivity with its `factors`.
+    """
 
     table: Collected
     source: Source
-    found: dict[str, Shown]
+    found: dict[str, Record | Refused]
 
 
 def processors() -> int:
@@ -59,46 +61,29 @@ def run_study(
     output: PathLike = REPORTS,
     workers: int | None = None,
     shard: str = "1/1",
-    scheduler: str | None = None,
     retry: bool = False,
 ) -> dict[str, Any]:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was.
 
     Parameters
     ----------
-    study : path
-        The study file.
-    output : path
-        Folder for what is written, in a folder of the study.
-    workers : int, optional
-        Processes on this machine, by default one a processor.
-    shard : str
-        `I/N`, only the I-th of N shares.
-    scheduler : str, optional
-        Address of a Dask cluster, instead of processes on this machine.
-    retry : bool
-        Also try again what failed or ran out of time.
+    study, output : the study file, and the folder for what is written, in a folder of the study.
+    workers : processes on this machine, by default one a processor.
+    shard : `I/N`, only the I-th of N shares.
+    retry : also try again what failed or ran out of time.
 
-    Returns
-    -------
-    dict
-        As of `study_status`, of this share.
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `flexfem study run`; parts that are written stay in any case.
+    Returns what `study_status` says, of this share. Raises BadInput or ComputationFailed as `flexfem study run`; parts
+    that are written stay in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
-    compute(parts, workers, share, scheduler, retry)
+    compute(parts, workers, share, retry)
     return status_facts(parts, share)
 
 
 def compute(
     parts: Parts,
     workers: int | None,
-    share: Shard,
-    scheduler: str | None,
+    share: slice,
     retry: bool,
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
@@ -109,30 +94,16 @@ def compute(
     from flexfem.study.run import run_parts
     from flexfem.study.workers import Workers
 
-    workers = None if workers is None else integer("workers", workers, MOST_WORKERS)
-    if scheduler is not None and not isinstance(scheduler, str):
-        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
-    if scheduler is not None and workers is not None:
-        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
+    count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     check_folder(parts.folder)
-    with Workers(max(1, min(workers or processors(), len(parts.chunks(share)))), scheduler, say) as pool:
+    with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
         run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
     """How many designs of a study are done, refused, failed with reasons, and open, as `flexfem study status --json`.
 
-    Parameters
-    ----------
-    study : path
-        The study file, or the folder that its run writes, such as `reports/study-reach`.
-    output : path
-        Folder of the results of the study file.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be used.
+    `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
     """
     from flexfem.files.refusals import checked_path
     from flexfem.study.run import FILE
@@ -162,17 +133,10 @@ def collect_study(
 
     Parameters
     ----------
-    study, output : path
-        As of `run_study`.
-    to : path, optional
-        The table to write, .parquet or .csv.
-    partial : bool
-        Leave out designs that are still open instead of refusing.
+    to : the table to write, .parquet or .csv.
+    partial : leave out designs that are still open instead of refusing.
 
-    Raises
-    ------
-    BadInput
-        Designs are open, a part is damaged, or the table cannot be written.
+    Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
     """
     from flexfem.files.refusals import checked_path
     from flexfem.files.writing import check_file, check_folder
@@ -188,50 +152,31 @@ def collect_study(
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    from flexfem.plot.study import Source, named
     from flexfem.study.answer import nominal, unseen
     from flexfem.study.collect import read_table
-    from flexfem.study.findings import findings
+    from flexfem.study.findings import Source, findings
 
     made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
-    table, base = read_table(made.path), nominal(loaded)
-    names, found = (name for name, _ in named(loaded)), findings(loaded, table, base)
-    return StudyFindings(made, Source(loaded, table, base, unseen(loaded)), dict(zip(names, found, strict=True)))
+    source = Source(loaded, read_table(made.path), nominal(loaded), unseen(loaded))
+    return StudyFindings(made, source, findings(source))
 
 
-def study_records(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> dict[str, Record]:
-    """What every figure of a study shows, by the name of its files, for `flexfem.plot.plot_map` and the others.
-
-    Maps go to `plot_map`, fronts to `plot_front`, each of the `scatters` of a distribution to `plot_histogram`, each of
-    the `shares` of a sensitivity, with its `factors`, to `plot_shares`; what is refused is left out.
-
-    Raises BadInput as `collect_study`.
-    """
-    from flexfem.plot.study import records
-
-    shown = study_findings(study, output, partial)
-    return records(shown.source, list(shown.found.values()))
-
-
-def shard_of(text: str) -> Shard:
-    """The shard that --shard I/N says, I from 1. Raises BadInput."""
-    from flexfem.study.run import Shard
-
+def shard_of(text: str) -> slice:
+    """The parts that --shard I/N says, I from 1. Raises BadInput."""
     found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
-    return Shard(int(found[1]) - 1, int(found[2]))
+    return slice(int(found[1]) - 1, None, int(found[2]))
 
 
-def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
+def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
     """What `study status` says, of all parts or of those of a share."""
     from flexfem.study.answer import unseen
     from flexfem.study.collect import counted_warnings
-    from flexfem.study.run import RETRIED, WHOLE, survey
+    from flexfem.study.run import RETRIED, survey
 
-    share = share or WHOLE
     loaded, found = parts.loaded, survey(parts, share)
-    counts, designs = found.total, sum(chunk.stop - chunk.start for chunk in parts.chunks(share))
+    counts, designs = found.total, sum(map(len, parts.chunks(share)))
     by_status: Counter[str] = Counter()
     for (status, _), n in counts.items():
         by_status[status] += n
@@ -250,7 +195,7 @@ def status_facts(parts: Parts, share: Shard | None = None) -> dict[str, Any]:
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
         "parts": len(found.counts),
-        "damaged": [f"{path}: a damaged part" for path in found.damaged],
+        "damaged": [f"{parts.path(chunk)}: a damaged part" for chunk in found.damaged],
         "stale": len(found.stale),
         "stress_accuracy": loaded.stress_accuracy,
         "assumed": list(loaded.assumed),
@@ -264,29 +209,11 @@ def _reasons(counts: Counts, wanted: str) -> Counter[str]:
     return Counter(dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))))
 
 
-def facts_of(finding: Shown) -> dict[str, Any]:
-    """A finding as plain numbers by name; an open end of an interval is None."""
-    from flexfem.study.findings import Best, Extremes, Marks, Refused, Shares
+def facts_of(found: Record | Refused) -> dict[str, Any]:
+    """What a figure shows as plain data: rows of its table, None for what is not finite; or why it is not drawn."""
+    from flexfem.study.findings import ParetoFront, Refused
 
-    match finding:
-        case Extremes(least, most, _):
-            names = ("value", "x", "y")
-            return {"least": dict(zip(names, least, strict=True)), "most": dict(zip(names, most, strict=True))}
-        case Marks(found):
-            return {name: [_finite(one._asdict()) for one in marks] for name, marks in found.items()}
-        case Shares(factors, indices):
-            return {
-                name: {
-                    key: None if part is None else dict(zip(factors, part.tolist(), strict=True))
-                    for key, part in one._asdict().items()
-                }
-                for name, one in indices.items()
-            }
-        case Refused(reason):
-            return {"refused": reason}
-        case Best():
-            return {"front": len(finding.front.places), "power": finding.power, "gain": finding.gain}
-
-
-def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
-    return {name: float(value) if math.isfinite(value) else None for name, value in numbers.items()}
+    if isinstance(found, Refused):
+        return {"refused": found.reason}
+    about = {"power": found.power, "gain": found.gain} if isinstance(found, ParetoFront) else {}
+    return {"rows": found.table.facts} | about

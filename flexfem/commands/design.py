@@ -27,7 +27,6 @@ def design(
     requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
     output: Wanted = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="Processes for finite elements; 1 is this one.")] = 1,
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Solve on a Dask cluster.")] = None,
     json: Json = False,
 ) -> None:
     """Find the best stage that meets requirements, and check it by finite elements; exit code 1 where none does."""
@@ -36,7 +35,7 @@ def design(
 
     began = time.monotonic()
     with _progress() as say:
-        found = run_design(requirements, output, workers, scheduler, say)
+        found = run_design(requirements, output, workers, say)
     if output is not None:
         from flexfem.plot.write import write_design_figures
 

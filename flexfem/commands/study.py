@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexfem import studies
-from flexfem.refused import BadInput
 from flexfem.terminal import Stopped, raw
 
 if TYPE_CHECKING:
@@ -41,7 +40,6 @@ def run(
         typer.Option(min=1, max=studies.MOST_WORKERS, help="Processes on this machine; default one a processor."),
     ] = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
     output: Output = studies.REPORTS,
     retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
     json: Json = False,
@@ -51,68 +49,50 @@ def run(
     from flexfem.study.answer import unseen
 
     share = studies.shard_of(shard)
-    if scheduler is not None and workers is not None:
-        raise BadInput("--workers with --scheduler, expected one of them: the scheduler has its own workers")
     parts = studies.parts_of(study, output)
     said = unseen(parts.loaded)  # before a run that may take days; not again after it
     _warn(said)
     with _resumable(parts) as watch:
-        studies.compute(parts, workers, share, scheduler, retry, watch, _note)
+        studies.compute(parts, workers, share, retry, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in said]
     where = [] if output == studies.REPORTS else ["--output", str(output)]
     wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
-    facts |= {"shard": f"{share.first + 1}/{share.step}", "next": following}
+    facts |= {"shard": shard, "next": following}
     console.show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
     raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 
 
 @contextmanager
 def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
-    """Show how far a run is; a stop says in one line what is kept."""
-    latest: list[Progress] = []
-    try:
-        with _watching() as show:
+    """Show on standard error how far a run is, by a bar or without a terminal by lines; a stop says what is kept."""
+    from rich import progress as rich_progress
+    from rich.console import Console
 
-            def watch(progress: Progress) -> None:
-                latest[:] = [progress]
-                show(progress)
+    console = Console(file=raw(sys.stderr))
+    latest: list[Progress] = []
+    began = said = time.monotonic()
+    columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
+    shown = console.is_terminal
+    try:
+        with rich_progress.Progress(*columns, console=console, transient=True, disable=not shown) as bar:
+            task = bar.add_task("", total=None)
+
+            def watch(step: Progress) -> None:
+                nonlocal said
+                now, latest[:] = time.monotonic(), [step]
+                text, done = progress_line(step, now - began), step.counts.total()
+                bar.update(task, total=step.designs, completed=done, description=text)
+                if not shown and now - said > EVERY:
+                    said = now
+                    print(text, file=sys.stderr, flush=True)
 
             yield watch
     except Stopped as stop:
         kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "what is done is"
         stop.said = f"stopped; {kept} kept in {parts.folder}, the same command goes on"
         raise
-
-
-@contextmanager
-def _watching() -> Iterator[Callable[[Progress], None]]:
-    """Yield a function that shows on standard error how far a run is: a bar, or without a terminal lines."""
-    from rich import progress as rich_progress
-    from rich.console import Console
-
-    console, began = Console(file=raw(sys.stderr)), time.monotonic()
-    if console.is_terminal:
-        columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
-        with rich_progress.Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda step: bar.update(
-                task,
-                total=step.designs,
-                completed=step.counts.total(),
-                description=progress_line(step, time.monotonic() - began),
-            )
-        return
-    latest = began
-
-    def line(step: Progress) -> None:
-        nonlocal latest
-        if time.monotonic() - latest > EVERY:
-            latest = time.monotonic()
-            print(progress_line(step, latest - began), file=sys.stderr, flush=True)
-
-    yield line
 
 
 def progress_line(step: Progress, seconds: float) -> str:
@@ -215,7 +195,7 @@ def plot(study: StudyFile, output: Output = studies.REPORTS, partial: Partial = 
     from flexfem.study.findings import Refused
 
     table, source, found = studies.study_findings(study, output, partial)
-    written = write_study_figures(source, list(found.values()), table.path.parent)
+    written = write_study_figures(found, table.path.parent)
     warnings = [*source.unseen, *source.table.warnings]
     shown = {name: studies.facts_of(one) for name, one in found.items()}
     console.show_written([table.path, *written], json, warnings=warnings, findings=shown)

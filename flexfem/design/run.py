@@ -31,7 +31,6 @@ def run_design(
     requirements: PathLike,
     output: PathLike | None = None,
     workers: int = 1,
-    scheduler: str | None = None,
     say: Callable[[str], object] = silent,
 ) -> Designed:
     """Find the best stage that meets requirements, or the one that misses least, and check it by finite elements.
@@ -45,8 +44,6 @@ def run_design(
         record, `<stem>-design.json`; a search that was stopped goes on there where it was. None writes nothing.
     workers : int
         Processes for finite elements, 1 for this one.
-    scheduler : str, optional
-        Address of a Dask cluster instead.
     say : callable
         Called with a line of text now and then, how far it is.
 
@@ -63,8 +60,6 @@ def run_design(
         Finite elements of a proposed design fail, or workers are lost.
     """
     workers = integer("workers", workers, MOST_WORKERS)
-    if scheduler is not None and not isinstance(scheduler, str):
-        raise BadInput(f"scheduler {scheduler!r}, expected its address as text")
     if not callable(say):
         raise BadInput(f"say {say!r}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
@@ -78,10 +73,7 @@ def run_design(
         for name in (*stages, f"{stem}-design.json", *figures) if folder.is_dir() else ():
             check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
-    if scheduler is not None and workers != 1:
-        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
-    alone = scheduler is None and workers == 1
-    with nullcontext() if alone else Workers(workers, scheduler, say) as pool:
+    with nullcontext() if workers == 1 else Workers(workers) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
     if folder is not None:
         _remove_older(folder, write_design(found, folder), base)

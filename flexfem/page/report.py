@@ -195,8 +195,14 @@ def _study(path: Path, folder: Path) -> Subject:
             f"{place_of(status['folder'])}, expected all done by flexfem study run"
         )
     found = studies.study_findings(path, folder)
+    loaded = found.source.loaded
+    texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
+    texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
+    kinds = (("assumed", "assumed"), ("not_stated", "source not stated"))
+    rows = [[key, said, texts.get(key) or ""] for kind, said in kinds for key in status[kind]]
     parts: list[Part] = [*study_parts(found.source, found.found, status)]
-    return Subject(found.source.loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
+    parts.append(("sources", partial(_sources, rows, ["key of the file", "kind", "source"])))
+    return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
 
 
 def _stored(files: Sequence[Path]) -> Subject:

@@ -20,7 +20,7 @@ _HOMES = {
     "life": ("plot_life",),
     "modes": ("plot_mode", "plot_response"),
     "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
-    "study_figures": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
+    "study": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
 }
 _HOMES["drive"] += ("plot_solid", "plot_strokes", "plot_tangents")
 __all__ = sorted(name for names in _HOMES.values() for name in names)

@@ -1,287 +1,80 @@
-"""The figures that a study file asks for, from its table: as records for the functions that draw them, and as files."""
+"""Figures of studies from their records: maps, fronts, histograms and Sobol indices."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import Any, Literal
 
-import matplotlib.figure
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import CenteredNorm, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from flexfem.arrays import Array, Index, wide
+from flexfem.arrays import Array, wide
 from flexfem.files.inputs import require_unread
-from flexfem.plot.stage import outline_of
-from flexfem.plot.study_figures import (
+from flexfem.plot.stage import draw_outline, outline_of
+from flexfem.plot.style import (
+    DASHES,
+    GREY,
+    INK,
+    NOTE_COLOUR,
+    below_header,
+    in_house_style,
+    inches,
+    legend_beside,
+    panels,
+    wrapped,
+)
+from flexfem.plot.text import SPACE, minus, round_factor, significant
+from flexfem.plot.write import figure_files, write_beside
+from flexfem.study.findings import (
     Caption,
     Chosen,
     Distribution,
+    Indices,
     ParetoFront,
+    Percentile,
     Quantity,
+    Record,
+    Refused,
     Scatter,
     Sensitivity,
     Share,
     StudyMap,
-    caption_of,
-    counted,
-    distribution_figure,
-    factor,
-    map_figure,
-    output,
-    pareto_figure,
-    sensitivity_figure,
-    thousands,
 )
-from flexfem.plot.text import significant
-from flexfem.plot.write import figure_files, write_beside
-from flexfem.study.columns import RANGES, STRESSES, lasting
-from flexfem.study.findings import Best, Cells, Extremes, Marks, Refused, Shares, Shown
-from flexfem.study.plan import Figure
+from flexfem.units import LENGTH
 
-if TYPE_CHECKING:
-    from flexfem.study.collect import StudyTable
-    from flexfem.study.loaded import LoadedStudy
-
-Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
-
-
-def record_of(source: Source, figure: Figure, found: Extremes | Marks | Shares | Best) -> Record:
-    """What one figure of a study file shows, from what was found for it."""
-    match found:
-        case Extremes():
-            return map_of(source, figure, found.cells)
-        case Marks():
-            return distribution_of(source, figure, found)
-        case Shares():
-            return sensitivity_of(source, figure, found)
-        case Best():
-            return front_of(source, figure, found)
+WIDTH, LETTERS = 8.27, 7.5  # in, of a page; points, below a drawing
+FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCHED = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
+DOTS, MOST_DOTS = 5000, 100_000  # more are rasterised in a PDF; of more that many are drawn, taken at random
+FEW_DECADES = 2.5  # up to which 2 and 5 have ticks between the powers of ten
+HATCHES = ("////", "xxxx", "....", "||||", "----")
+CONTOURS = 8  # about
+BARS = (10, 60)  # fewest and most in a histogram
+MOST_DECIMALS = 7
+ROUND_OFF = 1e-12  # of the largest value
+ACROSS, CELL, WRITTEN = 4, 1.5, 6  # drawings in a row, their width in in, factors below each
+PLUS: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
 
 
-TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
-SAME = 1e-9  # part by which numbers of one design may differ
-WRITTEN = 6  # factors below a drawing; more are left to the table
-
-
-class Source(NamedTuple):
-    """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column.
-
-    `unseen` : sentences on factors that nothing shown depends on.
-    """
-
-    loaded: LoadedStudy
-    table: StudyTable
-    nominal: Mapping[str, float]
-    unseen: Sequence[str] = ()
-
-    def quantity(self, name: str) -> Quantity:
-        """What a column is called."""
-        for column in self.loaded.columns:
-            if column.name == name:
-                return factor(column)
-        for derived in self.loaded.study.output:
-            if derived.name == name:
-                return Quantity(derived.label or name, derived.unit or "")
-        return output(name, self.loaded.study)
-
-    def axis(self, name: str) -> Quantity:
-        """What a column is called, logarithmic where its values are far apart."""
-        quantity, (values,) = self.quantity(name), self.table.answered(name)
-        return quantity._replace(log=quantity.log or wide(values))
-
-    def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
-        """What stands above a figure; its own title where it has one."""
-        said = [*self._kept(), *self._doubts(), *self._stressed(figure), *lines]
-        return caption_of(self.loaded, self.table, figure.title or title, said)
-
-    def _kept(self) -> list[str]:
-        """How many designs keep the constraints of the study."""
-        if not self.loaded.study.constraint:
-            return []
-        limits = "; ".join(f"{one.said} {one.expected}" for one in self.loaded.study.constraint)
-        kept, answers = int(np.sum(self.table.ok & ~self.table.infeasible)), int(np.sum(self.table.ok))
-        return [f"{thousands(kept)} of {thousands(answers)} designs with an answer keep the constraints: {limits}."]
-
-    def _stressed(self, figure: Figure) -> list[str]:
-        """How far what it shows may be off by the neck stress, where it is found from that."""
-        study, accuracy = self.loaded.study, self.loaded.stress_accuracy
-        shown = {name for name, _ in figure.columns.values()}
-        used = study.used_by(shown)
-        of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
-        return [f"{accuracy[0].upper()}{accuracy[1:]}."] if used & of_stress else []
-
-    def base(self, x: str, y: str) -> tuple[float, float] | None:
-        """Where the base stage is among the designs, None where that is not known."""
-        found = tuple(self.nominal.get(name, np.nan) for name in (x, y))
-        return (found[0], found[1]) if np.isfinite(found).all() else None
-
-    def unbeaten(self, figure: Figure, front: Index) -> list[str]:
-        """What is to be said where the base stage lies beyond a front, (m,) places among the designs that count."""
-        x, y = figure.x or "", figure.y or ""
-        own, designs = self.base(x, y), np.column_stack(self.table.considered.answered(x, y))[front]
-        sign = [1.0 if better == "larger" else -1.0 for better in (figure.x_better, figure.y_better)]
-        if own is None or np.any(np.all(sign * (designs - own) >= -SAME * np.abs(own), axis=1)):
-            return []
-        kept = "no design of the study that can be drawn and keeps all constraints is as good, and it is none of them."
-        return [f"The base stage lies beyond the front: {kept}"]
-
-    def _doubts(self) -> list[str]:
-        """What is to be known of some of the answers."""
-        return [f"{text}." for text in self.table.warnings]
-
-
-def map_of(source: Source, figure: Figure, cells: Cells) -> StudyMap:
-    """A value over two factors, or its mean over the others where they vary too."""
-    x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
-    across, up, shown = (source.quantity(name) for name in (x, y, value))
-    title = f"{shown.name} over {across.name} and {up.name}"
-    return StudyMap(
-        source.caption(
-            figure, title[0].upper() + title[1:], *_mean_line(source, cells, shown), *_band_line(source, value)
-        ),
-        *(across, up, shown),
-        points=cells.points,
-        values=cells.values,
-        missing=cells.missing,
-        grid=cells.grid,
-        marks=(*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else (),
-        base=source.base(x, y),
-    )
-
-
-def _mean_line(source: Source, cells: Cells, value: Quantity) -> list[str]:
-    """What a map averages over, and what that hides."""
-    if not cells.averaged:
-        return []
-    names = [source.quantity(name).name for name in cells.averaged[:WRITTEN]]
-    more = f" and {len(cells.averaged) - WRITTEN} more" if len(cells.averaged) > WRITTEN else ""
-    return [
-        f"A cell is the mean over {', '.join(names)}{more}: of {cells.size} designs (median), which scatter by "
-        f"{significant(cells.scatter, 2)}{value.after} (standard deviation in a cell, median)."
-    ]
-
-
-def distribution_of(source: Source, figure: Figure, found: Marks) -> Distribution:
-    """How values scatter, with percentiles whose intervals hold for independent draws."""
-    scatters = [
-        Scatter(source.quantity(name), partial(_answered, source, name), marks, source.nominal.get(name))
-        for name, marks in found.percentiles.items()
-    ]
-    line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
-    if source.loaded.given is not None:
-        line += " They hold if the designs of the table are independent draws."
-    elif source.loaded.study.sampling.method != "monte_carlo":
-        line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
-    return Distribution(scatters, source.caption(figure, "How the values scatter", line))
-
-
-def _answered(source: Source, name: str) -> Array:
-    return source.table.answered(name)[0]
-
-
-def sensitivity_of(source: Source, figure: Figure, found: Shares) -> Sensitivity:
-    """Sobol indices, and what the factors are called."""
-    shares = [Share(source.quantity(name), indices) for name, indices in found.indices.items()]
-    line = "Sobol indices; whiskers: 95 % confidence."
-    if source.loaded.study.sampling.method != "saltelli":
-        line = (
-            "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
-            'confidence. Total indices need method = "saltelli".'
-        )
-        if source.loaded.study.correlation or source.loaded.given is not None or not source.table.ok.all():
-            line += " Factors may depend on one another, if only by the designs without an answer: shares overlap then."
-    nothing = [f"{text[0].upper()}{text[1:]}." for text in source.unseen]
-    factors = [factor(column).name for column in source.loaded.columns]
-    caption = source.caption(figure, "Which factor causes the variance", line, *nothing)
-    return Sensitivity(shares, factors, caption)
-
-
-def front_of(source: Source, figure: Figure, found: Best) -> ParetoFront:
-    """The designs that no other beats in two columns, and some of them drawn."""
-    x, y = figure.x or "", figure.y or ""
-    table = source.table.considered
-    quantities, points = (source.axis(x), source.axis(y)), np.column_stack(table.answered(x, y))
-    broken = int(np.sum(source.table.infeasible))
-    title = f"{quantities[1].name} against {quantities[0].name}"
-    return ParetoFront(
-        source.caption(figure, title[0].upper() + title[1:], *source.unbeaten(figure, found.front.places)),
-        *quantities,
-        *(figure.x_better, figure.y_better),
-        points=points,
-        front=found.front.places,
-        undrawable=found.front.undrawable,
-        chosen=[
-            Chosen(
-                place,
-                outline_of(stage),
-                _about(source, quantities, points[place], found.values[place]),
-            )
-            for place, stage in found.chosen.items()
-        ],
-        left_out=_left_out(table, found.unchecked, broken),
-        base=source.base(x, y),
-    )
-
-
-def _about(source: Source, quantities: tuple[Quantity, Quantity], point: Array, values: Array) -> list[str]:
-    """What to write below a drawn design: x and y, and its factors (columns,)."""
-    factors = [factor(column) for column in source.loaded.columns]
-    shown = {quantity.name for quantity in quantities}
-    others = [pair for pair in zip(factors, values, strict=True) if pair[0].name not in shown]
-    given = [*zip(quantities, point, strict=True), *others[:WRITTEN]]
-    lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in given]
-    if len(others) > WRITTEN:
-        lines.append(f"and {len(others) - WRITTEN} factors more")
-    return lines
-
-
-def _left_out(table: StudyTable, unchecked: int, broken: int) -> list[str]:
-    without = {status: int(np.sum(which)) for status, which in table.unanswered.items()}
-    if broken:
-        without["that break a constraint"] = broken
-    notes = [f"not drawn: {counted(without)}"] if without else []
-    if unchecked:
-        notes.append(f"{unchecked} on the front are not known to be drawable")
-    return notes
-
-
-def _band_line(source: Source, value: str) -> list[str]:
-    """How uncertain an error is by its mesh, where the study says."""
-    band = value.replace("error_", "band_")
-    if band == value or band not in source.table.columns:
-        return []
-    (found,) = source.table.answered(band)
-    return [
-        f"Mesh band of the error: median {significant(float(np.median(found)), 2)}, largest "
-        f"{significant(float(found.max()), 2)} percentage points."
-    ]
-
-
-def write_study_figures(source: Source, found: Sequence[Shown], folder: Path) -> list[Path]:
-    """Draw every figure of a study file as PNG and PDF, but those that are refused.
-
-    Parameters
-    ----------
-    source : the study, its collected table, which may still lack designs, and its base stage.
-    found : what each figure shows, as `study.findings` finds it.
-    folder : where the files go, named after study, kind of figure and what a map shows; made when missing.
+def write_study_figures(found: Mapping[str, Record | Refused], folder: Path) -> list[Path]:
+    """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a folder.
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
-    drawn = {folder / f"{name}.png": page_of(record) for name, record in records(source, found).items()}
+    drawn = {folder / f"{name}.png": record for name, record in found.items() if not isinstance(record, Refused)}
     require_unread(*figure_files(*drawn))
-    return [path for beside, page in drawn.items() for path in write_beside(beside, page)]
+    return [path for beside, record in drawn.items() for path in write_beside(beside, page_of(record))]
 
 
-def records(source: Source, found: Sequence[Shown]) -> dict[str, Record]:
-    """What the figures of a study file show, by the names of their files, but for those that are refused."""
-    figures = zip(named(source.loaded), found, strict=True)
-    drawn = ((*known, shown) for known, shown in figures if not isinstance(shown, Refused))
-    return {name: record_of(source, figure, shown) for name, figure, shown in drawn}
-
-
-def page_of(record: Record) -> matplotlib.figure.Figure:
+def page_of(record: Record) -> Figure:
     """The page of one record."""
     match record:
         case StudyMap():
@@ -294,11 +87,373 @@ def page_of(record: Record) -> matplotlib.figure.Figure:
             return pareto_figure(record)
 
 
-def named(loaded: LoadedStudy) -> Iterator[tuple[str, Figure]]:
-    """The figures with the names of their files, which differ."""
-    seen: dict[str, int] = {}
-    for figure in loaded.study.figure:
-        shown = figure.value if figure.kind == "map" else None
-        name = "-".join(part for part in (loaded.stem, figure.kind, shown) if part)
-        seen[name] = seen.get(name, 0) + 1
-        yield (name if seen[name] == 1 else f"{name}-{seen[name]}"), figure
+def _panels(size: tuple[float, float], caption: Caption, rows: int, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    title, lines, *doubts = caption
+    return panels(size, title, lines, rows, columns, doubts)
+
+
+# axes
+
+
+def name_axis(
+    axes: Axes, which: Literal["x", "y"], quantity: Quantity, ends: tuple[float, float], after: str = ""
+) -> None:
+    """Scale, label and ticks of an axis that goes from one end to the other."""
+    axes.set(**{f"{which}scale": "log" if quantity.log else "linear", f"{which}lim": ends})
+    axis: Axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_label_text(quantity.label + after, parse_math=bool(quantity.symbol))
+    if quantity.log:
+        log_ticks(axis, ends)
+
+
+def log_ticks(axis: Axis, ends: tuple[float, float]) -> None:
+    """Ticks at powers of ten, and at multiples of them where there are few, written as plain numbers."""
+    decades = float(np.log10(ends[1] / ends[0]))
+    subs = range(1, 10) if decades < 1.0 else (1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,)
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
+    axis.set_minor_locator(LogLocator(subs=range(2, 10)) if decades < 2 * FEW_DECADES else NullLocator())
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
+
+
+def ends_of(values: Array, log: bool) -> tuple[float, float]:
+    """Where an axis begins and ends that shows finite values with some room on both sides."""
+    places = np.log(values) if log else values
+    low, high = float(places.min()), float(places.max())
+    margin = 0.04 * (high - low) or 0.05 * (abs(high) or 1.0)
+    ends = np.array([low - margin, high + margin])
+    low, high = np.exp(ends) if log else ends
+    return float(low), float(high)
+
+
+def _thousands(count: int) -> str:
+    return f"{count:,}".replace(",", SPACE)
+
+
+# maps
+
+
+@in_house_style
+def map_figure(shown: StudyMap) -> Figure:
+    """Draw a map on a page of its own."""
+    figure, (axes,) = _panels((WIDTH, 6.0), shown.caption, 1)
+    plot_map(axes, shown)
+    return figure
+
+
+def plot_map(ax: Axes, shown: StudyMap) -> Axes:
+    """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
+
+    Returns `ax`; the bar that says what the colours mean is an inset of it. Nothing is interpolated but the contours.
+    Values of both signs have two hues, and the contours of negative values are dashed.
+    """
+    cells, norm = shown.cells, norm_of(shown.cells.values)
+    colours: dict[str, Any] = {"norm": norm, "cmap": "PuOr_r" if isinstance(norm, CenteredNorm) else "viridis"}
+    entries = (_draw_grid if cells.grid else _draw_dots)(ax, shown, colours)
+    names: tuple[Literal["x", "y"], Literal["x", "y"]] = ("x", "y")
+    for which, quantity, values in zip(names, (shown.x, shown.y), cells.points.T, strict=True):
+        ends = edges(np.unique(values), quantity.log)[[0, -1]] if cells.grid else ends_of(values, quantity.log)
+        name_axis(ax, which, quantity, (float(ends[0]), float(ends[1])))
+    if shown.base is not None and _is_inside(ax, shown.base):
+        ax.plot(*shown.base, "+", color="white", markersize=15, markeredgewidth=4.5, zorder=5)
+        ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
+        entries.append(Line2D([], [], linestyle="none", label="base stage", **PLUS))
+    if np.isfinite(cells.values).any():
+        _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
+    if entries:
+        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.56 / inches(ax)[1])}
+        ax.legend(handles=entries, **place, borderaxespad=0.0, frameon=False, ncols=3, handlelength=2.4)
+    return ax
+
+
+def _is_inside(axes: Axes, at: tuple[float, float]) -> bool:
+    return all(low <= x <= high for x, (low, high) in zip(at, (axes.get_xlim(), axes.get_ylim()), strict=True))
+
+
+def norm_of(values: Array) -> Normalize:
+    """How values become colours: symmetric about zero for both signs, logarithmic for a wide range, else linear."""
+    found = values[np.isfinite(values)]
+    low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
+    if low < 0 < high:
+        return CenteredNorm(0.0, max(-low, high))
+    return LogNorm(low, high) if len(found) and wide(found) else Normalize(low, high)
+
+
+def edges(ticks: Array, log: bool) -> Array:
+    """Borders (n + 1,) of the cells about the values (n,) of a factor: half way between neighbours."""
+    places = np.log(ticks) if log else ticks
+    if len(places) == 1:
+        half = 0.05 if log else 0.05 * (abs(float(places[0])) or 1.0)
+        ends = np.array([places[0] - half, places[0] + half])
+    else:
+        middle = (places[1:] + places[:-1]) / 2
+        ends = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
+    return np.asarray(np.exp(ends) if log else ends)
+
+
+def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
+    """Draw cells; returns entries of the legend, as `_draw_dots`."""
+    (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
+    across, up = edges(xs, shown.x.log), edges(ys, shown.y.log)
+    values = np.full((len(ys), len(xs)), np.nan)
+    values[row, column] = shown.cells.values
+    masked = np.ma.masked_invalid(values)
+    axes.pcolormesh(across, up, masked, **colours, rasterized=True, zorder=1)
+    entries: list[Any] = []
+    for hatch, (why, which) in zip(HATCHES, shown.cells.missing.items(), strict=False):
+        corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+        places = list(zip(column[which], row[which], strict=True))
+        boxes = [[(across[i + a], up[j + b]) for a, b in corners] for i, j in places]
+        look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCHED, "linewidth": 0.0, "hatch": hatch}
+        axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
+        entries.append(Patch(**look, label=f"{why}: {_thousands(len(boxes))}"))
+    if min(values.shape) > 1 and masked.count() > 3:
+        _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
+    return entries
+
+
+def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
+    points, values, missing, *_ = shown.cells
+    known, many = np.isfinite(values), len(values) > DOTS
+    size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
+    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
+    axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
+    entries = []
+    for mark, (why, which) in zip("x+123", missing.items(), strict=False):
+        axes.plot(*points[which].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
+        label = f"{why}: {_thousands(int(which.sum()))}"
+        entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
+    return entries
+
+
+def _draw_contours(
+    axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, shown: StudyMap, entries: list[Any]
+) -> None:
+    """Draw labelled contours of values on a grid (x, y, masked values), those that matter heavier."""
+    low, high, unit = float(grid[2].min()), float(grid[2].max()), shown.value.after if shown.value.unit == "%" else ""
+    heavy = [mark for mark in sorted(shown.marks) if low < mark < high]
+    thin = [level for level in levels(norm, shown.marks) if low < level < high]
+    for where, width in ((thin, 0.7), (heavy, 2.2)):
+        if where:
+            drawn = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
+            for name in axes.clabel(drawn, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
+                name.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
+    if heavy:
+        said = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+        entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {said}"))
+
+
+def levels(norm: Normalize, marks: Sequence[float]) -> Array:
+    """Round values for thin contours between the ends of the colours, none of them a mark."""
+    locator = LogLocator(subs=(1.0, 2.0, 5.0)) if isinstance(norm, LogNorm) else MaxNLocator(CONTOURS)
+    assert norm.vmin is not None and norm.vmax is not None
+    return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
+
+
+def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
+    """What the colours mean, with the contours that matter."""
+    axes.figure.colorbar(drawn, cax=axes).set_label(shown.value.label, parse_math=bool(shown.value.symbol))
+    low, high = axes.get_ylim()
+    if isinstance(drawn.norm, LogNorm):
+        log_ticks(axes.yaxis, (low, high))
+    for mark in shown.marks:
+        if low < mark < high:
+            axes.axhline(mark, color=INK, linewidth=2.2)
+
+
+# fronts
+
+
+@in_house_style
+def pareto_figure(shown: ParetoFront) -> Figure:
+    """Draw the front, and the chosen designs below, all to one scale."""
+    rows = -(-len(shown.chosen) // ACROSS)
+    lines = max((len(_texts("A", one).splitlines()) for one in shown.chosen), default=0)
+    title, said, *doubts = shown.caption
+    cell = CELL + 0.155 * lines
+    figure = below_header((WIDTH, 5.2 + rows * cell), title, said, doubts)
+    grid = figure.add_gridspec(1 + rows, ACROSS, height_ratios=[5.2] + rows * [cell])
+    plot_front(figure.add_subplot(grid[0, :]), shown)
+    drawings = [figure.add_subplot(grid[1 + k // ACROSS, k % ACROSS]) for k in range(len(shown.chosen))]
+    for ax, letter, one in zip(drawings, "ABCDEFGHIJKL", shown.chosen, strict=False):
+        draw_outline(ax, outline_of(one.stage))
+        ax.set_axis_off()
+        ax.set_title(_texts(letter, one), loc="left", size=LETTERS, y=0.0, pad=-2, va="top", linespacing=1.3)
+    if drawings:
+        _to_one_scale(drawings, [outline_of(one.stage).bodies for one in shown.chosen])
+    return figure
+
+
+def _to_one_scale(drawings: list[Axes], bodies: list[list[Array]]) -> None:
+    """Give drawings one scale, and the first a bar of a round length."""
+    points = np.vstack([body for each in bodies for body in each])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.02 * np.ptp(points)
+    for ax in drawings:
+        ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - 5 * room, high[1] + room), aspect="equal")
+    length = round_factor(0.4 * float(high[0] - low[0]))
+    at = low[1] - 3 * room
+    drawings[0].plot([low[0], low[0] + length], [at, at], color=INK, linewidth=2.5, solid_capstyle="butt")
+    text = f"{length:g}{SPACE}{LENGTH}, all drawings"
+    drawings[0].text(low[0] + length + room, at, text, size=LETTERS, va="center")
+
+
+def _texts(letter: str, chosen: Chosen) -> str:
+    """What to write below a drawn design: x and y, and its factors."""
+    shown = chosen.numbers[: 2 + WRITTEN]
+    lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in shown]
+    more = len(chosen.numbers) - len(shown)
+    lines += [f"and {more} factors more"] if more else []
+    return "\n".join(wrapped(line, CELL, LETTERS) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
+
+
+def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
+    """Draw every design as a dot, the front as a line, and the letters of the chosen designs; returns `ax`."""
+    dots, n = shown.points, len(shown.points)
+    if n > MOST_DOTS:
+        dots = dots[np.random.default_rng(0).choice(n, MOST_DOTS, replace=False, shuffle=False)]
+    said = f"{_thousands(n)} designs" if n <= MOST_DOTS else f"{_thousands(MOST_DOTS)} of {_thousands(n)} designs"
+    size, alpha = (1.6 if n > DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
+    look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
+    ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > DOTS, zorder=1)
+    if len(shown.undrawable):
+        name = f"{_thousands(len(shown.undrawable))} not on the front: cannot be drawn"
+        ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
+    name = f"front: {_thousands(len(shown.front))} designs that no other beats"
+    line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
+    ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
+    for letter, chosen in zip("ABCDEFGHIJKL", shown.chosen, strict=False):
+        at = shown.points[chosen.place]
+        ax.plot(*at, "o", color="white", markeredgecolor=INK, markeredgewidth=1.1, markersize=12.5, zorder=4)
+        ax.annotate(letter, at, ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5)
+    if shown.base is not None:
+        ax.plot(*shown.base, linestyle="none", label="base stage", zorder=3.5, **PLUS)
+    names: tuple[Literal["x", "y"], Literal["x", "y"]] = ("x", "y")
+    for which, quantity, v, wanted in zip(names, (shown.x, shown.y), shown.points.T, shown.better, strict=True):
+        name_axis(ax, which, quantity, ends_of(v, quantity.log), f"  ({wanted} is better)")
+    ax.grid()
+    ax.plot([], [], **look, markersize=4, label=said)
+    for text in shown.left_out:
+        ax.plot([], [], linestyle="none", label=text)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0, ncols=2, frameon=False)
+    return ax
+
+
+# distributions
+
+
+@in_house_style
+def distribution_figure(shown: Distribution) -> Figure:
+    """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
+    figure, found = _panels((WIDTH, 1.97 * len(shown.scatters)), shown.caption, len(shown.scatters))
+    for axes, scatter in zip(found, shown.scatters, strict=True):
+        plot_histogram(axes, scatter)
+    figure.align_ylabels()
+    return figure
+
+
+def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
+    """Draw a histogram of one value with its percentiles and their legend; returns `ax`."""
+    values = scatter.values
+    quantity = scatter.quantity._replace(log=scatter.quantity.log and bool(values.min() > 0))
+    counts, borders = histogram(np.log10(values) if quantity.log else values)
+    borders = 10.0**borders if quantity.log else borders
+    ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
+    ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
+    entries, width = list[Any](), narrowest(scatter.percentiles)
+    for dash, one in zip((DASHES[1], DASHES[0], DASHES[1]), scatter.percentiles, strict=True):
+        if np.isfinite([one.low, one.high]).all():
+            ax.axvspan(one.low, one.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
+        entries.append(ax.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
+        entries[-1].set_label(described(one, quantity.after, width))
+    if scatter.nominal is not None:
+        nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * np.abs(values).max() else 0.0
+        entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle=DASHES[2], zorder=4))
+        entries[-1].set_label(f"base stage: {to_digits(nominal, width) if nominal else '0'}{quantity.after}")
+    legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
+    name_axis(ax, "x", quantity, (float(borders[0]), float(borders[-1])))
+    ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
+    if not quantity.log:
+        ax.ticklabel_format(useOffset=False, axis="x")
+    return ax
+
+
+def histogram(values: Array) -> tuple[Array, Array]:
+    """Counts (k,) and borders (k + 1,) of the bars, as wide as D. Freedman, P. Diaconis (1981) say."""
+    flat = np.ptp(values) <= ROUND_OFF * np.abs(values).max()
+    bars = 1 if flat else int(np.clip(len(np.histogram_bin_edges(values, "fd")) - 1, *BARS))
+    counts, borders = np.histogram(values, bars)
+    return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
+
+
+def described(one: Percentile, after: str, width: float) -> str:
+    """A percentile with its confidence interval, in words, to the second digit of a width."""
+    low, value, high = (to_digits(x, width) if np.isfinite(x) else "" for x in (one.low, one.value, one.high))
+    interval = f"{low}{SPACE}to{SPACE}{high}" if low and high else "too few designs for an interval"
+    return f"{one.percent:g}{SPACE}%: {value}{after}\n({interval})"
+
+
+def narrowest(found: Sequence[Percentile]) -> float:
+    """Width of the narrowest interval that there is, else zero."""
+    return min((one.high - one.low for one in found if 0 < one.high - one.low < np.inf), default=0.0)
+
+
+def to_digits(value: float, width: float) -> str:
+    """A number to the second digit of a width, or with four digits where that is long or there is no width."""
+    decimals = 1 - math.floor(math.log10(width)) if width > 0 else MOST_DECIMALS + 1
+    if decimals > MOST_DECIMALS or decimals < -2:
+        return significant(value)
+    return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+
+
+# sensitivities
+
+
+@in_house_style
+def sensitivity_figure(shown: Sensitivity) -> Figure:
+    """Draw first-order and total indices of every factor, in the order of the study file, a panel for each value."""
+    shares, factors = shown.shares, shown.factors
+    across = 2 if len(shares) == 4 else min(3, len(shares))
+    rows = -(-len(shares) // across)
+    figure, found = _panels((WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1)), shown.caption, rows, across)
+    for axes in found[len(shares) :]:
+        axes.remove()
+    ends = limits([share.indices for share in shares])
+    for index, (axes, share) in enumerate(zip(found, shares, strict=False)):
+        plot_shares(axes, share, factors if index % across == 0 else [""] * len(factors), ends)
+    figure.legend(*found[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def limits(indices: Sequence[Indices]) -> tuple[float, float]:
+    """Ends of the axis that all panels share: zero, or less where a whisker goes there, to the longest whisker."""
+    bars = [pair for i in indices for pair in ((i.first, i.first_band), (i.total, i.total_band))]
+    ends = [value + sign * band for value, band in bars if value is not None and band is not None for sign in (-1, 1)]
+    low, high = min(float(np.min(ends)), 0.0), float(np.max(ends))
+    room = 0.03 * (high - low)
+    return low - room, high + room
+
+
+def plot_shares(ax: Axes, share: Share, factors: Sequence[str], ends: tuple[float, float] | None = None) -> Axes:
+    """Draw the Sobol indices of one value as bars, with whiskers, a row for each factor; returns `ax`.
+
+    `ends` : of the axis, by default those that suit this value.
+    """
+    found, places = share.indices, np.arange(float(len(share.indices.first)))
+    look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}
+    look["error_kw"] = {"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0}
+    bars = [(-0.19, found.first, found.first_band, FIRST_COLOUR, "first order: alone")]
+    if found.total is not None and found.total_band is not None:
+        bars.append((0.19, found.total, found.total_band, TOTAL_COLOUR, "total: with its interactions"))
+    for shift, values, band, colour, name in bars:
+        ax.barh(places + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
+    ax.axvline(0.0, color=INK, linewidth=0.8)
+    ax.set(xlim=ends or limits([found]), ylim=(len(places) - 0.45, -0.55))
+    ax.set_yticks(places, factors, size=8.5)
+    ax.set_xlabel(f"share of the variance\n(first order sums to {found.first.sum():.2f})")
+    ax.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.grid(axis="x")
+    ax.tick_params(axis="y", length=0)
+    return ax

@@ -23,7 +23,7 @@ from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
-from flexfem.mechanism.drives import StageDrive, drive_of, drives_of
+from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
@@ -78,8 +78,10 @@ def driven(
     loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
 ) -> DriveRanges:
     """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
-    drive = drives_of(loaded.stage, designs, reason, stages)
-    elastic = _link_parts(stages, reason, drive) if loaded.study.links else None
+    drive, elastic = drives_of(loaded.stage, designs, reason, stages), None
+    if loaded.study.links:
+        elastic = _no_parts(len(reason), len(drive.stacks))
+        _each(stages, reason, lambda index, stage: _put(elastic, index, link_parts(stage, drive_of(stage).stacks)))
     drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
     return ask_drives(designs, hinges, freedoms, drive, elastic)
 
@@ -88,10 +90,9 @@ def vibrating(
     loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
 ) -> Array:
     """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
-    n, links = len(reason), loaded.study.links
-    moments = Moments(np.ones((n, 3, 4, 4)) * [1.0, 0.0, 0.0, 1.0], np.ones((n, 4)) * [1.0, 0.0, 0.0, 1.0])
-    shapes = (3, 3, 3), (3, 3, ON_BODIES), (ON_BODIES, ON_BODIES), (9, 9)
-    elastic = LinkParts(*(np.zeros((n, *shape)) for shape in shapes)) if links else None
+    n, one = len(reason), [1.0, 0.0, 0.0, 1.0]
+    moments = Moments(np.ones((n, 3, 4, 4)) * one, np.ones((n, 4)) * one)
+    elastic = _no_parts(n, ON_BODIES) if loaded.study.links else None
 
     def draw(index: int, stage: Stage) -> None:
         moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
@@ -108,13 +109,10 @@ def payload(loaded: LoadedStudy) -> Payload | None:
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
-def _link_parts(stages: Stages, reason: AnyArray, drive: StageDrive) -> LinkParts:
-    """What elastic links add to the compliances of n designs, one by one; zero for those refused."""
-    n, stacks = len(reason), len(drive.stacks)
-    shapes = (3, 3, 3), (3, 3, stacks), (stacks, stacks), (9, 9)
-    found = LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
-    _each(stages, reason, lambda index, stage: _put(found, index, link_parts(stage, drive_of(stage).stacks)))
-    return found
+def _no_parts(n: int, loads: int) -> LinkParts:
+    """What elastic links add to the compliances of n designs, with so many loads on them: zero so far."""
+    shapes = (3, 3, 3), (3, 3, loads), (loads, loads), (9, 9)
+    return LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
 
 
 def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.columns import FEASIBLE
 from flexfem.study.loaded import LoadedStudy, judge
-from flexfem.study.run import ABOUT, PARQUET, Chunk, Parts, read_part, survey
+from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, read_part, survey
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
@@ -60,8 +60,8 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
     found, loaded = survey(parts), parts.loaded
     if found.damaged:
-        raise BadInput(f"{found.damaged[0]}: a damaged part; flexfem study run computes it again")
-    designs = sum(chunk.stop - chunk.start for chunk in found.counts)
+        raise BadInput(f"{parts.path(found.damaged[0])}: a damaged part; flexfem study run computes it again")
+    designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
         others = f"; {len(found.stale)} parts there are of other inputs or versions" if found.stale else ""
         raise BadInput(
@@ -72,12 +72,12 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
         csv = path.suffix == ".csv"
         with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
-            for group in _groups(parts, sorted(found.counts)):
+            for group in _groups(parts, list(found.counts)):
                 writer.write_table(_with_derived(loaded, group).replace_schema_metadata(schema.metadata))
     return Collected(path, designs, loaded.count - designs)
 
 
-def _groups(parts: Parts, chunks: list[Chunk]) -> Iterator[Any]:
+def _groups(parts: Parts, chunks: list[range]) -> Iterator[Any]:
     """The tables of parts, small ones joined."""
     held, designs = list[Any](), 0
     for chunk in chunks:
@@ -148,27 +148,19 @@ class StudyTable:
         return dict(Counter(self.status.tolist()).most_common())
 
     @property
-    def unanswered(self) -> dict[str, AnyArray]:
-        """Designs without an answer, bool (n,), by status, the most frequent first."""
-        return {status: np.asarray(self.status == status) for status in self.counts if status != OK}
-
-    @property
     def warnings(self) -> list[str]:
         """What there is to know of some of the answers, a sentence each."""
         return counted_warnings(Counter(self.reason[self.ok].tolist()))
 
     @property
+    def kept(self) -> AnyArray:
+        """Designs that have an answer and keep all constraints, bool (n,)."""
+        return self.ok if self.feasible is None else self.ok & self.feasible
+
+    @property
     def infeasible(self) -> AnyArray:
         """Designs that have an answer but break a constraint, bool (n,)."""
-        return np.zeros(len(self.design), dtype=bool) if self.feasible is None else self.ok & ~self.feasible
-
-    @cached_property
-    def considered(self) -> StudyTable:
-        """The table without the designs that break a constraint."""
-        keep = ~self.infeasible
-        if keep.all():
-            return replace(self, feasible=None)
-        return StudyTable(self.design[keep], self.status[keep], self.reason[keep], _Kept(self.columns, keep))
+        return self.ok & ~self.kept
 
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
@@ -178,20 +170,6 @@ class StudyTable:
 def counted_warnings(reasons: Counter[str]) -> list[str]:
     """Warnings on the designs with an answer, by what stands as their reason, and how many."""
     return [f"{n:,} of {reasons.total():,} designs with an answer: {text}" for text, n in reasons.most_common() if text]
-
-
-class _Kept(dict[str, Array]):
-    """Some rows, bool (n,), of columns that are made when they are asked for."""
-
-    def __init__(self, columns: Mapping[str, Array], keep: AnyArray) -> None:
-        super().__init__()
-        self._columns, self._keep = columns, keep
-
-    def __missing__(self, name: str) -> Array:
-        return self._columns[name][self._keep]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._columns
 
 
 class _Stored(dict[str, Array]):
@@ -211,7 +189,7 @@ class _Stored(dict[str, Array]):
 def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
     texts = list[AnyArray]()
-    for name in ("status", "reason"):
+    for name in TEXTS:
         column = _column(path, name).unify_dictionaries().combine_chunks()
         texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
     columns = _Stored(path)
@@ -226,7 +204,7 @@ def _column(path: Path, name: str) -> Any:
     try:
         with (
             path.open("rb") as content,  # pyarrow takes no name that is not UTF-8
-            pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=["status", "reason"]) as file,
+            pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=TEXTS) as file,
         ):
             return file.read(columns=[name], use_threads=False)[name]
     except (OSError, ValueError, pa.ArrowException):

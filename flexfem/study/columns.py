@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import ROUND_OFF, AnyArray, Array
 from flexfem.files.refusals import one_line
-from flexfem.units import unit_of
+from flexfem.units import DIRECTIONS, unit_of
 
 if TYPE_CHECKING:
     from flexfem.questions.asked import Answers
@@ -37,7 +37,7 @@ class Group(NamedTuple):
     asked: str
     labels: dict[str, str | tuple[str, str]]
     meaning: str
-    values: Callable[[Answers, float], Array]
+    values: Callable[[Any, float], Array]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -49,9 +49,10 @@ def _diagonal(matrix: Array) -> Array:
     return np.diagonal(matrix, axis1=1, axis2=2)
 
 
-def _lives(answers: Any) -> Array:
-    of = answers.lives
-    return np.column_stack([of.cycles, of.largest, of.safety])
+def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[str, str | tuple[str, str]]:
+    """A column for each direction."""
+    units = zip(DIRECTIONS, "XYθ", (unit, unit, turned), strict=True)
+    return {f"{name}_{axis}_{ending}": said.format(letter) for axis, letter, ending in units}
 
 
 GROUPS = (
@@ -80,11 +81,7 @@ GROUPS = (
     ),
     Group(
         "",
-        {
-            "stress_x_mpa_per_um": "peak neck stress per X",
-            "stress_y_mpa_per_um": "peak neck stress per Y",
-            "stress_theta_mpa_per_mrad": "peak neck stress per θ",
-        },
+        _each("stress", "peak neck stress per {}", "mpa_per_um", "mpa_per_mrad"),
         "highest von Mises stress at a neck per displacement of the platform in that direction, "
         "the others held; `fe`: up to 1 % low at resolution 4, by the square of it less at a finer one, which "
         "labels, captions and `study status` say; `analytic`: bending and tension with Neuber's stress "
@@ -97,11 +94,7 @@ GROUPS = (
     ),
     Group(
         "",
-        {
-            "range_x_um": "range in X at yield",
-            "range_y_um": "range in Y at yield",
-            "range_theta_mrad": "range in θ at yield",
-        },
+        _each("range", "range in {} at yield"),
         "displacement at which the first hinge yields; low by as much as the stress is high",
         lambda of, _: of.range_at_yield,
     ),
@@ -113,11 +106,7 @@ GROUPS = (
     ),
     Group(
         "travel",
-        {
-            "travel_x_um": "travel in X, base hinges",
-            "travel_y_um": "travel in Y, base hinges",
-            "travel_theta_mrad": "travel in θ, base hinges",
-        },
+        _each("travel", "travel in {}, base hinges"),
         "with `[drive]` `stroke_um`: displacement at which the first base hinge has turned by "
         "stroke over lever arm. No other hinge, contact or force is counted: what a drive really reaches is less, "
         "`drive_range_x_um`",
@@ -125,16 +114,12 @@ GROUPS = (
     ),
     Group(
         "drive",
-        {
-            "drive_range_x_um": "range of the drive in X",
-            "drive_range_y_um": "range of the drive in Y",
-            "drive_range_theta_mrad": "range of the drive in θ",
-        },
+        _each("drive_range", "range of the drive in {}"),
         "with `[drive]` `actuators`: how far commands drive the platform from rest with the "
         "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
         "`flexfem reach` has it (others zero), without load: the lesser of both ways, so zero where single stacks go "
         "one way only; `fe`: with what necks carry by the finite elements",
-        lambda of, _: of.drives.range,  # type: ignore[union-attr]
+        lambda of, _: of.drives.range,
     ),
     Group(
         "drive",
@@ -145,7 +130,7 @@ GROUPS = (
         },
         "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the other two directions held; "
         "links that are rigid make it 50 % too large on the reference stages, elastic links agree with `fe` to 0.3 %",
-        lambda of, _: _diagonal(of.drives.engaged),  # type: ignore[union-attr]
+        lambda of, _: _diagonal(of.drives.engaged),
     ),
     Group(
         "frequencies",
@@ -159,29 +144,21 @@ GROUPS = (
     ),
     Group(
         "life",
-        {
-            "life_cycles": "cycles at the amplitude",
-            "life_amplitude_x_um": "amplitude in X for the wanted life",
-            "life_amplitude_y_um": "amplitude in Y for the wanted life",
-            "life_amplitude_theta_mrad": "amplitude in θ for the wanted life",
-            "safety_factor": "yield strength over neck stress",
-        },
+        {"life_cycles": "cycles at the amplitude"}
+        | _each("life_amplitude", "amplitude in {} for the wanted life")
+        | {"safety_factor": "yield strength over neck stress"},
         "with `[life]`: cycles at the amplitude, the amplitude of each moved direction for the wanted life, and "
         "yield strength over the largest neck stress on the way, as `flexfem life` has them. A life is out by ten "
         "times what the stress is: calibrated hinges with `links`, or `fe`, or it means little. Lives beyond yield, "
         "or beyond the cycles of Basquin's law, are counted as such. Preloads of single stacks are not in them",
-        lambda of, _: _lives(of),
+        lambda of, _: np.column_stack([of.lives.cycles, of.lives.largest, of.lives.safety]),
     ),
     Group(
         "drift",
-        {
-            "drift_x_um_per_k": "drift in X per kelvin",
-            "drift_y_um_per_k": "drift in Y per kelvin",
-            "drift_theta_urad_per_k": "drift in θ per kelvin",
-        },
+        _each("drift", "drift in {} per kelvin", "um_per_k", "urad_per_k"),
         "with `[drift]`: pose per kelvin of a uniform change, as `flexfem drift` has it; in X and Y "
         "round-off where chains are alike",
-        lambda of, _: of.drift.uniform,  # type: ignore[union-attr]
+        lambda of, _: of.drift.uniform,
     ),
     Group(
         "drift",
@@ -195,31 +172,25 @@ GROUPS = (
         "hinges with `links` within 0.2 %, rigid links, which leave out that the frame bows the clamped edges, "
         "within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
         "thickness, are not in them",
-        lambda of, _: of.drift.gradient,  # type: ignore[union-attr]
+        lambda of, _: of.drift.gradient,
     ),
     Group(
         "verify",
-        {f"error_{name}_percent": f"error along {said}" for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))},
+        _each("error", "error along {}", "percent", "percent"),
         "`verify`: error along the command",
-        lambda of, _: of.errors.along,  # type: ignore[union-attr]
+        lambda of, _: of.errors.along,
     ),
     Group(
         "verify",
-        {
-            f"cross_{name}_percent": f"largest cross error under {said}"
-            for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))
-        },
+        _each("cross", "largest cross error under {}", "percent", "percent"),
         "`verify`: largest error across the command",
-        lambda of, _: of.errors.across,  # type: ignore[union-attr]
+        lambda of, _: of.errors.across,
     ),
     Group(
         "bands",
-        {
-            f"band_{name}_percent": f"mesh band of the error along {said}"
-            for name, said in (("x", "X"), ("y", "Y"), ("theta", "θ"))
-        },
+        _each("band", "mesh band of the error along {}", "percent", "percent"),
         "`verify` with `bands`: mesh band of the error along the command",
-        lambda of, _: np.asarray(of.errors.bands),  # type: ignore[union-attr]
+        lambda of, _: np.asarray(of.errors.bands),
     ),
 )
 (STIFFNESSES, COUPLINGS, STRESSES, RANGES, ENVELOPE, TRAVELS, DRIVE_RANGES, ENGAGED, FREQUENCIES, LIVES, DRIFTS,

@@ -1,27 +1,43 @@
-"""What a table of designs shows: cells of a map, percentiles, Sobol indices, the designs that no other beats."""
+"""What the table of a study shows, as records for terminal, page, figures: maps, fronts, percentiles, Sobol indices."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from flexfem.arrays import AnyArray, Array, Index, wide
+from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.study.columns import COUPLINGS, CROSS, DRIFTS, PARTS, STIFFNESSES, round_off_of
+from flexfem.study.columns import (
+    COUPLINGS,
+    CROSS,
+    DRIFTS,
+    LABELS,
+    PARTS,
+    RANGES,
+    STIFFNESSES,
+    STRESSES,
+    lasting,
+    round_off_of,
+)
+from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, sample, stage_of
-from flexfem.study.plan import Figure
+from flexfem.study.plan import Figure, Method, Study
+from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
 
+SPACE = "\N{NO-BREAK SPACE}"
 PER_CELL, MOST_CELLS = 12, 25  # designs in a cell of a map, about; cells along one side
 FEW = 3  # designs of a random sample, below which a mean says little
-BROKEN = "breaks a constraint"
 CONFIDENCE = 0.95
 LEAST = 100  # designs, for indices from one plain sample; of 60, an interval of 95 % held in 86 %
 MOST_BINS, FEW_LEVELS = 32, 12  # bins of a factor's range; values of a factor that are groups by themselves
@@ -29,23 +45,203 @@ FLAT = 1e-9  # spread over size: round-off of a value that no factor changes
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each
 SIZE = "envelope_mm"
+TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
+SAME = 1e-9  # part by which numbers of one design may differ
+METHODS: dict[Method, str] = {
+    "grid": "grid",
+    "latin_hypercube": "Latin hypercube",
+    "sobol": "Sobol",
+    "monte_carlo": "Monte Carlo",
+    "saltelli": "Saltelli",
+    "table": "a table of designs",
+}
+WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
+
+
+# names
+
+
+class Quantity(NamedTuple):
+    """What an axis shows: its name, its unit or nothing, the name with a symbol in it, whether it is logarithmic."""
+
+    name: str
+    unit: str = ""
+    symbol: str = ""
+    log: bool = False
+
+    @property
+    def label(self) -> str:
+        """Name, with its symbol, and unit; mathematics where there is a symbol."""
+        return f"{self.symbol or self.name} in {self.unit}" if self.unit else self.symbol or self.name
+
+    @property
+    def after(self) -> str:
+        """The unit as it follows a number, with a space that does not break."""
+        return SPACE + self.unit.replace(" ", SPACE) if self.unit else ""
+
+
+class Caption(NamedTuple):
+    """What stands above a figure: its title, lines on how the numbers came about, the key paths in doubt."""
+
+    title: str
+    lines: Sequence[str]
+    assumed: Sequence[str]
+    not_stated: Sequence[str] = ()
+
+
+def output(column: str, study: Study | None = None) -> Quantity:
+    """What an output column of a study is called, with the known error of a stress by finite elements."""
+    name, symbol = LABELS.get(column, (column, ""))
+    if column in STRESSES and study is not None and study.stress_below:
+        name = f"{name} ({study.stress_below})"
+    return Quantity(name, unit_of(column).name, symbol, column == "life_cycles")
+
+
+def factor(column: Column) -> Quantity:
+    """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
+    units = {unit_of(key).name for key in column.keys}
+    name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
+    return Quantity(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
+
+
+def words(key: str) -> str:
+    """A key path, without its unit, in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
+    *tables, last = path_of(key)
+    leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
+    leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
+    match tables:
+        case ["override", chain, "actuator", name]:
+            return f"{leaf}, chain {chain} actuator {name}"
+        case ["actuator", name]:
+            return f"{leaf} of actuator {name}"
+        case ["override", chain, hinge]:
+            return f"{leaf}, chain {chain} {hinge}"
+        case ["hinges", hinge]:
+            return f"{leaf} of {hinge} hinges"
+        case ["platform" | "frame" as body]:
+            return f"{leaf} of the {body}"
+    return leaf
+
+
+def model_words(loaded: LoadedStudy) -> str:
+    """What answered, in words."""
+    study = loaded.study
+    analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}"
+    analytic += ", elastic links" if study.links else ""
+    meshed = f"{study.resolution} triangles across every neck"
+    layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
+    plane = "" if loaded.stage.model == "plane_stress" else f", {loaded.stage.model.replace('_', ' ')}"
+    return {
+        "analytic": f"Analytic model: {analytic}{plane}",
+        "fe": f"Finite elements: {meshed}{plane}",
+        "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",
+        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic}){plane}",
+    }[study.model]
+
+
+def drawn_words(loaded: LoadedStudy) -> str:
+    """How designs were drawn, in words."""
+    if loaded.given is not None:
+        return f"table {loaded.given.path.name}"
+    sampling = loaded.study.sampling
+    return METHODS[sampling.method] + ("" if sampling.seed is None else f", seed {sampling.seed}")
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart."""
+    return f"{count:,}".replace(",", SPACE)
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """How many designs have which status: `9 871 ok, 129 refused`."""
+    return ", ".join(f"{thousands(count)} {status}" for status, count in counts.items() if count)
+
+
+def sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    return f"{text[0].upper()}{text[1:]}."
+
+
+class Source(NamedTuple):
+    """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column.
+
+    `unseen` : sentences on factors that nothing shown depends on.
+    """
+
+    loaded: LoadedStudy
+    table: StudyTable
+    nominal: Mapping[str, float]
+    unseen: Sequence[str] = ()
+
+    def quantity(self, name: str) -> Quantity:
+        """What a column is called."""
+        for column in self.loaded.columns:
+            if column.name == name:
+                return factor(column)
+        for derived in self.loaded.study.output:
+            if derived.name == name:
+                return Quantity(derived.label or name, derived.unit or "")
+        return output(name, self.loaded.study)
+
+    def heading(self, name: str) -> str:
+        """What a column of a table is called, with its unit."""
+        return self.quantity(name)._replace(symbol="").label
+
+    def cleared(self, name: str, values: ArrayLike) -> Any:
+        """Numbers of a column to be printed, as a list or a number: round-off as 0."""
+        found = np.asarray(values, dtype=np.float64)
+        return np.where(np.abs(found) <= round_off_in(self.table, name), 0.0, found).tolist()
+
+    def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
+        """What stands above a figure, its own title where it has one."""
+        loaded, study, table = self.loaded, self.loaded.study, self.table
+        counts = table.counts | {"open": loaded.count - len(table.design)}
+        said = [
+            f"Study: {study.name}. Base stage: {loaded.stage.name}.",
+            f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn_words(loaded)}): {counted(counts)}.",
+        ]
+        if study.constraint:
+            limits = "; ".join(f"{one.said} {one.expected}" for one in study.constraint)
+            kept, answers = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
+            said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
+        said += [f"{text}." for text in table.warnings]
+        of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
+        if study.used_by(name for name, _ in figure.columns.values()) & of_stress:
+            said.append(sentence(loaded.stress_accuracy))
+        return Caption(figure.title or sentence(title)[:-1], [*said, *lines], loaded.assumed, loaded.not_stated)
+
+    def base(self, x: str, y: str) -> tuple[float, float] | None:
+        """Where the base stage is among the designs, None where that is not known."""
+        found = (self.nominal.get(x, np.nan), self.nominal.get(y, np.nan))
+        return found if np.isfinite(found).all() else None
+
+
+# records
+
+
+class FoundTable(NamedTuple):
+    """What a figure shows as numbers: headings by key, and rows of texts and numbers; texts stand first."""
+
+    caption: str
+    head: Mapping[str, str]
+    rows: Sequence[Sequence[str | float]]
+
+    @property
+    def facts(self) -> list[dict[str, str | float | None]]:
+        """The rows as plain data; None for what is not finite."""
+        plain = ([x if isinstance(x, str) or np.isfinite(x) else None for x in row] for row in self.rows)
+        return [dict(zip(self.head, row, strict=True)) for row in plain]
+
+
+NOTHING = FoundTable("", {}, [])
 
 
 class Cells(NamedTuple):
     """Points of a map with values.
 
-    Attributes
-    ----------
-    points, values : (n, 2), (n,)
-        nan where there is no value.
-    missing : mapping
-        Which points have no value, bool (n,), by the reason.
-    grid : bool
-        Whether the points are all pairs of some values.
-    averaged : tuple
-        Columns that the values are means over, none where each value is a design's.
-    scatter, size : float, int
-        Median standard deviation of the designs about the means of their cells, and median designs in one.
+    points, values : (n, 2), (n,), nan where there is no value.   missing : which points have none, bool (n,), by why.
+    grid : whether the points are all pairs of some values.   averaged : columns that the values are means over.
+    scatter, size : median standard deviation of the designs about the mean of their cell, and median designs in one.
     """
 
     points: Array
@@ -57,22 +253,203 @@ class Cells(NamedTuple):
     size: int = 1
 
 
+class StudyMap(NamedTuple):
+    """A value over two factors; `marks` are contours that matter, `base` is x and y of the base stage."""
+
+    caption: Caption
+    x: Quantity
+    y: Quantity
+    value: Quantity
+    cells: Cells
+    marks: tuple[float, ...] = ()
+    base: tuple[float, float] | None = None
+    table: FoundTable = NOTHING
+
+
+class Percentile(NamedTuple):
+    """A percentile of a sample and its confidence interval; an end is infinite where the sample is too small for it."""
+
+    percent: float
+    value: float
+    low: float
+    high: float
+
+
+class Scatter(NamedTuple):
+    """How one value (n,) scatters: percentiles from low to high, and the value of the base stage where known."""
+
+    quantity: Quantity
+    values: Array
+    percentiles: Sequence[Percentile]
+    nominal: float | None = None
+
+
+class Distribution(NamedTuple):
+    """How several values scatter."""
+
+    caption: Caption
+    scatters: Sequence[Scatter]
+    table: FoundTable = NOTHING
+
+
+class Indices(NamedTuple):
+    """Sobol indices of one value, (k,) in the order of the factors, and half-widths of their confidence intervals.
+
+    `total` and `total_band` are None where the sample does not tell them.
+    """
+
+    first: Array
+    first_band: Array
+    total: Array | None = None
+    total_band: Array | None = None
+
+
+class Share(NamedTuple):
+    """One value and the indices of every factor."""
+
+    quantity: Quantity
+    indices: Indices
+
+
+class Sensitivity(NamedTuple):
+    """Which factor causes how much of several values; what the factors are called, in the order of the indices."""
+
+    caption: Caption
+    shares: Sequence[Share]
+    factors: Sequence[str]
+    table: FoundTable = NOTHING
+
+
+class Chosen(NamedTuple):
+    """A design of a front to draw: its `place` among the points, its stage, and the numbers to write below it."""
+
+    place: int
+    stage: Stage
+    numbers: Sequence[tuple[Quantity, float]]
+
+
+class ParetoFront(NamedTuple):
+    """The designs that no other beats in two values.
+
+    points : (n, 2), x and y of every design that counts.   front : (m,), places of the best, in order.
+    undrawable : (k,), places of designs that would be on the front or beyond it, but cannot be drawn.
+    left_out : what is not drawn, one line each.   base : x and y of the base stage.
+    power : slope of log y over log x along the front.   gain : y over the base stage's y, of the best design no worse
+    in x and no larger.
+    """
+
+    caption: Caption
+    x: Quantity
+    y: Quantity
+    better: tuple[str, str]
+    points: Array
+    front: Index
+    undrawable: Index
+    chosen: Sequence[Chosen]
+    left_out: Sequence[str]
+    base: tuple[float, float] | None = None
+    power: float | None = None
+    gain: float | None = None
+    table: FoundTable = NOTHING
+
+
+class Refused(NamedTuple):
+    """A figure that cannot be drawn from this table: why, in one line."""
+
+    reason: str
+
+
+Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
+
+
+def findings(source: Source) -> dict[str, Record | Refused]:
+    """What every figure of a study file shows, by the name of its files.
+
+    Raises
+    ------
+    BadInput
+        Nothing has an answer; a figure that cannot be drawn for reasons of its own is `Refused`.
+    """
+    loaded, table = source.loaded, source.table
+    if not table.ok.any():
+        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
+    made: dict[str, Callable[[Source, Figure], Record]]
+    made = {"map": map_of, "distribution": distribution_of, "sensitivity": sensitivity_of, "pareto": front_of}
+    found, seen = dict[str, Record | Refused](), Counter[str]()
+    for figure in loaded.study.figure:
+        stem = "-".join(part for part in (loaded.stem, figure.kind, figure.value) if part)
+        seen[stem] += 1
+        try:
+            for name, _ in figure.columns.values():
+                _require_finite(loaded, table, figure.kind, name)
+            shown: Record | Refused = made[figure.kind](source, figure)
+        except BadInput as error:
+            shown = Refused(str(error))
+        found[stem if seen[stem] == 1 else f"{stem}-{seen[stem]}"] = shown
+    return found
+
+
+def _require_finite(loaded: LoadedStudy, table: StudyTable, kind: str, name: str) -> None:
+    bad = np.flatnonzero(table.ok & ~np.isfinite(table.columns[name]))
+    if len(bad):
+        raise BadInput(
+            f"{loaded.path}: {kind} of {name}: no finite number for {len(bad)} of {int(table.ok.sum())} "
+            f"designs with an answer, expected one for each; the first is design {table.design[bad[0]]}"
+        )
+
+
+# maps
+
+
+def map_of(source: Source, figure: Figure) -> StudyMap:
+    """A value over two factors, or its mean over the others where they vary too. Raises BadInput."""
+    x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
+    across, up, shown = (source.quantity(name) for name in (x, y, value))
+    cells, lines = cells_of(source.loaded, source.table, (x, y), value), list[str]()
+    known = np.isfinite(cells.values)
+    if not known.any():
+        raise BadInput(f"{source.loaded.path}: map of {value}: no design to show keeps all constraints, expected some")
+    if cells.averaged:
+        names = ", ".join(source.quantity(name).name for name in cells.averaged)
+        lines.append(
+            f"A cell is the mean over {names}: of {cells.size} designs (median), which scatter by "
+            f"{cells.scatter:.2g}{shown.after} (standard deviation in a cell, median)."
+        )
+    band = value.replace("error_", "band_")
+    if band != value and band in source.table.columns:
+        (found,) = source.table.answered(band)
+        lines.append(
+            f"Mesh band of the error: median {np.median(found):.2g}, largest {found.max():.2g} percentage points."
+        )
+    numbers = np.column_stack([cells.values, cells.points])
+    ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
+    rows = [(word, *map(source.cleared, (value, x, y), numbers[place])) for word, place in ends]
+    head = {"end": "", **{name: source.heading(name) for name in (value, x, y)}}
+    return StudyMap(
+        source.caption(figure, f"{shown.name} over {across.name} and {up.name}", *lines),
+        *(across, up, shown, cells),
+        (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else (),
+        source.base(x, y),
+        FoundTable("Ends of the map", head, rows),
+    )
+
+
 def cells_of(loaded: LoadedStudy, table: StudyTable, names: tuple[str, str], value: str) -> Cells:
     """The value over two factors; where other factors vary as well, its mean over them in cells of the two."""
     others = tuple(
         column.name for column in loaded.columns if column.name not in names and np.ptp(table.columns[column.name]) > 0
     )
-    points = np.column_stack([table.columns[name] for name in names])
-    kept, values = table.ok & ~table.infeasible, table.columns[value]
+    points, values = np.column_stack([table.columns[name] for name in names]), table.columns[value]
     grid = loaded.study.sampling.method == "grid"
     if not others:
-        missing = dict(table.unanswered) | ({BROKEN: table.infeasible} if table.infeasible.any() else {})
-        return Cells(points, np.where(kept, values, np.nan), missing, grid)
+        missing = {status: table.status == status for status in table.counts if status != "ok"}
+        missing |= {"breaks a constraint": table.infeasible} if table.infeasible.any() else {}
+        return Cells(points, np.where(table.kept, values, np.nan), missing, grid)
     bins = len(points) if grid else int(np.clip(np.sqrt(len(points) / PER_CELL), 2, MOST_CELLS))
     log = {column.name: column.factor.scale == "log" for column in loaded.columns}
     (xs, i), (ys, j) = (_binned(v, bins, log[name]) for v, name in zip(points.T, names, strict=True))
-    cell = (i * len(ys) + j)[kept]
-    count, found = np.bincount(cell, minlength=len(xs) * len(ys)), values[kept]
+    cell, found = (i * len(ys) + j)[table.kept], values[table.kept]
+    count = np.bincount(cell, minlength=len(xs) * len(ys))
     enough = count >= (1 if grid else FEW)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(cell, found, len(count)) / count
@@ -101,18 +478,81 @@ def _binned(column: Array, bins: int, log: bool) -> tuple[Array, Index]:
     return np.asarray(np.exp(centres) if log else centres), np.asarray(group, dtype=np.int64)
 
 
-class Front(NamedTuple):
-    """The best designs among those that can be drawn.
+# fronts
 
-    Attributes
-    ----------
-    places : (m,)
-        Where they are in the sample, from the best in the first value to the best in the second.
-    undrawable : (k,)
-        Places of designs that would be on the front or beyond it, but cannot be drawn.
-    unchecked : int
-        How many of `places` were not tried, because the attempts were used up.
-    """
+
+def front_of(source: Source, figure: Figure) -> ParetoFront:
+    """The designs that no other beats in two columns, and some of them to draw. Raises BadInput."""
+    loaded, table, x, y = source.loaded, source.table, figure.x or "", figure.y or ""
+    rows = np.flatnonzero(table.kept)
+    if len(rows) == 0:
+        raise BadInput(f"{loaded.path}: pareto of {y}: no design keeps all constraints, expected some")
+    points = np.column_stack([table.columns[name][rows] for name in (x, y)])
+
+    def stage_at(place: int) -> Stage | None:
+        design = int(table.design[rows[place]])
+        return drawable(loaded, sample(loaded, design, design + 1)[0])
+
+    def can_be_drawn(place: int) -> bool:
+        return stage_at(place) is not None
+
+    larger = (figure.x_better == "larger", figure.y_better == "larger")
+    attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
+    front = drawable_front(points[:, 0], points[:, 1], larger, can_be_drawn, attempts)
+    best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
+    one, other = (np.log(v) if name in log or wide(v) else v for name, v in zip((x, y), best.T, strict=True))
+    x_name, y_name = (source.quantity(name) for name in (x, y))
+    x_name, y_name = (q._replace(log=q.log or wide(v)) for q, v in zip((x_name, y_name), points.T, strict=True))
+    names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
+    columns = {name: source.cleared(name, table.columns[name][rows[front.places]]) for name in names}
+    chosen = []
+    for k in spread(one, other, figure.drawn).tolist():
+        place, stage = int(front.places[k]), stage_at(int(front.places[k]))
+        if stage is not None:
+            numbers = [(source.quantity(name), float(table.columns[name][rows[place]])) for name in names]
+            chosen.append(Chosen(place, stage, numbers))
+    without = {status: n for status, n in table.counts.items() if status != "ok"}
+    without["that break a constraint"] = int(table.infeasible.sum())
+    left_out = [f"not drawn: {counted(without)}"] if any(without.values()) else []
+    if attempts and front.unchecked:
+        left_out.append(f"{front.unchecked} on the front are not known to be drawable")
+    power, gain = power_of(best[:, 0], best[:, 1]), _gain(source, figure, rows, can_be_drawn)
+    said = list[str]()
+    if power is not None:
+        said.append(f"Along the front {y_name.name} goes as {x_name.name} to the power {power:.3g} (least squares).")
+    if gain is not None:
+        said.append(
+            f"The best design no worse in {x_name.name} and no larger than the base stage has {gain:.3g} times its "
+            f"{y_name.name}."
+        )
+    own, sign = source.base(x, y), np.where(larger, 1.0, -1.0)
+    if own is not None and not np.any(np.all(sign * (best - own) >= -SAME * np.abs(own), axis=1)):
+        said.append(
+            "The base stage lies beyond the front: no design of the study that can be drawn and keeps all constraints "
+            "is as good, and it is none of them."
+        )
+    head = {"design": "design", **{name: source.heading(name) for name in names}}
+    numbers_of = zip(table.design[rows[front.places]].tolist(), *columns.values(), strict=True)
+    return ParetoFront(
+        source.caption(figure, f"{y_name.name} against {x_name.name}", *said),
+        x_name,
+        y_name,
+        (figure.x_better, figure.y_better),
+        points,
+        front.places,
+        front.undrawable,
+        chosen,
+        left_out,
+        own,
+        power,
+        gain,
+        FoundTable("Designs of the front", head, [(str(design), *row) for design, *row in numbers_of]),
+    )
+
+
+class Front(NamedTuple):
+    """Places (m,) of the best designs that can be drawn, from the best in x to the best in y; places of those that
+    would be on the front or beyond it but cannot be drawn; and how many of the first were not tried."""
 
     places: Index
     undrawable: Index
@@ -120,14 +560,7 @@ class Front(NamedTuple):
 
 
 def non_dominated(x: Array, y: Array, x_larger: bool = True, y_larger: bool = True) -> Index:
-    """Places (m,) of the designs that no other beats, from the best in x to the best in y.
-
-    Parameters
-    ----------
-    x, y : (n,)
-        Finite.
-    x_larger, y_larger : bool
-        Whether larger is better.
+    """Places (m,) of the designs (n,) that no other beats, from the best in x to the best in y.
 
     Notes
     -----
@@ -146,17 +579,9 @@ def non_dominated(x: Array, y: Array, x_larger: bool = True, y_larger: bool = Tr
 
 
 def drawable_front(
-    x: Array, y: Array, larger: tuple[bool, bool], drawable: Callable[[int], bool], attempts: int
+    x: Array, y: Array, larger: tuple[bool, bool], can_be_drawn: Callable[[int], bool], attempts: int
 ) -> Front:
-    """The front of the designs that can be drawn: those that cannot make room for the ones behind them.
-
-    Parameters
-    ----------
-    x, y, larger
-        As for `non_dominated`.
-    drawable : callable
-        Whether the design at a place can be drawn; called at most `attempts` times.
-    """
+    """The front of the designs that can be drawn: those that cannot make room for the ones behind them."""
     alive, known, lost = np.arange(len(x)), set[int](), list[int]()
     while True:
         places = alive[non_dominated(x[alive], y[alive], *larger)]
@@ -165,40 +590,82 @@ def drawable_front(
         if not tried:
             return Front(places, np.array(sorted(lost), dtype=np.int64), len(fresh))
         known.update(tried)
-        found = [place for place in tried if not drawable(place)]
+        found = [place for place in tried if not can_be_drawn(place)]
         lost += found
         alive = alive[~np.isin(alive, found)]
 
 
 def spread(x: Array, y: Array, count: int) -> Index:
-    """Places (at most `count`,) along a front (m,) in order, ends included, about equally far apart along it.
-
-    Distances are measured with both spans taken as one.
-    """
+    """Places (at most `count`,) along a front (m,), ends included, about equally far apart, both spans taken as one."""
     steps = np.hypot(*(np.diff(v) / (np.ptp(v) or 1.0) for v in (x, y)))
     along = np.concatenate([[0.0], np.cumsum(steps)])
     targets = np.linspace(0.0, along[-1], count) if count > 1 else along[-1:] / 2
     return np.unique(np.abs(along[:, None] - targets).argmin(axis=0))
 
 
-class Percentile(NamedTuple):
-    """A percentile of a sample and its confidence interval; an end is infinite where the sample is too small for it."""
+def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
+    """The stage of factor values (columns,), None when it cannot be made."""
+    try:
+        stage = stage_of(loaded, values)
+        check_feasible(stage)
+    except (BadInput, ValidationError):
+        return None
+    return stage
 
-    percent: float
-    value: float
-    low: float
-    high: float
+
+def power_of(x: Array, y: Array) -> float | None:
+    """Slope of log y over log x (m,), by least squares; None for one x alone, or values that are not positive."""
+    if np.min(x) <= 0 or np.min(y) <= 0 or np.ptp(np.log(x)) == 0:
+        return None
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def _gain(source: Source, figure: Figure, rows: Index, can_be_drawn: Callable[[int], bool]) -> float | None:
+    """What the best drawable design gains in y over the base stage, at no cost in x and size."""
+    x, y, nominal = figure.x or "", figure.y or "", source.nominal
+    if not {x, y, SIZE} <= nominal.keys() or nominal[y] == 0:
+        return None
+    reached, gained, size = (source.table.columns[name][rows] for name in (x, y, SIZE))
+    sign = {"larger": 1.0, "smaller": -1.0}
+    fits = np.flatnonzero((sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE]))
+    ordered = fits[np.argsort(-sign[figure.y_better] * gained[fits], kind="stable")]
+    best = next((place for place in ordered[:ATTEMPTS].tolist() if can_be_drawn(place)), None)
+    return None if best is None else float(gained[best] / nominal[y])
+
+
+# percentiles
+
+
+def distribution_of(source: Source, figure: Figure) -> Distribution:
+    """How values scatter, with percentiles whose intervals hold for independent draws."""
+    loaded, table, scatters, rows = source.loaded, source.table, [], list[Sequence[str | float]]()
+    saltelli = loaded.study.sampling.method == "saltelli"  # whose rows of one Sobol point are one draw
+    draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None
+    for name in figure.values or ():
+        (values,), called = table.answered(name), source.quantity(name)
+        scatters.append(Scatter(called, values, percentiles(values, MARKED, draws), source.nominal.get(name)))
+        for p, *ends in scatters[-1].percentiles:
+            rows.append((called.name, called.unit, f"{p:g}{SPACE}%", *source.cleared(name, ends)))
+        if name in source.nominal:
+            base = source.cleared(name, source.nominal[name])
+            rows.append((called.name, called.unit, "base stage", base, np.nan, np.nan))
+    line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
+    if loaded.given is not None:
+        line += " They hold if the designs of the table are independent draws."
+    elif loaded.study.sampling.method != "monte_carlo":
+        line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
+    head = {"quantity": "value", "unit": "unit", "percent": "percentile", "value": "", "low": "from", "high": "to"}
+    found = FoundTable("Percentiles with 95 % confidence intervals", head, rows)
+    return Distribution(source.caption(figure, "How the values scatter", line), scatters, found)
 
 
 def percentiles(
     values: Array, percent: Sequence[float], draws: Index | None = None, confidence: float = CONFIDENCE
 ) -> list[Percentile]:
-    """Percentiles of a sample and their distribution-free confidence intervals.
+    """Percentiles of a sample (n,) and their distribution-free confidence intervals.
 
     Parameters
     ----------
-    values : (n,)
-        At least one, finite, in any order.
     percent : sequence of float
         Between 0 and 100, both excluded.
     draws : (n,), optional
@@ -230,26 +697,45 @@ def percentiles(
     return found
 
 
-class Indices(NamedTuple):
-    """Sobol indices of one value, (k,) in the order of the factors, and half-widths of their confidence intervals.
+# Sobol indices
 
-    `total` and `total_band` are None where the sample does not tell them.
-    """
 
-    first: Array
-    first_band: Array
-    total: Array | None = None
-    total_band: Array | None = None
+def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
+    """Sobol indices of several values by every factor. Raises BadInput."""
+    loaded, names = source.loaded, figure.values or ()
+    shares = [Share(source.quantity(name), sensitivity(loaded, source.table, name)) for name in names]
+    lines = ["Sobol indices; whiskers: 95 % confidence."]
+    if loaded.study.sampling.method != "saltelli":
+        lines[0] = (
+            "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
+            'confidence. Total indices need method = "saltelli".'
+        )
+        if loaded.study.correlation or loaded.given is not None or not source.table.ok.all():
+            lines[0] += " Factors may depend on one another, if only by the designs without an answer: shares overlap."
+    lines += map(sentence, source.unseen)
+    factors = [factor(column).name for column in loaded.columns]
+    parts = {
+        "first": "first order: alone",
+        "first_band": "±",
+        "total": "total: with its interactions",
+        "total_band": "±",
+    }
+    told = [name for name in parts if all(getattr(share.indices, name) is not None for share in shares)]
+    rows: list[Sequence[str | float]] = [
+        (called, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in told))
+        for share in shares
+        for k, called in enumerate(factors)
+    ]
+    head = {"factor": "factor", "quantity": "of the variance of", **{name: parts[name] for name in told}}
+    found = FoundTable("Sobol indices with 95 % confidence", head, rows)
+    return Sensitivity(source.caption(figure, "Which factor causes the variance", *lines), shares, factors, found)
 
 
 def sensitivity(loaded: LoadedStudy, table: StudyTable, value: str) -> Indices:
     """Sobol indices of an output column: first order, and total where Saltelli's scheme was sampled.
 
-    Raises
-    ------
-    BadInput
-        The study is not sampled for it; a design of Saltelli's scheme has no answer (each belongs to as many
-        differences as there are factors, so that none can be left out); too few have one; or the value does not vary.
+    Raises BadInput: a design of Saltelli's scheme has no answer (each belongs to as many differences as there are
+    factors, so that none can be left out); too few have one; or the value does not vary.
     """
     where, method = f"{loaded.path}: sensitivity of {value}", loaded.study.sampling.method
     if method == "saltelli":
@@ -353,177 +839,3 @@ def scale_of(table: StudyTable, value: str) -> float:
         one, other = CROSS[value]
         return float(np.sqrt(np.median(table.columns[one] * table.columns[other])))
     return float(np.abs(table.columns[value]).max())
-
-
-class Extremes(NamedTuple):
-    """Of a map: the least and the most of its value, (value, x, y) each, in file units; and its cells."""
-
-    least: tuple[float, float, float]
-    most: tuple[float, float, float]
-    cells: Cells
-
-
-class Marks(NamedTuple):
-    """Of a distribution: the percentiles `MARKED` of every value."""
-
-    percentiles: Mapping[str, Sequence[Percentile]]
-
-
-class Shares(NamedTuple):
-    """Of a sensitivity: the indices of every value, in the order of the columns `factors`."""
-
-    factors: Sequence[str]
-    indices: Mapping[str, Indices]
-
-
-class Best(NamedTuple):
-    """Of a Pareto figure: places are among the designs that have an answer.
-
-    Attributes
-    ----------
-    front : Front
-        The best designs.
-    unchecked : int
-        How many of them may turn out impossible to draw.
-    chosen, values : mapping
-        Some of them as stages, and their factors (columns,), by place, in the order of the front.
-    power : float, optional
-        Slope of log y over log x along the front, least squares; None where it has none.
-    gain : float, optional
-        y over the base stage's y, of the best design no worse in x and no larger; None where there is none.
-    """
-
-    front: Front
-    unchecked: int
-    chosen: Mapping[int, Stage]
-    power: float | None
-    gain: float | None
-    values: Mapping[int, Array]
-
-
-class Refused(NamedTuple):
-    """Of a figure that cannot be drawn from this table: why, in one line."""
-
-    reason: str
-
-
-Shown: TypeAlias = Extremes | Marks | Shares | Best | Refused
-
-
-def findings(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float]) -> list[Shown]:
-    """What every figure of a study file shows.
-
-    Parameters
-    ----------
-    nominal : mapping
-        The base stage's values by column, where known.
-
-    Raises
-    ------
-    BadInput
-        Nothing has an answer; a figure that cannot be drawn for reasons of its own is `Refused`.
-    """
-    if not table.ok.any():
-        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
-    found = list[Shown]()
-    for figure in loaded.study.figure:
-        try:
-            found.append(_finding(loaded, table, nominal, figure))
-        except BadInput as error:
-            found.append(Refused(str(error)))
-    return found
-
-
-def _finding(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Shown:
-    for name, _ in figure.columns.values():
-        bad = np.flatnonzero(table.ok & ~np.isfinite(table.columns[name]))
-        if len(bad):
-            raise BadInput(
-                f"{loaded.path}: {figure.kind} of {name}: no finite number for {len(bad)} of {int(table.ok.sum())} "
-                f"designs with an answer, expected one for each; the first is design {table.design[bad[0]]}"
-            )
-    names = figure.values or ()
-    match figure.kind:
-        case "map":
-            cells = cells_of(loaded, table, (figure.x or "", figure.y or ""), figure.value or "")
-            known = np.isfinite(cells.values)
-            if not known.any():
-                raise BadInput(
-                    f"{loaded.path}: map of {figure.value}: no design to show keeps all constraints, expected some"
-                )
-            value, (x, y) = cells.values[known], cells.points[known].T
-            least, most = ((float(value[k]), float(x[k]), float(y[k])) for k in (value.argmin(), value.argmax()))
-            return Extremes(least, most, cells)
-        case "distribution":
-            saltelli = loaded.study.sampling.method == "saltelli"  # whose rows of one Sobol point are one draw
-            draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None
-            return Marks({name: percentiles(table.answered(name)[0], MARKED, draws) for name in names})
-        case "sensitivity":
-            factors = [column.name for column in loaded.columns]
-            return Shares(factors, {name: sensitivity(loaded, table, name) for name in names})
-        case "pareto":
-            return _best(loaded, table.considered, nominal, figure)
-
-
-def _best(loaded: LoadedStudy, table: StudyTable, nominal: Mapping[str, float], figure: Figure) -> Best:
-    x, y = table.answered(figure.x or "", figure.y or "")
-    if len(x) == 0:
-        raise BadInput(f"{loaded.path}: pareto of {figure.y}: no design keeps all constraints, expected some")
-    answered = table.design[table.ok]
-
-    def values_at(place: int) -> Array:
-        return np.asarray(sample(loaded, int(answered[place]), int(answered[place]) + 1)[0])
-
-    def can_be_drawn(place: int) -> bool:
-        return drawable(loaded, values_at(place)) is not None
-
-    larger = (figure.x_better == "larger", figure.y_better == "larger")
-    attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
-    front = drawable_front(x, y, larger, can_be_drawn, attempts)
-    log = {column.name for column in loaded.columns if column.factor.scale == "log"}
-    one, other = (
-        np.log(v[front.places]) if name in log or wide(v[front.places]) else v[front.places]
-        for name, v in ((figure.x, x), (figure.y, y))
-    )
-    values = {int(place): values_at(int(place)) for place in front.places[spread(one, other, figure.drawn)]}
-    chosen = {place: drawable(loaded, row) for place, row in values.items()}
-    return Best(
-        front,
-        front.unchecked if attempts else 0,
-        {place: stage for place, stage in chosen.items() if stage is not None},
-        power_of(x[front.places], y[front.places]),
-        _gain(table, nominal, figure, can_be_drawn),
-        values,
-    )
-
-
-def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
-    """The stage of factor values (columns,), None when it cannot be made."""
-    try:
-        stage = stage_of(loaded, values)
-        check_feasible(stage)
-    except (BadInput, ValidationError):
-        return None
-    return stage
-
-
-def power_of(x: Array, y: Array) -> float | None:
-    """Slope of log y over log x (m,), by least squares; None for one x alone, or values that are not positive."""
-    if np.min(x) <= 0 or np.min(y) <= 0 or np.ptp(np.log(x)) == 0:
-        return None
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
-
-
-def _gain(
-    table: StudyTable, nominal: Mapping[str, float], figure: Figure, can_be_drawn: Callable[[int], bool]
-) -> float | None:
-    """What the best drawable design gains in y over the base stage, at no cost in x and size."""
-    x, y = figure.x or "", figure.y or ""
-    if not {x, y, SIZE} <= nominal.keys() or nominal[y] == 0:
-        return None
-    reached, gained, size = table.answered(x, y, SIZE)
-    sign = {"larger": 1.0, "smaller": -1.0}
-    fits = np.flatnonzero((sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE]))
-    ordered = fits[np.argsort(-sign[figure.y_better] * gained[fits], kind="stable")]
-    best = next((place for place in ordered[:ATTEMPTS].tolist() if can_be_drawn(place)), None)
-    return None if best is None else float(gained[best] / nominal[y])

@@ -223,8 +223,8 @@ def given_of(path: Path, columns: Sequence[Column]) -> Given:
         finite number or outside the limits of its key. One line naming file, row, column, value and what was expected.
     """
     path = Path(os.path.abspath(path))
-    digest = _digest(path, _signature(path))
-    values = _table(path, digest, tuple(column.name for column in columns))
+    given = Given(path, _digest(path, _signature(path)), 0)
+    values = _rows(given, tuple(column.name for column in columns))
     if len(values) == 0:
         raise BadInput(f"{place_of(path)}: no rows, expected one for each design")
     for column, found in zip(columns, values.T, strict=True):
@@ -232,26 +232,25 @@ def given_of(path: Path, columns: Sequence[Column]) -> Given:
             bad = np.flatnonzero(~np.isfinite(found) | key.impossible(found))
             if len(bad):
                 value = float(found[bad[0]])
-                finite = np.isfinite(value)
-                expected = f"{key.expected(value)} for {key.path}" if finite else "a finite number"
-                raise BadInput(
-                    f"{place_of(path)}: row {bad[0] + 1}, column {shown(column.name)} = {value:g}, expected {expected}"
-                )
-    return Given(path, digest, len(values))
+                expected = f"{key.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
+                at = f"row {bad[0] + 1}, column {shown(column.name)}"
+                raise BadInput(f"{place_of(path)}: {at} = {value:g}, expected {expected}")
+    return given._replace(rows=len(values))
 
 
 def _signature(path: Path) -> tuple[int, ...]:
     """What changes when a file is written: inode, size and time of its last change."""
+    where = place_of(path)
     if path.suffix not in FORMATS:
-        raise BadInput(f"{place_of(path)}, expected a file name that ends in {' or '.join(FORMATS)}")
+        raise BadInput(f"{where}, expected a file name that ends in {' or '.join(FORMATS)}")
     if path.exists() and not path.is_file():
-        raise BadInput(f"{place_of(path)}: a folder, pipe or device, expected a table of designs")
+        raise BadInput(f"{where}: a folder, pipe or device, expected a table of designs")
     try:
         status = path.stat()
         return status.st_ino, status.st_size, status.st_mtime_ns
     except (OSError, ValueError) as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else "cannot be read"
-        raise BadInput(f"{place_of(path)}: {reason}, expected a table of designs") from None
+        raise BadInput(f"{where}: {reason}, expected a table of designs") from None
 
 
 @lru_cache(maxsize=4)
@@ -266,9 +265,7 @@ def _digest(path: Path, signature: tuple[int, ...]) -> str:
 def _rows(given: Given, names: tuple[str, ...]) -> Array:
     """Values (rows, columns) of a table of designs. Raises BadInput when its file has changed."""
     if _digest(given.path, _signature(given.path)) != given.digest:
-        raise BadInput(
-            f"{place_of(given.path)}: changed since the study was read, expected the same content: run again"
-        )
+        raise BadInput(f"{place_of(given.path)}: changed since the study was read, expected its content: run again")
     return _table(given.path, given.digest, names)
 
 
@@ -279,53 +276,42 @@ def _table(path: Path, digest: str, names: tuple[str, ...]) -> Array:
     import pyarrow.csv
     import pyarrow.parquet as pq
 
-    where = place_of(path)
+    where, csv = place_of(path), path.suffix == ".csv"
     try:
-        if path.suffix == ".csv":
-            options = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-            found = pyarrow.csv.read_csv(path, convert_options=options)
+        if csv:
+            texts = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+            found = pyarrow.csv.read_csv(path, convert_options=texts)
         else:
-            found = pq.read_table(path, columns=list(dict.fromkeys(names)) if _has(path, names) else None)
+            found = pq.read_table(path)
     except (pa.ArrowException, OSError, ValueError) as error:
-        kind = "CSV with commas between columns" if path.suffix == ".csv" else "a Parquet file, or a damaged one"
+        kind = "CSV with commas between columns" if csv else "a Parquet file, or a damaged one"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
     if found.num_rows * len(names) > MOST_NUMBERS:
-        raise BadInput(
-            f"{where}: {found.num_rows} rows of {len(names)} columns, expected {MOST_NUMBERS} numbers at most"
-        )
-    for name in names:
-        if found.column_names.count(name) != 1:
-            close = (
-                suggestion(name, set(found.column_names)) or f", found {one_line(', '.join(found.column_names), 160)}"
-            )
-            state = "is there twice" if name in found.column_names else "is missing"
-            raise BadInput(f"{where}: column {shown(name)} {state}, expected one for each factor{close}")
-    return np.column_stack([_numbers(where, name, found[name]) for name in names])
+        size = f"{found.num_rows} rows of {len(names)} columns"
+        raise BadInput(f"{where}: {size}, expected {MOST_NUMBERS} numbers at most")
+    there, values = found.column_names, np.empty((found.num_rows, len(names)))
+    for k, name in enumerate(names):
+        at = f"column {shown(name)}"
+        if there.count(name) != 1:
+            close = suggestion(name, set(there)) or f", found {one_line(', '.join(there), 160)}"
+            state = "is there twice" if name in there else "is missing"
+            raise BadInput(f"{where}: {at} {state}, expected one for each factor{close}")
+        if not (csv or pa.types.is_integer(found[name].type) or pa.types.is_floating(found[name].type)):
+            raise BadInput(f"{where}: {at} of {found[name].type}, expected numbers")
+        try:
+            values[:, k] = found[name].cast(pa.float64()).to_numpy()  # empty cells of Parquet as nan
+        except pa.ArrowException:
+            texts = enumerate(found[name].to_pylist(), 1)
+            row, text = next(each for each in texts if not _is_number(each[1]))
+            raise BadInput(f"{where}: row {row}, {at} = {shown(text)}, expected a number") from None
+    return values
 
 
-def _has(path: Path, names: tuple[str, ...]) -> bool:
-    import pyarrow.parquet as pq
-
-    there = pq.read_schema(path).names
-    return all(there.count(name) == 1 for name in names)
-
-
-def _numbers(where: str, name: str, column: Any) -> Array:
-    """A column as numbers, empty cells of Parquet as nan. Raises BadInput at the first text that is none."""
-    import pyarrow as pa
-
-    text = where.endswith(".csv") and pa.types.is_string(column.type)
-    if not (text or pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-        raise BadInput(f"{where}: column {shown(name)} of {column.type}, expected numbers")
+def _is_number(text: Any) -> bool:
     try:
-        return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
-    except pa.ArrowException:
-        for row, text in enumerate(column.to_pylist(), 1):
-            try:
-                float(text)
-            except (TypeError, ValueError):
-                raise BadInput(f"{where}: row {row}, column {shown(name)} = {shown(text)}, expected a number") from None
-        raise
+        return bool(text) and float(text) is not None
+    except (TypeError, ValueError):
+        return False
 
 
 def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:

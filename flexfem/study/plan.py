@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, reduce
 from types import CodeType
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
@@ -57,19 +57,16 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": lambda *each: reduce(np.maximum, each),
     "_f": np.float64,
 }
+_NODES = (
+    *(ast.Expression, ast.Name, ast.Load, ast.Constant, ast.UnaryOp, ast.USub, ast.UAdd),
+    *(ast.BinOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow),
+)
 _ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(list(_FUNCTIONS)[:-1])}"
-
-
-class Parsed(NamedTuple):
-    """A compiled expression, and by name what stands for it there."""
-
-    code: CodeType
-    names: Mapping[str, str]
 
 
 def names_in(text: str) -> tuple[str, ...]:
     """Names that an expression uses, each once. Raises ValueError, saying what was expected, where it is none."""
-    return tuple(_parsed(text).names)
+    return tuple(_parsed(text)[1])
 
 
 def value_of(text: str, values: Mapping[str, Array]) -> Array:
@@ -86,7 +83,8 @@ def value_of(text: str, values: Mapping[str, Array]) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> Parsed:
+def _parsed(text: str) -> tuple[CodeType, Mapping[str, str]]:
+    """A compiled expression, and by name what stands for it there."""
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
     names, pieces, end = dict[str, str](), list[str](), 0
@@ -105,33 +103,26 @@ def _parsed(text: str) -> Parsed:
         tree = ast.parse("".join(pieces).strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise ValueError(_ALLOWED) from None
-    _require_arithmetic(tree.body, set(names.values()), DEEPEST)
+    if not all(map(_is_arithmetic, ast.walk(tree))):
+        raise ValueError(_ALLOWED)
+    if _depth(tree.body) > DEEPEST:
+        raise ValueError(f"at most {DEEPEST} operations one inside the other")
     if not names:
         raise ValueError("the name of a column or key, not numbers alone")
-    return Parsed(compile(tree, "expression", "eval"), names)
+    return compile(tree, "expression", "eval"), names
 
 
-def _require_arithmetic(tree: ast.AST, names: set[str], depth: int) -> None:
-    """Raise ValueError where a node is no arithmetic, or lies too deep."""
-    if depth == 0:
-        raise ValueError(f"at most {DEEPEST} operations one inside the other")
-    match tree:
-        case ast.Call(func=ast.Name(id="_f"), args=[ast.Constant(value=float())], keywords=[]):
-            inner: list[ast.expr] = []
-        case ast.Name(id=name) if name in names:
-            inner = []
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            inner = [operand]
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow(), right=right):
-            inner = [left, right]
-        case ast.Call(func=ast.Name(id=name), args=[_, *more], keywords=[]) if name in _FUNCTIONS and name != "_f":
-            if bool(more) != (name in ("min", "max")):
-                raise ValueError(_ALLOWED)
-            inner = tree.args
-        case _:
-            raise ValueError(_ALLOWED)
-    for node in inner:
-        _require_arithmetic(node, names, depth - 1)
+def _is_arithmetic(node: ast.AST) -> bool:
+    """Whether a node is one of arithmetic; names and numbers are those that `_parsed` put there."""
+    if isinstance(node, ast.Call):
+        name, several = getattr(node.func, "id", ""), len(node.args) > 1
+        return name in _FUNCTIONS and bool(node.args) and not node.keywords and several == (name in ("min", "max"))
+    return isinstance(node, _NODES)
+
+
+def _depth(node: ast.AST) -> int:
+    inner = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.Call | ast.UnaryOp | ast.BinOp)]
+    return 1 + max(map(_depth, inner), default=0)
 
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
@@ -160,22 +151,30 @@ def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: 
             raise refusal(f"no {name} with {choice}", name)
 
 
-def _wanted(method: Method) -> tuple[str, ...]:
-    """The keys that a method needs beside it; it takes no others."""
-    size = {"saltelli": "base"}.get(method, "designs")
-    return {"grid": (), "table": ("file",)}.get(method, (size, "seed"))
+_WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it; it takes no others
+    "grid": (),
+    "table": ("file",),
+    "saltelli": ("base", "seed"),
+    **dict.fromkeys(("latin_hypercube", "sobol", "monte_carlo"), ("designs", "seed")),
+}
 
 
-def _of_method(method: Method) -> Rule:
-    held = [{"properties": {"designs": {"maximum": MOST_HELD}}}] if method in HELD else []
-    return when(says("method", method), both(has(*_wanted(method)), only("method", *_wanted(method)), *held))
+def _of(key: str, value: str, needed: tuple[str, ...], possible: tuple[str, ...], *more: Rule) -> Rule:
+    """Where a key says a value there are the keys that this needs, and none but those that are possible with it."""
+    return when(says(key, value), both(has(*needed), only(key, *needed, *possible), *more))
+
+
+_OF_METHODS = [
+    _of("method", name, keys, (), *([{"properties": {"designs": {"maximum": MOST_HELD}}}] if name in HELD else []))
+    for name, keys in _WANTED.items()
+]
 
 
 class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(*(_of_method(method) for method in get_args(Method))))
+    model_config = ConfigDict(json_schema_extra=ruled(*_OF_METHODS))
 
     method: Method = Field(
         description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
@@ -209,7 +208,7 @@ class Sampling(Table):
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
-        _require_keys(self, f'method = "{self.method}"', _wanted(self.method), ("method",))
+        _require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method in HELD and (self.designs or 0) > MOST_HELD:
@@ -318,15 +317,14 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
     return matrix
 
 
-def _of_kind(kind: FigureKind) -> Rule:
-    needed, possible = _KEYS_OF[kind]
-    return when(says("kind", kind), both(has(*needed), only("kind", "title", *needed, *possible)))
-
-
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(*(_of_kind(kind) for kind in get_args(FigureKind))))
+    model_config = ConfigDict(
+        json_schema_extra=ruled(
+            *(_of("kind", name, needed, ("title", *more)) for name, (needed, more) in _KEYS_OF.items())
+        )
+    )
 
     kind: FigureKind = Field(
         description="`map` of an output over two factors, in whose cells means over the other factors are; "
@@ -370,12 +368,7 @@ class Figure(Table):
         return found | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
 
 
-Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
-Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
-Mass: TypeAlias = Annotated[float, *quantities.from_zero(quantities.MASS)]
-Inertia: TypeAlias = Annotated[float, *quantities.from_zero(quantities.INERTIA)]
 Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLITUDE)]
-Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES)]
 
 
 class DriveQuestion(Table):
@@ -397,12 +390,12 @@ class DriveQuestion(Table):
         "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
         "drawn, 6 ms each",
     )
-    stroke_um: Stroke | None = Field(
+    stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(
         default=None,
         description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
         examples=[17.4],
     )
-    lever_arm_mm: Length | None = Field(
+    lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(
         default=None, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
     )
 
@@ -427,8 +420,12 @@ class DriveQuestion(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg: Mass = Field(default=0.0, description="Mass on the platform at its centre", examples=[0.2])
-    payload_kg_mm2: Inertia = Field(default=0.0, description="Its moment of inertia about that", examples=[40.0])
+    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(
+        default=0.0, description="Mass on the platform at its centre", examples=[0.2]
+    )
+    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(
+        default=0.0, description="Its moment of inertia about that", examples=[40.0]
+    )
 
 
 class Drifting(Table):
@@ -455,7 +452,9 @@ class Lasting(Table):
     ratio: float = Field(
         default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
     )
-    cycles: Cycles = Field(default=1e6, description="The wanted life", json_schema_extra=COUNT)
+    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(
+        default=1e6, description="The wanted life", json_schema_extra=COUNT
+    )
     notch_sensitivity: float = Field(
         default=1.0,
         ge=0,
@@ -626,7 +625,7 @@ class Study(Sourced):
         default=60.0,
         alias="time_limit_s",
         description="For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s "
-        "longer is killed and replaced, on this machine or of Dask. Counted from when the worker has loaded the "
+        "longer is killed and replaced. Counted from when the worker has loaded the "
         "design; time in which it, or the whole run, is stopped does not count",
     )
     sampling: Sampling = Field(description="Which designs. At most 10^9 of them")

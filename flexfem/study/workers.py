@@ -1,25 +1,22 @@
-"""Worker processes behind `concurrent.futures`: loky on this machine, Dask on a cluster; and what decides results."""
+"""Worker processes of this machine by loky, the tasks that they are given, and the versions that decide results."""
 
 from __future__ import annotations
 
 import hashlib
-import importlib
-import logging
 import os
-import re
 import signal
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from flexfem.files.refusals import one_line
@@ -28,10 +25,8 @@ from flexfem.refused import BadInput, ComputationFailed
 
 PACKAGE = Path(__file__).parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
-CONNECT = 10.0  # s, for a scheduler to answer
 LOADING = 300.0  # s, for the first worker to start on a busy machine
 POLL = 0.25  # s
-AHEAD = 2  # tasks a thread of a cluster, so that none waits for the network
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -43,40 +38,17 @@ class Failure(NamedTuple):
 
 
 class Workers:
-    """Processes that compute tasks; those that die or exceed a limit are replaced, and the task at fault is named.
+    """So many processes that compute tasks; those that die or exceed a limit are replaced, the task at fault named."""
 
-    Parameters
-    ----------
-    count : int
-        Processes of this machine.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers compute instead. They need no folder in common with this machine.
-
-    Raises
-    ------
-    BadInput
-        The scheduler does not answer.
-    """
-
-    def __init__(self, count: int, scheduler: str | None = None, say: Callable[[str], object] = lambda text: None):
-        self._count, self._where = count, f"--scheduler {scheduler}: " if scheduler else ""
-        self._client: Any = _client(scheduler) if scheduler else None
-        self._executor: Executor | None = None
-        if self._client is not None:
-            self._executor = self._client.get_executor(pure=False, retries=0)
-            if not self._client.nthreads():
-                say(f"no worker of {scheduler} is running: waiting for one")
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._pool: Any = None
 
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
-    @property
-    def width(self) -> int:
-        """Tasks that keep all workers busy."""
-        return self._count if self._client is None else max(1, AHEAD * sum(self._client.nthreads().values()))
+    def __exit__(self, *_: object) -> None:
+        self._kill()
 
     def results(
         self,
@@ -93,12 +65,12 @@ class Workers:
         next_task : callable
             The arguments of the next task, or None; asked again after every result, so that tasks may be added.
         limit : callable
-            Seconds that a task may take on this machine. On a cluster only gmsh has a limit, by its own process.
+            Seconds that a task may take.
 
         Raises
         ------
-        ComputationFailed
-            Workers cannot start, or the scheduler is lost.
+        BadInput, ComputationFailed
+            The function raises it; or workers cannot start.
 
         Notes
         -----
@@ -108,23 +80,26 @@ class Workers:
         running: dict[Future[Any], tuple[tuple[Any, ...], float]] = {}
         suspects, again = deque[tuple[Any, ...]](), deque[tuple[Any, ...]]()
         while True:
-            while len(running) < (1 if suspects else self.width):
+            while len(running) < (1 if suspects else self._count):
                 task = suspects[0] if suspects else again.popleft() if again else next_task()
                 if task is None:
                     break
                 running[self._submit(function, task)] = task, time.monotonic() + limit(task)
-                if suspects:
-                    break
             if not running:
                 return
             found, broken = list[tuple[tuple[Any, ...], Any]](), list[tuple[Any, ...]]()
             for future in wait(running, POLL, FIRST_COMPLETED).done:
                 task, _ = running.pop(future)
                 try:
-                    found.append((task, self._result(future)))
+                    found.append((task, future.result()))
                 except BrokenProcessPool:
                     broken.append(task)
-            late = [future for future, (_, end) in running.items() if time.monotonic() > end and self._client is None]
+                except (BadInput, ComputationFailed):
+                    raise
+                except Exception as error:
+                    reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
+                    raise ComputationFailed(f"a worker cannot answer: {reason}") from None
+            late = [future for future, (_, end) in running.items() if time.monotonic() > end]
             for future in late:
                 task, _ = running.pop(future)
                 found.append((task, Failure("time limit", f"no answer in {limit(task):g} s")))
@@ -138,7 +113,6 @@ class Workers:
                     found += [(task, Failure("crashed", "the worker died")) for task in lost]
                 else:
                     suspects.extend(lost)
-                    lost = []
             if suspects and any(task is suspects[0] for task, _ in found):
                 suspects.popleft()
             yield from found
@@ -146,61 +120,32 @@ class Workers:
     def _submit(self, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
         try:
             with signals_held():
-                return (self._executor or self._start()).submit(function, *task)
+                return (self._pool or self._start()).submit(function, *task)  # type: ignore[no-any-return]
         except BrokenProcessPool as error:
             broken = Future[Any]()
             broken.set_exception(error)
             return broken
-        except (OSError, RuntimeError, CancelledError) as error:
-            raise ComputationFailed(self._lost(error)) from None
+        except (OSError, RuntimeError) as error:
+            raise ComputationFailed(f"worker processes cannot be started: {one_line(str(error), 200)}") from None
 
-    def _start(self) -> Executor:
-        """Start the processes of this machine, and wait until one of them answers."""
+    def _start(self) -> Any:
+        """Start the processes, and wait until one of them answers."""
         from loky import ProcessPoolExecutor
 
         about = {"env": ONE_THREAD, "initializer": _begin, "initargs": (os.getpid(),)}
-        pool: Executor = ProcessPoolExecutor(self._count, timeout=None, **about)
-        self._executor = pool
+        self._pool = ProcessPoolExecutor(self._count, timeout=None, **about)
         try:
-            pool.submit(os.getpid).result(LOADING)
+            self._pool.submit(os.getpid).result(LOADING)
         except (BrokenProcessPool, TimeoutError):
             self._kill()
             raise ComputationFailed("worker processes end before they begin: is flexfem installed for them?") from None
-        return pool
-
-    def _result(self, future: Future[Any]) -> Any:
-        """The result of a task that is done, or the `Failure` of one that ended several workers of a cluster."""
-        try:
-            return future.result()
-        except (BrokenProcessPool, BadInput, ComputationFailed):
-            raise
-        except CancelledError as error:
-            raise ComputationFailed(self._lost(error)) from None
-        except Exception as error:
-            if type(error).__name__ == "KilledWorker":
-                return Failure("crashed", "the worker died")
-            if self._client is not None and self._client.status not in ("running", "connecting"):
-                raise ComputationFailed(self._lost(error)) from None
-            reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
-            raise ComputationFailed(f"{self._where}a worker cannot answer: {reason}") from None
-
-    def _lost(self, error: BaseException) -> str:
-        if self._client is None:
-            return f"worker processes cannot be started: {one_line(str(error), 200)}"
-        return f"{self._where}lost; parts are kept, run again to go on"
+        return self._pool
 
     def _kill(self) -> None:
-        """End all processes of this machine, with those that they have started."""
-        if self._client is None and self._executor is not None:
-            executor, self._executor = self._executor, None
-            executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
-
-    def close(self) -> None:
-        """End the workers of this machine at once; leave a cluster."""
-        self._kill()
-        if self._client is not None:
-            with suppress(Exception):  # a scheduler that is gone
-                self._client.close(timeout=5.0)
+        """End all processes, with those that they have started."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.shutdown(wait=True, kill_workers=True)
 
 
 def _begin(parent: int) -> None:
@@ -233,22 +178,6 @@ def signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _client(address: str) -> Any:
-    try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise BadInput(f"--scheduler {address}: Dask is not installed, expected flexfem[dask]") from None
-    if not re.fullmatch(r"((tcp|ws)://)?[^/\s]+:[0-9]{1,5}", address):
-        raise BadInput(f"--scheduler {address}, expected host:port, such as tcp://127.0.0.1:8786")
-    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is reported in one line
-    try:
-        return distributed.Client(address, timeout=CONNECT, set_as_default=False)
-    except (OSError, RuntimeError, ValueError, CancelledError) as error:
-        reason = one_line(str(error), 200) or f"no word in {CONNECT:g} s"
-        raise BadInput(f"--scheduler {address}: no scheduler answers there: {reason}") from None
-
-
 @lru_cache
 def versions_of(meshed: bool) -> Mapping[str, str]:
     """Versions by name of what decides results, `meshed` when finite elements take part.
@@ -256,8 +185,12 @@ def versions_of(meshed: bool) -> Mapping[str, str]:
     Those of flexfem and the libraries; of a checkout or an editable installation of flexfem also a hash of its files;
     and a hash of the file that the user gives by `--with`.
     """
-    names = ("flexfem", "numpy", "scipy", "shapely", *(("gmsh", "scikit-fem", "cvxopt") if meshed else ()))
-    found = {"python": ".".join(map(str, sys.version_info[:2]))} | {name: _version(name) for name in names}
+    found = {"python": ".".join(map(str, sys.version_info[:2]))}
+    for name in ("flexfem", "numpy", "scipy", "shapely", *(("gmsh", "scikit-fem", "cvxopt") if meshed else ())):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "none"
     if (PACKAGE.parent / "pyproject.toml").is_file():
         found["sources"] = sources_hash()
     if own_hash():
@@ -282,10 +215,3 @@ def require_same_versions(expected: Mapping[str, str], meshed: bool) -> None:
                 f"a worker has {name} {own.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
                 "expected the same versions everywhere"
             )
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "none"

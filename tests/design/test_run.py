@@ -106,15 +106,13 @@ def test_stage_files_of_a_longer_front_before_are_removed_and_no_others(load, tm
 
 @pytest.mark.parametrize(
     "argument",
-    [{"workers": 0}, {"workers": "2"}, {"workers": True}, {"workers": 2000}, {"scheduler": 5}, {"say": 5}],
+    [{"workers": 0}, {"workers": "2"}, {"workers": True}, {"workers": 2000}, {"say": 5}],
 )
 def test_an_argument_that_cannot_be_is_refused_in_one_line(load, argument):
     path = load(NECK, RANGE).path
     (name,) = argument
     with pytest.raises(BadInput, match=rf"^{name} .*, expected [^\n]*$"):
         flexfem.run_design(path, **argument)
-    with pytest.raises(BadInput, match="workers with a scheduler, expected one of them"):
-        flexfem.run_design(path, None, 2, "tcp://nowhere:1")
 
 
 @pytest.mark.parametrize(("feasible", "agreed", "code"), [(True, True, 0), (True, False, 1), (False, True, 1)])
@@ -128,15 +126,12 @@ def test_the_command_ends_with_one_where_no_design_is_found_or_proven(flexfem, m
 
 def test_the_command_hands_on_its_options_and_prints_the_record_for_machines(flexfem, monkeypatch, tmp_path):
     calls = []
-    monkeypatch.setattr(run, "run_design", lambda *about: calls.append(about[:4]) or recorded())
+    monkeypatch.setattr(run, "run_design", lambda *about: calls.append(about[:3]) or recorded())
     monkeypatch.setattr("flexfem.plot.write.write_design_figures", lambda found, stored: [stored])
     code, out, err = flexfem("design", "wanted.toml", "-o", tmp_path / "out", "--workers", "3", "--json")
     assert code == 1 and json.loads(out) == recorded().model_dump(mode="json")
     assert err.splitlines()[0] == str(tmp_path / "out/wanted-design.json")
-    flexfem("design", "wanted.toml", "--scheduler", "tcp://cluster:1")
-    assert calls == [
-        (Path("wanted.toml"), tmp_path / "out", 3, None), (Path("wanted.toml"), None, 1, "tcp://cluster:1")
-    ]  # fmt: skip
+    assert calls == [(Path("wanted.toml"), tmp_path / "out", 3)]
 
 
 def test_every_number_of_a_record_is_printed(capsys):

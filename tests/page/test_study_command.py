@@ -10,7 +10,7 @@ import pytest
 from flexfem.page import report as page
 from flexfem.studies import run_study
 
-from .test_study import FRONT, GRID, data_of, targets_of
+from .test_study import FRONT, GRID
 
 
 def test_a_study_that_was_not_run_is_refused_in_one_line_and_nothing_is_written(flexfem):
@@ -48,5 +48,4 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
     assert said["sections"] == ["What the study asks", "Stiffness XX against range in X at yield", said["sections"][2]]
     assert "report 1/3: what the study asks" in err and "report 3/3: sources" in err
-    assert len(targets_of(html)) == len(data_of(html)["designs"]) > 2
     assert "flexfem report small.toml -o page.html --folder kept" in html

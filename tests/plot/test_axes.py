@@ -14,11 +14,20 @@ from matplotlib import pyplot
 import flexfem
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.plot.design import sensitivity_figure
-from flexfem.plot.stage import outline_of
-from flexfem.plot.study_figures import Caption, Chosen, ParetoFront, Quantity, Scatter, Share, StudyMap
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.questions.hinges import hinge_review, thickness_review
-from flexfem.study.findings import Indices, Percentile
+from flexfem.study.findings import (
+    Caption,
+    Cells,
+    Chosen,
+    Indices,
+    ParetoFront,
+    Percentile,
+    Quantity,
+    Scatter,
+    Share,
+    StudyMap,
+)
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
@@ -33,12 +42,14 @@ def study_map() -> StudyMap:
     points = np.stack(np.meshgrid([1.0, 2.0, 3.0], [4.0, 5.0, 7.0]), axis=-1).reshape(-1, 2)
     missing = {"refused": np.arange(9) == 8}
     values = np.where(missing["refused"], np.nan, points.sum(axis=1))
-    return StudyMap(CAPTION, X, X, Y, points, values, missing, True, (7.0,), (2.0, 5.0))
+    return StudyMap(CAPTION, X, X, Y, Cells(points, values, missing, True), (7.0,), (2.0, 5.0))
 
 
 def front() -> ParetoFront:
-    chosen = [Chosen(2, outline_of(flexfem.load(STAGE)), ["K: 1"])]
-    return ParetoFront(CAPTION, X, Y, "larger", "larger", POINTS, np.array([2, 1, 0]), np.array([3]), chosen, ["none"])
+    chosen = [Chosen(2, flexfem.load(STAGE), [(Y, 1.0)])]
+    return ParetoFront(
+        CAPTION, X, Y, ("larger", "larger"), POINTS, np.array([2, 1, 0]), np.array([3]), chosen, ["none"]
+    )
 
 
 @cache

@@ -117,16 +117,6 @@ def test_what_the_scalar_path_refuses_is_refused_and_nothing_else(check: str, st
     assert np.array_equal(np.isnan(rows.values).all(axis=1), rows.status == "refused")
 
 
-def test_reasons_are_few_and_begin_with_a_key(studies: Any) -> None:
-    loaded = study(studies, WILD, "calibrated", 21, 4000)
-    reasons = set(answer(loaded, 0, loaded.count).reason) - {""}
-    assert 8 < len(reasons) < 30
-    assert all(":" in reason and not any(digit.isdigit() for digit in reason) for reason in reasons), reasons
-    assert {"hinges.base: t/R off the hinge chart", "hinges.elbow: t/R off the hinge chart"} <= reasons
-    assert not any("H/h" in reason for reason in reasons)  # the chart has every height
-    assert not any("no positive compliance" in reason for reason in reasons)  # a chart says so itself
-
-
 def test_a_singular_stage_is_refused(studies: Any) -> None:
     """Three hinges in line leave a chain of mobility three no compliance along it."""
     straight = (
@@ -146,13 +136,6 @@ def test_any_cut_of_the_designs_answers_the_same(studies: Any) -> None:
     assert np.array_equal(np.concatenate([part.reason for part in parts]), whole.reason)
     values = np.concatenate([part.values for part in parts])
     np.testing.assert_allclose(values[:, :3], whole.values[:, :3], rtol=ROUND_OFF)
-
-
-def test_batches_are_joined_in_order(studies: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded = study(studies, GENTLE, "calibrated", 21, 50)
-    whole = answer(loaded, 3, 47).values
-    monkeypatch.setattr("flexfem.study.answer.BATCH", 7)
-    np.testing.assert_allclose(answer(loaded, 3, 47).values[:, :3], whole[:, :3], rtol=ROUND_OFF)
 
 
 def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(studies: Any) -> None:
@@ -198,14 +181,6 @@ def test_couplings_are_stiffnesses_without_their_units(studies: Any) -> None:
         scale = np.diag(1 / np.sqrt(np.diag(K)))
         bare = scale @ K @ scale
         np.testing.assert_allclose(values[6:9], bare[[0, 0, 1], [1, 2, 2]], rtol=1e-12)
-
-
-def test_couplings_of_a_stage_of_three_equal_chains_vanish(studies: Any) -> None:
-    loaded = study(studies, ('key = "override.2.elbow.neck_mm"\nvalues = [0.47]',), "calibrated", 21, 1)
-    values = dict(zip(loaded.outputs, answer(loaded, 0, 1).values[0], strict=True))
-    assert values["kxx_n_per_mm"] == pytest.approx(values["kyy_n_per_mm"], rel=1e-12)
-    for name in ("coupling_xy", "coupling_xt", "coupling_yt"):
-        assert abs(values[name]) < 1e-12
 
 
 def test_the_notch_concentrates_as_hyperbolic_notches_do() -> None:
@@ -261,15 +236,3 @@ def test_the_highest_neck_stress_is_that_of_finite_elements(studies: Any, plane:
                 force = np.linalg.inv(solved.compliance)[axis] * 1e-3
                 highest = load_case(stage, solved.mesh, solved, force).neck_stress.max()
                 assert found[9 + axis] == pytest.approx(highest, rel=allowed)
-
-
-def test_necks_that_scatter_couple_what_symmetry_keeps_apart(shipped: Any) -> None:
-    """The shipped tolerance study: couplings scatter about zero, the stiffness about that of the stage."""
-    loaded = shipped("tolerance")
-    rows = answer(loaded, 0, 2200)
-    assert set(rows.status) == {"ok"}
-    coupling = rows.values[:, [loaded.outputs.index(name) for name in ("coupling_xy", "coupling_xt", "coupling_yt")]]
-    assert np.all(np.abs(coupling.mean(axis=0)) < 0.2 * coupling.std(axis=0))  # no bias but of second order
-    assert np.all(coupling.std(axis=0) > 1e-3)
-    nominal = analyse(loaded.stage, 21, "calibrated").stiffness[0, 0]
-    assert rows.values[:, 0].mean() == pytest.approx(nominal, rel=2e-3)  # second order in a scatter of 1 %

@@ -82,15 +82,6 @@ def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
         np.testing.assert_array_equal(stage_of(single, values[0]).array("neck")[:, 1], expected)
 
 
-def test_the_base_stage_is_left_as_it_was(studies: Any) -> None:
-    loaded = studies.of(FEW, *FACTORS)
-    before = loaded.stage.hash
-    values = sample(loaded, 0, 3)
-    designs_of(loaded, values)
-    stage_of(loaded, values[0])
-    assert loaded.stage.hash == before
-
-
 @pytest.mark.parametrize("value", [-0.1, 0.0, np.inf, np.nan, 2e4, 1e-9])
 def test_a_value_that_no_file_can_give_is_refused_by_its_key(value: float, studies: Any) -> None:
     loaded = studies.of(FEW, 'key = "hinges.base.neck_mm"\ndistribution = "normal"\nsd = 0.1')

@@ -10,14 +10,17 @@ import pytest
 
 import flexfem.study.findings
 from flexfem.studies import facts_of
-from flexfem.study.answer import own_values
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import Best, Marks, Percentile, Refused, Shares, cells_of, findings, power_of
+from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings
 from flexfem.study.loaded import LoadedStudy, judge, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'
 FRONT = '[[figure]]\nkind = "pareto"\nx = "range_x_um"\ny = "kxx_n_per_mm"'
+
+
+def found_in(loaded: LoadedStudy, table: StudyTable, nominal=None):
+    return [*findings(Source(loaded, table, nominal or {})).values()]
 
 
 def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
@@ -36,10 +39,13 @@ def test_the_ends_of_a_map_are_where_its_value_is_least_and_most(studies) -> Non
     figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
     loaded = studies.of('method = "grid"', *GRID, tail=figure)
     values = np.array([3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7])  # the second has no answer
-    (found,) = findings(loaded, table_of(loaded, kxx_n_per_mm=values), {})
+    (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=values))
     neck, thickness = sample(loaded, 0, 12).T
-    assert found[:2] == ((2.5, thickness[3], neck[3]), (9.0, thickness[7], neck[7]))
-    assert facts_of(found)["most"] == {"value": 9.0, "x": thickness[7], "y": neck[7]}
+    rows = [
+        {"kxx_n_per_mm": v, "thickness_mm": thickness[k], "hinges.base.neck_mm": neck[k]}
+        for v, k in ((2.5, 3), (9.0, 7))
+    ]
+    assert facts_of(found) == {"rows": [{"end": "least"} | rows[0], {"end": "most"} | rows[1]]}
 
 
 def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(studies) -> None:
@@ -49,10 +55,11 @@ def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(st
     reach[best] = np.geomspace(20.0, 60.0, 20)  # so near to one another that none of the others is on the front
     stiffness = np.where(best, 1e7 * reach**-3.3, 1e6 * reach**-2.9)
     table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness)
-    (found,) = findings(loaded, table, {})
-    assert isinstance(found, Best)
-    assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front.places) == 20
-    assert len(found.chosen) == 4 and set(found.chosen) <= set(found.front.places.tolist()) and found.gain is None
+    (found,) = found_in(loaded, table)
+    assert isinstance(found, ParetoFront)
+    assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front) == len(facts_of(found)["rows"]) == 20
+    assert len(found.chosen) == 4 and {one.place for one in found.chosen} <= set(found.front.tolist())
+    assert found.gain is None
 
 
 def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
@@ -65,8 +72,8 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
     )  # fmt: skip
     table = table_of(loaded, kxx_n_per_mm=np.arange(99.0), kyy_n_per_mm=np.arange(99.0))
     columns = {name: np.where(table.ok, value, np.nan) for name, value in table.columns.items()}
-    found = findings(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived), {})
-    assert [type(one) for one in found] == [Refused, Refused, Marks]
+    found = found_in(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived))
+    assert [type(one) for one in found] == [Refused, Refused, Distribution]
     assert "no finite number for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
     assert "98 designs have an answer, expected at least 100" in facts_of(found[1])["refused"]
 
@@ -78,20 +85,20 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     assert table.infeasible.tolist() == [False, False, False, True, False, True]
-    (found,) = findings(loaded, table, {})
-    x = table.considered.answered("range_x_um")[0]
-    assert isinstance(found, Best) and x[found.front.places].tolist() == [5.0, 2.0, 1.0]
+    (found,) = found_in(loaded, table)
+    assert isinstance(found, ParetoFront) and found.points[found.front, 0].tolist() == [5.0, 2.0, 1.0]
+    assert [row["design"] for row in facts_of(found)["rows"]] == ["2", "4", "0"]
     figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
     loaded = studies.of('method = "grid"', *GRID, tail=limit + figure)
     table = table_of(loaded, kxx_n_per_mm=np.arange(12.0), envelope_mm=np.arange(12.0))
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
-    (found,) = findings(loaded, table, {})
-    assert (found.least[0], found.most[0]) == (0.0, 5.0)
+    (found,) = found_in(loaded, table)
+    assert isinstance(found, StudyMap) and [row["kxx_n_per_mm"] for row in found.table.facts] == [0.0, 5.0]
     cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
         "refused": [1], "breaks a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
     nothing = replace(table, feasible=np.zeros(12, dtype=bool))
-    assert "keeps all constraints" in facts_of(findings(loaded, nothing, {})[0])["refused"]
+    assert "keeps all constraints" in facts_of(found_in(loaded, nothing)[0])["refused"]
 
 
 def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
@@ -120,12 +127,6 @@ def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
     assert len(cells.values) == 12 and cells.size == 3
 
 
-def test_power_of_a_power() -> None:
-    x = np.geomspace(0.3, 7.0, 11)
-    assert power_of(x, 4.1 * x**-3.3) == pytest.approx(-3.3, rel=1e-12)
-    assert power_of(x[:1], x[:1]) is None and power_of(x, x - 1.0) is None and power_of(np.full(3, 2.0), x[:3]) is None
-
-
 @pytest.mark.parametrize(
     ("x_better", "y_better", "expected"),
     [("larger", "larger", 9.0 / 2.0), ("smaller", "larger", 8.0 / 2.0), ("larger", "smaller", 3.0 / 2.0)],
@@ -148,11 +149,10 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
     drawable = flexfem.study.findings.drawable
     monkeypatch.setattr(flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v))
     base = {"range_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
-    (found,) = findings(loaded, table, base)
-    assert isinstance(found, Best) and found.gain == pytest.approx(expected, rel=1e-12)
-    (beyond,) = findings(loaded, table, base | {"envelope_mm": 50.0})
-    assert isinstance(beyond, Best) and beyond.gain is None
-    assert facts_of(found) == {"front": len(found.front.places), "power": found.power, "gain": found.gain}
+    (found,) = found_in(loaded, table, base)
+    assert isinstance(found, ParetoFront) and found.gain == pytest.approx(expected, rel=1e-12)
+    (beyond,) = found_in(loaded, table, base | {"envelope_mm": 50.0})
+    assert isinstance(beyond, ParetoFront) and beyond.gain is None and facts_of(found)["gain"] == found.gain
 
 
 def test_an_open_interval_has_no_end_in_json(studies) -> None:
@@ -161,13 +161,10 @@ def test_an_open_interval_has_no_end_in_json(studies) -> None:
         FREE,
         tail='[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]',
     )
-    (found,) = findings(loaded, table_of(loaded, kxx_n_per_mm=np.linspace(1.0, 2.0, 20)), {})
-    assert isinstance(found, Marks)
-    first, *_ = found.percentiles["kxx_n_per_mm"]
-    assert isinstance(first, Percentile) and first.low == -np.inf
-    facts = json.loads(json.dumps(facts_of(found), allow_nan=False))["kxx_n_per_mm"]
-    assert [one["percent"] for one in facts] == [2.5, 50.0, 97.5] and facts[0]["low"] is None
-    assert facts[1]["value"] == pytest.approx(found.percentiles["kxx_n_per_mm"][1].value)
+    (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=np.linspace(1.0, 2.0, 20)))
+    rows = json.loads(json.dumps(facts_of(found), allow_nan=False))["rows"]
+    assert [float(row["percent"][:-1]) for row in rows] == [2.5, 50.0, 97.5]
+    assert rows[0]["low"] is None and rows[1]["value"] == found.scatters[0].percentiles[1].value
 
 
 def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
@@ -182,21 +179,12 @@ def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
     table.status[:] = "ok"
     u, v = ((sample(loaded, 0, loaded.count) - [0.4, 8.0]) / [0.3, 4.0] - 0.5).T
     table.columns["kxx_n_per_mm"][:] = 5.0 + u + 2 * v + 6 * u * v
-    (found,) = findings(loaded, table, {})
-    assert isinstance(found, Shares)
-    facts = facts_of(found)["kxx_n_per_mm"]
-    neck, thickness = "hinges.base.neck_mm", "thickness_mm"
-    assert facts["first"] == pytest.approx({neck: 1 / 8, thickness: 1 / 2}, abs=0.1)
-    assert facts["total"] == pytest.approx({neck: 1 / 2, thickness: 7 / 8}, abs=0.1)
-    assert all(0.01 < band < 0.2 for part in ("first_band", "total_band") for band in facts[part].values())
-
-
-def test_a_factor_of_keys_that_differ_in_the_base_stage_has_no_value_of_its_own(studies) -> None:
-    both = 'label = "necks"\nkeys = ["hinges.base.neck_mm", "hinges.platform.neck_mm"]\nfrom = 0.4\nto = 0.7'
-    loaded = studies.of(
-        'method = "monte_carlo"\ndesigns = 9\nseed = 3', both, 'key = "thickness_mm"\nfrom = 8.0\nto = 9.0'
-    )
-    assert own_values(loaded) == {"thickness_mm": 9.7}
+    (found,) = found_in(loaded, table)
+    rows = facts_of(found)["rows"]
+    assert [row["factor"] for row in rows] == ["neck of base hinges", "thickness"]
+    assert [row["first"] for row in rows] == pytest.approx([1 / 8, 1 / 2], abs=0.1)
+    assert [row["total"] for row in rows] == pytest.approx([1 / 2, 7 / 8], abs=0.1)
+    assert all(0.01 < row[part] < 0.2 for part in ("first_band", "total_band") for row in rows)
 
 
 def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:
@@ -207,5 +195,5 @@ def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:
     )
     asked = []
     monkeypatch.setattr(flexfem.study.findings, "percentiles", lambda values, marked, draws: asked.append(draws) or [])
-    findings(loaded, table_of(loaded), {})
+    found_in(loaded, table_of(loaded))
     assert asked[0].tolist() == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]

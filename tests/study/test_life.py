@@ -10,9 +10,9 @@ import pytest
 
 import flexfem
 from flexfem.files.writing import toml_text
-from flexfem.plot.study_figures import output
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
+from flexfem.study.findings import output
 from flexfem.study.loaded import judge, sample, stage_of
 
 from ..conftest import GENERIC, UNLIKE

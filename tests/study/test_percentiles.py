@@ -33,16 +33,6 @@ def test_ranks_have_the_binomial_probability(n: int, percent: float) -> None:
     assert chance.sf(found.high - 1) <= 0.025 < chance.sf(found.high - 2)
 
 
-def test_values_that_share_a_draw_count_as_one() -> None:
-    rng = np.random.default_rng(5)
-    values, draws = np.repeat(rng.normal(size=300), 7), np.repeat(np.arange(300), 7)
-    (shared,), (single,) = percentiles(values, [40.0], draws), percentiles(values[::7], [40.0])
-    (blind,) = percentiles(values, [40.0])
-    width = single.high - single.low
-    assert shared.high - shared.low == pytest.approx(width, rel=0.2)  # normal against binomial, at 300 draws
-    assert blind.high - blind.low < 0.6 * width  # what ignoring it would claim: 1 / sqrt(7)
-
-
 def test_intervals_of_shared_draws_hold_the_true_percentile_as_often_as_they_say() -> None:
     rng = np.random.default_rng(11)
     draws, hits = np.repeat(np.arange(150), 5), []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -257,17 +256,6 @@ def test_shipped_studies_can_be_read_and_say_what_is_assumed(path: Path) -> None
     assert any(key.startswith("stage: ") for key in loaded.assumed)
 
 
-def test_three_studies_are_shipped_one_for_each_question() -> None:
-    assert [path.stem for path in SHIPPED] == ["study-reach", "study-tolerance", "study-trust"]
-
-
-def test_stars_are_independent_factors_named_by_their_keys(studies: Any) -> None:
-    loaded = studies.load(("hinges.base.neck_mm", "override.*.*.neck_mm"))
-    names = [column.name for column in loaded.columns]
-    assert len(names) == 10 and names[0] == "override.1.base.neck_mm" and names[-1] == "E"
-    assert all(column.keys == (column.name,) for column in loaded.columns[:9])
-
-
 def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> None:
     necks = studies.load(("hinges.base.neck_mm", "override.*.*.neck_mm"), (RANGE, 'distribution = "normal"\nsd = 0.01'))
     means = {column.name: column.factor.mean for column in necks.columns}
@@ -284,44 +272,6 @@ def test_every_key_has_its_own_value_and_unit(studies: Any) -> None:
     assert found["hinges.base.axis_deg"] is None
     assert found["override.3.platform.radius_mm"] == 1.4
     assert len(found) == 30 + 27  # seven of a material and its frame may be left out
-
-
-def test_the_hash_knows_what_results_depend_on_and_nothing_else(studies: Any) -> None:
-    plain = studies.load().hash
-    for edit in (
-        ("generic study", "another name"),
-        figure(PARETO),
-        (LAST, f'{LAST}[provenance]\n"factor[0]" = "assumed"\n'),
-        (ANALYTIC, f'{ANALYTIC}\ncheck = "closed_form"'),  # the default, said aloud
-        ("from = 0.4", "from = 0.40"),
-        ("designs = 500", "designs = 501"),  # the first 500 are the same
-    ):
-        assert studies.load(edit).hash == plain, edit
-    for edit in (
-        ("seed = 7", "seed = 8"),
-        ('"monte_carlo"', '"sobol"'),
-        ("from = 0.4", "from = 0.41"),
-        ('"E"', '"modulus"'),
-        ("mobility = 21", "mobility = 12"),
-        ("mobility = 21", "mobility = 21\nlinks = true"),
-        ('"calibrated"', '"koster"'),
-        (ANALYTIC, f'{ANALYTIC}\ncheck = "drawing"'),
-        (LAST, f"{LAST}[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n"),
-    ):
-        assert studies.load(edit).hash != plain, edit
-    hypercubes = [studies.load(('"monte_carlo"', '"latin_hypercube"'), ("500", n)).hash for n in ("500", "501")]
-    assert hypercubes[0] != hypercubes[1]  # strata of another width
-    stage = studies.folder / "stage.toml"
-    stage.write_text(stage.read_text().replace("neck_mm = 0.61", "neck_mm = 0.62"))
-    assert studies.load().hash != plain
-
-
-def test_a_loaded_study_travels_lightly_between_processes(studies: Any) -> None:
-    loaded = studies.load()
-    packed = pickle.dumps(loaded)
-    again = pickle.loads(packed)
-    assert len(packed) < 20_000  # bytes: it goes along with every chunk
-    assert again == loaded and again.hash == loaded.hash and again.columns == loaded.columns
 
 
 AXES = ("x", "y", "theta")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from flexfem.study import loaded as sampling
-from flexfem.study.loaded import BLOCK, sample
+from flexfem.study.loaded import sample
 
 METHODS = {
     "grid": 'method = "grid"',
@@ -47,15 +47,6 @@ def test_a_range_is_the_same_however_it_is_cut(name: str, ends: list[int], studi
     assert whole.shape == (c - a, 2)
 
 
-def test_monte_carlo_blocks_are_streams_of_their_own(studies: Any) -> None:
-    """Cuts inside, at and across the blocks, and no block repeats another."""
-    loaded = of_method(studies, "monte carlo")
-    whole = sample(loaded, 0, 2500)
-    for start, stop in ((0, BLOCK), (BLOCK - 1, BLOCK + 1), (BLOCK, 2 * BLOCK), (5, 2 * BLOCK + 5), (2499, 2500)):
-        np.testing.assert_array_equal(sample(loaded, start, stop), whole[start:stop])
-    assert len(np.unique(whole[:, 0])) == len(whole)
-
-
 @pytest.mark.parametrize("name", RANDOM)
 def test_the_seed_decides_and_nothing_else(name: str, studies: Any) -> None:
     one, again = sample(of_method(studies, name), 0, 300), sample(of_method(studies, name), 0, 300)
@@ -64,28 +55,12 @@ def test_the_seed_decides_and_nothing_else(name: str, studies: Any) -> None:
     assert not np.any(one[:, 0] == other[:, 0])
 
 
-def test_a_grid_holds_every_pair_once(studies: Any) -> None:
-    loaded = studies.of(METHODS["grid"], LOG + "\npoints = 7", LIST)
-    found = sample(loaded, 0, loaded.count)
-    assert loaded.count == 21 and len(np.unique(found, axis=0)) == 21
-    assert set(found[:, 1]) == {5.0, 6.5, 11.0}
-    necks = np.unique(found[:, 0])
-    np.testing.assert_allclose(np.diff(np.log(necks)), np.log(9.0) / 6, rtol=1e-12)  # round-off
-    assert necks[0] == 0.1 and necks[-1] == 0.9
-
-
 def test_each_stratum_of_a_latin_hypercube_is_hit_once_per_factor(studies: Any) -> None:
     loaded = studies.of('method = "latin_hypercube"\ndesigns = 250\nseed = 3', LOG, BELL)
     found = sample(loaded, 0, 250)
     share = stats.truncnorm.cdf(found[:, 1], (67.0 - 68.3) / 2, (71.5 - 68.3) / 2, loc=68.3, scale=2.0)
     for quantile in (np.log(found[:, 0] / 0.1) / np.log(9.0), share):
         assert sorted((250 * quantile).astype(int)) == list(range(250))
-
-
-def test_a_logarithmic_range_is_uniform_in_the_logarithm(studies: Any) -> None:
-    loaded = studies.of(f'method = "monte_carlo"{MANY}', LOG)
-    quantile = np.log(sample(loaded, 0, 40_000)[:, 0] / 0.1) / np.log(9.0)
-    assert stats.kstest(quantile, "uniform").pvalue > P_VALUE
 
 
 @pytest.mark.parametrize("method", ["monte_carlo", "sobol", "latin_hypercube"])

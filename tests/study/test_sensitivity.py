@@ -9,7 +9,7 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import first_order, sensitivity, sobol_indices
+from flexfem.study.findings import first_order, sensitivity
 from flexfem.study.loaded import LoadedStudy, sample
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
@@ -45,27 +45,6 @@ def test_ishigami_has_its_published_indices(studies) -> None:
     assert (np.abs(found.first - first) <= BANDS * found.first_band).all()
     assert (np.abs(found.total - whole) <= BANDS * found.total_band).all()
     assert found.first_band.max() < 0.1 and found.total_band.max() < 0.1  # so that the lines above say something
-
-
-def test_a_linear_function_shares_its_variance_by_squares_and_nothing_interacts(studies) -> None:
-    loaded = three_factors(studies, 2048)
-    weights = np.array([3.0, -1.0, 0.5])
-    answers = 1e5 + sample(loaded, 0, loaded.count) @ weights
-    found = sobol_indices(answers, 3)
-    shares = weights**2 / np.sum(weights**2)
-    np.testing.assert_allclose(found.first, shares, atol=0.01)  # 2048 points of a Sobol sequence
-    np.testing.assert_allclose(found.total, shares, atol=0.01)
-
-
-def test_first_order_is_alone_and_total_is_with_interactions(studies) -> None:
-    """3 a + b^2 + 2 a c of factors between 0 and 1: variances by hand; a has the larger share, c interacts most."""
-    loaded = three_factors(studies, 512)
-    a, b, c = sample(loaded, 0, loaded.count).T - 1.0
-    found = sobol_indices(-70.0 + 3 * a + b**2 + 2 * a * c, 3)
-    np.testing.assert_allclose(found.first, [0.869565, 0.057971, 0.054348], atol=0.004)  # 512 Sobol points
-    np.testing.assert_allclose(found.total, [0.887681, 0.057971, 0.072464], atol=0.004)
-    alone = sobol_indices((a + 0.3 * a**2)[::5].repeat(3), 1)  # A, AB = A, B = A: nothing is left to chance
-    assert alone.first == pytest.approx(0.0) and alone.total == pytest.approx(0.0)
 
 
 def exact_shares() -> tuple[np.ndarray, np.ndarray]:
@@ -133,13 +112,3 @@ def test_a_value_that_varies_by_round_off_alone_is_refused(studies, value: str, 
     answers = size + 1e-14 * np.random.default_rng(1).normal(size=40)
     with pytest.raises(BadInput, match=f"sensitivity of {value}: no factor changes it"):
         sensitivity(loaded, table_of(loaded, value, answers), value)
-
-
-def test_a_value_that_varies_a_little_has_indices_and_round_off_has_none(studies) -> None:
-    """Scatter of a millionth is the subject of a study of tolerances; 1e-12 is arithmetic."""
-    loaded = three_factors(studies, 256)
-    x = sample(loaded, 0, loaded.count)[:, 0]
-    found = sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", 40.0 * (1 + 1e-6 * x)), "kxx_n_per_mm")
-    assert found.first[0] == pytest.approx(1.0, abs=0.1)
-    with pytest.raises(BadInput, match="no factor changes it"):
-        sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", 40.0 * (1 + 1e-12 * x)), "kxx_n_per_mm")
