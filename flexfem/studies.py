@@ -62,6 +62,7 @@ def run_study(
     workers: int | None = None,
     shard: str = "1/1",
     retry: bool = False,
+    scheduler: str | None = None,
 ) -> dict[str, Any]:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was.
 
@@ -71,12 +72,13 @@ def run_study(
     workers : processes on this machine, by default one a processor.
     shard : `I/N`, only the I-th of N shares.
     retry : also try again what failed or ran out of time.
+    scheduler : address of a Dask scheduler, whose workers compute instead and have the folder in common.
 
     Returns what `study_status` says, of this share. Raises BadInput or ComputationFailed as `flexfem study run`; parts
     that are written stay in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
-    compute(parts, workers, share, retry)
+    compute(parts, workers, share, retry, scheduler)
     return status_facts(parts, share)
 
 
@@ -85,6 +87,7 @@ def compute(
     workers: int | None,
     share: slice,
     retry: bool,
+    scheduler: str | None = None,
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
 ) -> None:
@@ -94,9 +97,11 @@ def compute(
     from flexfem.study.run import run_parts
     from flexfem.study.workers import Workers
 
+    if scheduler is not None and workers is not None:
+        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     check_folder(parts.folder)
-    with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
+    with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
         run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 

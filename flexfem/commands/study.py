@@ -40,6 +40,7 @@ def run(
         typer.Option(min=1, max=studies.MOST_WORKERS, help="Processes on this machine; default one a processor."),
     ] = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
     output: Output = studies.REPORTS,
     retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
     json: Json = False,
@@ -53,7 +54,7 @@ def run(
     said = unseen(parts.loaded)  # before a run that may take days; not again after it
     _warn(said)
     with _resumable(parts) as watch:
-        studies.compute(parts, workers, share, retry, watch, _note)
+        studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in said]
     where = [] if output == studies.REPORTS else ["--output", str(output)]

@@ -1,4 +1,4 @@
-"""Worker processes of this machine by loky, the tasks that they are given, and the versions that decide results."""
+"""Worker processes of this machine by loky, or of a cluster by Dask, the tasks that they are given, and the versions that decide results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,6 +26,7 @@ from flexfem.refused import BadInput, ComputationFailed
 PACKAGE = Path(__file__).parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 LOADING = 300.0  # s, for the first worker to start on a busy machine
+CONNECT = 10.0  # s, for a scheduler to answer
 POLL = 0.25  # s
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
@@ -38,17 +39,26 @@ class Failure(NamedTuple):
 
 
 class Workers:
-    """So many processes that compute tasks; those that die or exceed a limit are replaced, the task at fault named."""
+    """So many processes that compute tasks; those that die or exceed a limit are replaced, the task at fault named.
 
-    def __init__(self, count: int) -> None:
-        self._count = count
+    With the address of a Dask scheduler its workers compute; they have a folder in common with this machine. Raises
+    BadInput where none answers, or a worker has other versions.
+    """
+
+    def __init__(self, count: int, scheduler: str | None = None) -> None:
+        self._count, self._client = count, None if scheduler is None else client_of(scheduler)
         self._pool: Any = None
+        if self._client is not None:
+            self._count = sum(self._client.nthreads().values())
 
     def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._kill()
+        if self._client is not None:
+            with suppress(Exception):  # a scheduler that is gone
+                self._client.close(timeout=CONNECT)
 
     def results(
         self,
@@ -97,6 +107,9 @@ class Workers:
                 except (BadInput, ComputationFailed):
                     raise
                 except Exception as error:
+                    if type(error).__name__ == "KilledWorker":
+                        found.append((task, Failure("crashed", "the worker died")))
+                        continue
                     reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
                     raise ComputationFailed(f"a worker cannot answer: {reason}") from None
             late = [future for future, (_, end) in running.items() if time.monotonic() > end]
@@ -130,6 +143,9 @@ class Workers:
 
     def _start(self) -> Any:
         """Start the processes, and wait until one of them answers."""
+        if self._client is not None:
+            self._pool = self._client.get_executor(pure=False, retries=0)
+            return self._pool
         from loky import ProcessPoolExecutor
 
         about = {"env": ONE_THREAD, "initializer": _begin, "initargs": (os.getpid(),)}
@@ -144,8 +160,31 @@ class Workers:
     def _kill(self) -> None:
         """End all processes, with those that they have started."""
         pool, self._pool = self._pool, None
-        if pool is not None:
+        if pool is not None and self._client is not None:
+            with suppress(Exception):  # nannies start new workers
+                self._client.restart(timeout=LOADING)
+        elif pool is not None:
             pool.shutdown(wait=True, kill_workers=True)
+
+
+def client_of(address: str) -> Any:
+    """A client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BadInput(f"--scheduler {address}: Dask is not installed, expected flexfem[dask]") from None
+    try:
+        client: Any = Client(address, timeout=CONNECT, set_as_default=False)
+        client.wait_for_workers(1, timeout=CONNECT)
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = one_line(str(error), 200) or f"no answer in {CONNECT:g} s"
+        raise BadInput(f"--scheduler {address}: expected host:port of one with workers: {reason}") from None
+    try:
+        client.run(require_same_versions, versions_of(True), True)
+    except BadInput:
+        client.close()
+        raise
+    return client
 
 
 def _begin(parent: int) -> None:
