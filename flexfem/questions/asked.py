@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.analytic.model import at_rest
-from flexfem.analytic.network import ElasticBodies
 from flexfem.analytic.paper import Freedoms
-from flexfem.analytic.responses import DriftRates, WarmBodies, in_plane, many, mass_matrix, rates_of
+from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_plane, many, mass_matrix, rates_of
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
@@ -123,7 +122,7 @@ def ask_frequencies(
     freedoms: Freedoms,
     moments: Moments,
     payload: Payload,
-    elastic: ElasticBodies | None = None,
+    elastic: LinkParts | None = None,
 ) -> Array:
     """The three lowest natural frequencies (n, 3), rad/s, of n designs by the analytic model; nan where it has none.
 
@@ -142,7 +141,7 @@ def ask_drift(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: 
 
 
 def ask_drives(
-    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: ElasticBodies | None = None
+    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
 ) -> DriveRanges:
     """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
     model = driven_compliance(designs.frames, hinges, freedoms, drive.stacks, elastic)

@@ -1,8 +1,9 @@
-"""Worker processes of this machine by loky, or of a cluster by Dask, the tasks that they are given, and the versions that decide results."""
+"""Worker processes of this machine by loky or of a cluster by Dask, their tasks, and versions that decide results."""
 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import signal
 import sys
@@ -170,11 +171,11 @@ class Workers:
 def client_of(address: str) -> Any:
     """A client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
     try:
-        from distributed import Client
+        distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise BadInput(f"--scheduler {address}: Dask is not installed, expected flexfem[dask]") from None
     try:
-        client: Any = Client(address, timeout=CONNECT, set_as_default=False)
+        client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         client.wait_for_workers(1, timeout=CONNECT)
     except (OSError, RuntimeError, ValueError) as error:
         reason = one_line(str(error), 200) or f"no answer in {CONNECT:g} s"
