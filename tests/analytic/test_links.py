@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexfem.analytic.elastic_bodies import _bar, body_compliance
+from flexfem.analytic.elastic_bodies import bar_density, body_compliance
 from flexfem.analytic.model import analyse, hinge_compliance, lowered
 from flexfem.analytic.network import stiffness
 from flexfem.analytic.paper import freedoms_of
@@ -42,10 +42,15 @@ def section(of: Stage) -> tuple[float, float, float]:
     return E * A * w**2 / 12, E * A, E / (2 * (1 + nu)) * A
 
 
+def bar(stage, material, segment):
+    """Compliance (3, 3) at the platform of one line or arc."""
+    return bar_density(stage, material, segment)[0].sum(axis=0)
+
+
 def test_a_straight_cantilever_that_ends_at_the_platform_is_timoshenkos():
     of, length = stage(material__poissons_ratio=0.29), 37.0
     EI, EA, GA = section(of)
-    C = _bar(of, of.elastic, Segment(-length + 0j, 0j))
+    C = bar(of, of.elastic, Segment(-length + 0j, 0j))
     expected = [
         [length / EA, 0, 0],
         [0, length**3 / (3 * EI) + 1.2 * length / GA, length**2 / (2 * EI)],
@@ -58,7 +63,7 @@ def test_a_thin_ring_segment_bends_like_a_curved_bar():
     of, R = stage(chain__link_width_mm=0.1), 50.0
     EI, _, _ = section(of)
     quarter = [Segment(R * np.exp(1j * a), R * np.exp(1j * b), 0j) for a, b in ((0.2, 1.0), (1.0, 0.2 + np.pi / 2))]
-    C = sum(_bar(of, of.elastic, arc) for arc in quarter)
+    C = sum(bar(of, of.elastic, arc) for arc in quarter)
     assert C[2, 2] == pytest.approx(R * np.pi / 2 / EI, rel=2e-6)  # a curved bar is Euler's when w / R vanishes
     assert C[0, 0] + C[1, 1] == pytest.approx(R**3 * np.pi / 2 / EI, rel=5e-6)
 
@@ -68,15 +73,15 @@ def test_a_sharp_bend_turns_under_a_moment_as_golovins_ring():
     of, R = stage(), 5.6
     E, a, b = of.material.youngs_modulus * of.thickness, R - of.chain.link_width / 2, R + of.chain.link_width / 2
     N = (b**2 - a**2) ** 2 - (2 * a * b * np.log(b / a)) ** 2
-    C = _bar(of, of.elastic, Segment(R + 0j, R * np.exp(1j), 0j))
+    C = bar(of, of.elastic, Segment(R + 0j, R * np.exp(1j), 0j))
     assert C[2, 2] == pytest.approx(8 * (b**2 - a**2) / (E * N), rel=QUADRATURE)
 
 
 def test_where_a_bend_is_slight_it_is_a_straight_beam_whichever_way_it_bends():
     of, length = stage(material__poissons_ratio=0.29), 37.0
-    straight = _bar(of, of.elastic, Segment(-length + 0j, 0j))
+    straight = bar(of, of.elastic, Segment(-length + 0j, 0j))
     for R in (1e4, -1e4):
-        bent = _bar(of, of.elastic, Segment(1j * R * (1 - np.exp(-1j * length / R)), 0j, 1j * R))
+        bent = bar(of, of.elastic, Segment(1j * R * (1 - np.exp(-1j * length / R)), 0j, 1j * R))
         np.testing.assert_allclose(bent[1:, 1:], straight[1:, 1:], rtol=SLIGHT)
 
 
